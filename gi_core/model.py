@@ -12,6 +12,7 @@ import numpy as np
 from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
 from gi_core.geometry.border_angle import covered_share
+from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.shapes import Shapes
 from gi_core.geometry.sides import NONE
@@ -203,6 +204,11 @@ class Model:
         out = np.zeros((n, 3))
         out[has] = total[has] / count[has][:, None] - self.object_receivers.positions[has]
         return out
+
+    @cached_property
+    def evaluation_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Evaluation points of all receivers [m] and their normals, both (R, 3) float64, in object space."""
+        return evaluation_points(self.surfaces, self.object_receivers)
 
     @cached_property
     def covered_share(self) -> np.ndarray:

@@ -1,8 +1,9 @@
-"""Longest work at rest that a drag must wait for: `python -m studies.rest_gaps cornell office --seconds 60`.
+"""Work at rest that a drag must wait for: `python -m studies.rest_gaps cornell office --seconds 60`.
 
 Work at rest looks at the stop flag between tasks and within frames. One line per kind of task: its number, and wall ms
-between two looks at the flag, in the median, at the 99th percentile and at most. Run it alone on the machine. The first
-task of a kind sets up arrays once per scene, and after a change of kernels loads them.
+between two looks at the flag, in the median, at the 99th percentile and at most. The last line is the wait of a drag
+that begins at a random moment: mean, 99th percentile, most. Run it alone on the machine. The first task of a kind sets
+up arrays once per scene, and after a change of kernels loads them.
 """
 
 from __future__ import annotations
@@ -16,6 +17,16 @@ import numpy as np
 
 from app.rest.scheduler import RestWork
 from app.settings import Settings, make_solver, open_scene
+
+
+def wait_quantile(gaps: np.ndarray, q: float) -> float:
+    """Return the quantile of the time left of the gap that a random moment meets, in the unit of gaps (n,)."""
+    low, high = 0.0, float(gaps.max())
+    for _ in range(40):
+        wait = 0.5 * (low + high)
+        longer = np.maximum(gaps - wait, 0.0).sum() > (1 - q) * gaps.sum()
+        low, high = (wait, high) if longer else (low, wait)
+    return high
 
 
 def measure(scene: str, seconds: float, photons: int | None) -> None:
@@ -40,10 +51,13 @@ def measure(scene: str, seconds: float, photons: int | None) -> None:
         stage = " with a frame" if solver.frame is not frame else ""
         found.setdefault(task.name + stage, []).extend(gaps)
         gaps.clear()
+    every = 1e3 * np.array([gap for each in found.values() for gap in each])
     print(f"{scene}: {len(solver.irradiance):,} receivers, {solver.frame.photons:,} photons")
     for name, each in sorted(found.items()):
         ms = 1e3 * np.array(each)
         print(f"  {name:50} {len(ms):6}   {np.median(ms):5.1f}   {np.quantile(ms, 0.99):5.1f}   {ms.max():5.1f}")
+    mean, most = 0.5 * (every**2).sum() / every.sum(), every.max()
+    print(f"  {'a drag waits':50} {len(every):6}   {mean:5.1f}   {wait_quantile(every, 0.99):5.1f}   {most:5.1f}")
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from app.draw.camera import frame_of
 from app.settings import MeasuringPlane
 from gi_core.base.vectors import dot
-from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds
+from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import nearest_in_world
@@ -264,7 +264,7 @@ def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndar
     E, error = np.full((2, len(weights)), np.nan)
     seen = FIRST - 1
     while fraction < 1:
-        rounds.step(PATHS_PER_STEP)
+        rounds.step()
         if state.rounds > seen:
             seen = state.rounds
             E, error = luminance(state.mean), luminance(state.standard_error) / small_sample_bias(state.sets)

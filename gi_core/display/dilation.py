@@ -25,7 +25,6 @@ import numpy as np
 
 from gi_core.base.vectors import dot, length
 from gi_core.geometry.error import luminance
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
@@ -78,7 +77,7 @@ class Dilation:
         """size [m]: longest side of the box of lit surfaces, from `gi_core.defaults.choose`."""
         s = model.surfaces
         self._model, self._near = model, NEAR * size
-        points, self._normals = evaluation_points(s, model.object_receivers)
+        points, self._normals = model.evaluation_points
         self._points = points.astype(np.float32)
         self._neighbours = neighbours(np.concatenate([model.corners(o) for o in range(s.objects)]), len(points))
         self._static_columns = np.ascontiguousarray(self._points[s.receiver_range(0)].T)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import enum
 import functools
 import itertools
-import math
 import time
 from collections.abc import Iterator
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from gi_core.base import memory
 from gi_core.base.fixed_point import MAX_SEGMENTS
+from gi_core.base.pace import Pace
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
@@ -30,7 +30,7 @@ PART = 4096  # photons that a thread traces or accumulates in one go: their rays
 PART_VERTICES = 1 << 16  # the same in white rooms, whose paths are long
 PART_GRAIN = 256  # photons per thread
 FIRST_SECONDS = 1e-3  # per photon, before measurements: paths in white rooms may be long
-LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons per step
+LEAST, MOST = 64, 1 << 16  # photons per step
 BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised
 SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
 
@@ -50,7 +50,7 @@ class Background:
         self.estimate: Estimator = ESTIMATORS[setting.estimator](store.model, setting)
         self.added = 0  # photons
         self.built = False
-        self.pace = Pace()
+        self.pace = Pace(FIRST_SECONDS, LEAST, MOST)
         self.evaluated: Evaluated | None = None  # sums of the last frame; the next one overwrites them
         self._irradiance = SubsetStore()  # of levels and irradiance
 
@@ -81,7 +81,8 @@ class Background:
         """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as irradiance()."""
         sums, area = self.estimate.background(photons)
         light = irradiance(sums, self.model.emitters.unit_flux / photons, area)
-        return light * np.repeat(self.model.emitters.scale, 3)
+        light *= np.repeat(self.model.emitters.scale, 3)
+        return light
 
 
 class Photons:
@@ -100,7 +101,7 @@ class Photons:
             self._known = known_paths(earlier.model, model, earlier.prefix(earlier.count)[0])
         self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
-        self._pace = Pace()
+        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
         self._store = PathStore()
         self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, quantised, for the broad phase
 
@@ -192,19 +193,3 @@ class Photons:
             b.setting = None  # incomplete: never continue it
             raise
         b.added += count
-
-
-class Pace:
-    """Photons per step, from the measured time of past steps."""
-
-    def __init__(self):
-        self._each = FIRST_SECONDS
-
-    def share_of(self, left: int, seconds: float) -> int:
-        """Return the photons of the next step out of `left`; no step is short."""
-        fit = min(max(seconds / self._each, LEAST_CHUNK), LARGEST_CHUNK)
-        return -(-left // math.ceil(left / fit))
-
-    def took(self, count: int, seconds: float) -> None:
-        """Record the time of a step. Faster steps count in full; slower ones may have been disturbed."""
-        self._each = min(seconds / count, 0.5 * (self._each + seconds / count))

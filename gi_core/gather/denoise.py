@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.steps import finish
 from gi_core.base.threads import run_ranges
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
@@ -33,6 +34,7 @@ PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 POOLED = 40  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
 GRAIN = 4096  # receivers per thread
+PER_STEP = 1 << 18  # values, receivers times columns: 5 ms in office
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 
 
@@ -67,15 +69,21 @@ def denoise(
         variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
     else:
         variance = luminance(guide) ** 2
-    given = guide, np.where(lit, variance, NO_WEIGHT), near, threads
+    variance = np.where(lit, variance, NO_WEIGHT)
     sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(mean))  # Hutchinson 1990: the least variance
     more = mean + LITTLE * sign[:, None] * standard_error
     saved = np.zeros((len(mean), 1 + len(reaches)))  # squared error less than without smoothing, by reach
     lights = [mean]
     yield
+
+    def smoothed(E: np.ndarray, reach: float) -> Generator[None, None, np.ndarray]:
+        columns = (E, mean[:, :0]) if guide is None else (guide, E)
+        light = yield from _smoothed(*columns, variance, reach, near, threads)
+        return light[:, :VARIANCE] if guide is None else light[:, VARIANCE + 1 :]
+
     for k, reach in enumerate(reaches, 1):
-        lights.append((yield from _smoothed(mean, reach, *given)))
-        answer = luminance((yield from _smoothed(more, reach, *given)) - lights[k]) / LITTLE
+        lights.append((yield from smoothed(mean, reach)))
+        answer = luminance((yield from smoothed(more, reach)) - lights[k]) / LITTLE
         saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
     best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
     if alike is None:
@@ -85,13 +93,13 @@ def denoise(
             yield
         best = pooled.argmax(axis=1)
     risk = sigma**2 - np.take_along_axis(saved, best[:, None], axis=1)[:, 0]
-    out = _chosen(lights, best)
     if per_lamp is not None:
-        joined = np.concatenate([mean, per_lamp], axis=1)
-        lights = [joined]
+        lights = [per_lamp]
         for reach in reaches:
-            lights.append((yield from _smoothed(joined, reach, *given)))
-        out = _chosen(lights, best)[:, 3:]
+            given = mean if guide is None else guide, per_lamp, variance, reach, near, threads
+            lights.append((yield from _smoothed(*given))[:, VARIANCE + 1 :])
+            yield
+    out = _chosen(lights, best)
     return Denoised(out, sigma**2, risk)
 
 
@@ -129,27 +137,40 @@ def _average(first, of, values, lit, start, stop, out):
 
 
 def _smoothed(
-    E: np.ndarray, reach: float, guide: np.ndarray | None, variance: np.ndarray, near: Neighbours, threads: int
+    decider: np.ndarray, carried: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, threads: int
 ) -> Generator[None, None, np.ndarray]:
-    columns = E if guide is None else np.concatenate([guide, E], axis=1)
-    light = np.insert(columns, VARIANCE, variance, axis=1)
+    """Return the columns of smooth() after PASSES."""
+    light = np.concatenate([decider, variance[:, None], carried], axis=1)
+    yield
     for _ in range(PASSES):
-        smooth(light, reach, near, threads, 1)
-        yield
-    return np.delete(light, VARIANCE if guide is None else slice(VARIANCE + 1), axis=1)
+        yield from _smooth_once(light, reach, near, threads)
+    return light
 
 
-def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int, passes: int = PASSES) -> None:
+def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> None:
     """Average light (n, 4 or more) with neighbours, in place.
 
     Columns: three channels that decide, the sum of their variances, more channels. Receivers of variance 0 stay, as do
     those of NO_WEIGHT, which do not count for neighbours. reach: standard deviations.
     """
+    for _ in range(PASSES):
+        finish(_smooth_once(light, reach, near, threads))
+
+
+def _smooth_once(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> Generator[None, None, None]:
     rows = np.flatnonzero(light[:, VARIANCE] > 0)
-    out = np.empty((len(rows), light.shape[1]))
-    for _ in range(passes):
-        run_ranges(lambda _, a, b: _pass(*near, light, reach * reach, rows, a, b, out), len(rows), threads, GRAIN)
-        light[rows] = out
+    out, at_once = np.empty((len(rows), light.shape[1])), PER_STEP // light.shape[1]
+    for k in range(0, len(rows), at_once):
+        some, to = rows[k : k + at_once], out[k : k + at_once]
+        given = *near, light, reach * reach, some
+
+        def work(_, first, last, given=given, to=to):
+            _pass(*given, first, last, to)
+
+        run_ranges(work, len(some), threads, GRAIN)
+        yield
+    light[rows] = out
+    yield
 
 
 @kernel

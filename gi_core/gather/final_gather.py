@@ -10,10 +10,12 @@ The differences within pairs give the noise.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
 from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
 from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter, starts
@@ -27,7 +29,8 @@ from gi_core.rays.all_objects import nearest_in_world
 
 STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
 SMALLEST, LARGEST = 3, 10  # log2 of the paths of the first and last sets
-PATHS_PER_STEP = 1 << 13  # 15 CPU ms in the office: a drag waits for one step at most
+FIRST_SECONDS = 1e-5  # per path, before measurements
+LEAST, MOST = 1 << 8, 1 << 16  # paths per step
 SET = 1 << 40  # stride of set numbers, above the number of receivers
 CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
 
@@ -45,6 +48,7 @@ class FinalGather:
         self._lights = model.lights
         shape = len(positions), self._lights.channels
         self._variance, self._lamp_variance = np.zeros(positions.shape), np.zeros(shape)
+        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
         self._pairs = 0  # of sets
         self.paths = 0  # per receiver in `mean`; 0: no result yet
         self.per_lamp = self.last = np.zeros(shape)  # (n, 3 G) float64 [W/m2]; `last`: of the last pair alone
@@ -68,7 +72,7 @@ class FinalGather:
         return noise_of_truth(self.standard_error / small_sample_bias(2), self.mean, self._weights)
 
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
-        """Gather without end, in steps of some 20 ms; yields True where `mean` is new.
+        """Gather without end, in steps of some 10 ms; yields True where `mean` is new.
 
         The generator may be dropped and restarted: an unfinished pair is then gathered again. field() returns the
         current irradiance per lamp (n, 3 G) [W/m2] of these receivers; it is called once per pair.
@@ -78,24 +82,32 @@ class FinalGather:
             m = min(SMALLEST + pair, LARGEST)
             halves = np.zeros((2, *self.last.shape))
             for half in range(2):
-                number, at_once = 2 * pair + half, max(1, PATHS_PER_STEP >> m)
+                number, first = 2 * pair + half, 0
                 some = candidates(self._seed ^ (number << 20), m, self._lights.area, CANDIDATE_SETS)
-                for first in range(0, len(self._lit), at_once):
-                    self._gather(self._lit[first : first + at_once], number, m, some, light, halves[half])
+                while first < len(self._lit):
+                    began, rows = time.perf_counter(), self._lit[first : first + max(1, self._pace.fit(STEP) >> m)]
+                    self._gather(rows, number, m, some, light, halves[half])
+                    first += len(rows)
+                    self._pace.took(len(rows) << m, time.perf_counter() - began)
                     yield False
-            self._take_in(halves, 2 << m)
+            yield from self._take_in(halves, 2 << m)
             yield True
 
-    def _take_in(self, halves: np.ndarray, paths: int) -> None:
-        before, self.paths = self.paths, self.paths + paths
-        self._pairs += 1
-        a, b = before / self.paths, paths / self.paths
-        self.last = 0.5 * (halves[0] + halves[1])
-        self.per_lamp = a * self.per_lamp + b * self.last
-        self.mean = sum_of_lamps(self.per_lamp)
+    def _take_in(self, halves: np.ndarray, paths: int) -> Iterator[bool]:
+        """Average the last pair with those before, in steps; all results change in the last one."""
+        total = self.paths + paths
+        a, b = self.paths / total, paths / total
+        last = 0.5 * (halves[0] + halves[1])
+        yield False
+        per_lamp = a * self.per_lamp + b * last
+        yield False
         apart = halves[0] - halves[1]
-        self._lamp_variance = a * a * self._lamp_variance + b * b * 0.25 * apart**2
+        yield False
+        lamp_variance = a * a * self._lamp_variance + b * b * 0.25 * apart**2
+        yield False
         self._variance = a * a * self._variance + b * b * 0.25 * sum_of_lamps(apart) ** 2
+        self.last, self.per_lamp, self._lamp_variance = last, per_lamp, lamp_variance
+        self.mean, self.paths, self._pairs = sum_of_lamps(per_lamp), total, self._pairs + 1
 
     def _gather(
         self, rows: np.ndarray, number: int, m: int, some: Candidates, field: np.ndarray, out: np.ndarray

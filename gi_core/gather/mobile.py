@@ -29,7 +29,6 @@ from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, d
 from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import in_probes
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
@@ -79,7 +78,7 @@ class MobileGather:
     def __init__(self, model: Model, seed: int):
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
-        positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
+        positions, self._normals = (a[self.first :] for a in model.evaluation_points)
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
         self._lights: Lights | None = None
         self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile: cell of its position, and lights

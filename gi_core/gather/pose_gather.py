@@ -28,9 +28,8 @@ from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.path_tracer import NOTHING_KNOWN, KnownLight, gather
 from gi_core.gather.point_gather import PATHS_PER_POINT
-from gi_core.gather.reference import PATHS_PER_STEP, ReferenceState, Rounds
+from gi_core.gather.reference import ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.lights.light_sampling import Lights
@@ -83,11 +82,10 @@ class PoseGather:
         light = luminance(self._own)
         dark = max(DARK * light.sum() / max(len(light), 1), 1e-300)
         # Paths are distributed by relative error, as feet are dark, and to each vertex of a mobile alike.
+        cost = np.where(mobile, 1.0, COST)
         relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
-        state = ReferenceState.empty(len(self.rows), channels=6)
-        self._rounds = Rounds(
-            self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, self._paths.smoothed
-        )
+        state, smoothed = ReferenceState.empty(len(self.rows), channels=6), self._paths.smoothed
+        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, smoothed, cost)
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), FIRST  # rounds of the last result
 
@@ -113,7 +111,7 @@ class PoseGather:
                 yield from self._result(static())
             else:
                 self._know(static())
-                self._rounds.step(PATHS_PER_STEP // 2)  # those from static receivers are traced twice
+                self._rounds.step()
                 yield False
 
     def _know(self, static: Static | None) -> None:
@@ -226,7 +224,7 @@ class ReceiverPoints:
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions [m] and normals (R, 3), in object space, lifted off the surface; normal 0: black."""
-        points, normals = evaluation_points(self.model.surfaces, self.model.object_receivers)
+        points, normals = self.model.evaluation_points
         return points + ORIGIN_LIFT * self.model.world.size * normals, normals
 
     @cached_property

@@ -10,6 +10,7 @@ independent of their values, and means are unbiased. The paths of a point in one
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from gi_core.base import strata
 from gi_core.base.jit import kernel
+from gi_core.base.pace import STEP, Pace
 from gi_core.gather.point_gather import PATHS_PER_POINT, Gatherer
 from gi_core.geometry.error import luminance, noise_of_truth, small_sample_bias
 from gi_core.model import Model
@@ -30,7 +32,8 @@ AIM = 0.01  # relative l1 error for which sets are sized, assuming independent p
 ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
 FLOOR = 0.1  # of the mean deviation: least deviation of a point, since a pilot's paths may all miss
 EVEN_SET = 4  # log2 of the paths per point and round without weights
-PATHS_PER_STEP = 1 << 11  # a drag waits for one step at most: 15 CPU ms in the office, for 12 % fewer paths per second
+FIRST_SECONDS = 1e-5  # per path, before measurements
+SMALLEST_STEP = 1 << 6  # paths
 PATHS_AT_ONCE = 1 << 16  # where nothing waits
 
 
@@ -112,27 +115,39 @@ class Rounds:
         state: ReferenceState,
         rounds: int = ROUNDS,
         smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
+        cost: np.ndarray | None = None,
     ):
         """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
 
         pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
-        that distribute them; weights, rounds: see ReferenceRounds.
+        that distribute them; weights, rounds: see ReferenceRounds; cost (n,): relative time of a path; None: equal.
         """
         self.paths, self._pilot, self._smoothed = paths, pilot, smoothed
         self._weights, self._rounds, self.state = weights, rounds, state
+        self._cost = np.ones(len(state.sets)) if cost is None else cost
+        self._pace = Pace(FIRST_SECONDS, SMALLEST_STEP, PATHS_AT_ONCE)
         self._parts: list[np.ndarray] = []  # estimates of the first paths of a set that takes several steps
 
-    def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
-        """Trace about `paths` paths of the pilot or of one round; end: of several rounds at once, up to that one."""
-        s = self.state
-        if not len(s.sets):
+    def step(self, paths: int | None = None, end: int | None = None) -> None:
+        """Trace paths of the pilot or of one round; end: of several rounds at once, up to that one.
+
+        paths: how many; None: as many as take STEP seconds. Results do not depend on it.
+        """
+        if not len(self.state.sets):
             return
+        began = time.perf_counter()
+        rows, count = self._trace(self._pace.fit(STEP) if paths is None else paths, end)
+        self._pace.took(float(self._cost[rows].sum()) * count, time.perf_counter() - began)
+
+    def _trace(self, paths: int, end: int | None) -> tuple[np.ndarray, int]:
+        """Trace paths of total cost `paths`, or of one point; return the rows and the paths of each."""
+        s = self.state
         if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
             pilot = min(max(PILOT // len(s.sets), FEWEST), MOST)
-            rows = rows[: max(1, paths // pilot)]
+            rows = self._affordable(rows, paths / pilot)
             light = self._pilot(self.paths(rows, 0, pilot, 0, PILOT_STREAM))
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
-            return
+            return rows, pilot
         if s.log2_set.min() < 0:
             w, rounds = self._weights, self._rounds
             s.log2_set[:] = EVEN_SET if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)
@@ -140,14 +155,22 @@ class Rounds:
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
         due = np.flatnonzero(s.sets == now)
         m = int(s.log2_set[due].min())
+        rows = due[s.log2_set[due] == m]
         if self._parts:
-            sets, paths = 1, min(paths, 1 << m)  # of the one point whose set is begun
-        rows, whole = due[s.log2_set[due] == m][: max(1, paths // (sets << m))], sets << m
+            sets, rows = 1, rows[:1]  # the one point whose set is begun
+        whole = sets << m
+        rows = self._affordable(rows, paths / whole)
         first = sum(part.shape[1] for part in self._parts)
-        self._parts.append(self.paths(rows, (now << m) + first, min(paths, whole - first), m, 0))
-        if first + paths >= whole:
+        count = min(max(1, int(paths / self._cost[rows].max())), whole - first)
+        self._parts.append(self.paths(rows, (now << m) + first, count, m, 0))
+        if first + count >= whole:
             take_in(np.concatenate(self._parts, axis=1), 1 << m, rows, s.sets, s.mean, s.squares)
             self._parts = []
+        return rows, count
+
+    def _affordable(self, rows: np.ndarray, cost: float) -> np.ndarray:
+        """Return the first of some points (n,) whose paths, one each, cost so much together; at least one."""
+        return rows[: max(1, np.searchsorted(self._cost[rows].cumsum(), cost, side="right"))]
 
 
 class ReferenceRounds(Rounds):

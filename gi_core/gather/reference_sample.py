@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState
+from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
@@ -62,21 +62,22 @@ def draw_by_area(rows: np.ndarray, areas: np.ndarray, count: int, seed) -> tuple
 
 
 def gather_until(
-    rounds: ReferenceRounds, weights: np.ndarray, noise: float, most_paths: float = math.inf, step: int = PATHS_PER_STEP
+    rounds: ReferenceRounds, weights: np.ndarray, noise: float, most_paths: float = math.inf, step: int | None = None
 ) -> Iterator[Reached]:
-    """Gather until the noise is at most `noise` (relative l1) or there are `most_paths` paths and two rounds.
+    """Gather until, after a round, the noise is at most `noise` (relative l1) or `most_paths` paths are traced.
 
-    Yields after each step of some `step` paths and at the end; a state that is good enough gathers nothing.
+    Yields after each step of some `step` paths, None for steps of some 10 ms, and at the end; a state that is good
+    enough gathers nothing.
     """
     s, looked_at, found, needed = rounds.state, -1, math.inf, math.inf
     while True:
         paths = int(s.paths.sum())
         if s.rounds != looked_at:
             looked_at, found = s.rounds, s.noise(weights)
+            if not found > noise or (paths >= most_paths and looked_at > 1):
+                break
             known = noise > 0 and not math.isinf(found)  # a lamp over a floor alone has no noise
             needed = min(paths * (found / noise) ** 2 if known else math.inf, most_paths)
-        if not found > noise or (paths >= most_paths and looked_at > 1):
-            break
         rounds.step(step)
         yield Reached(s, found, min(paths / needed, 1.0))
     yield Reached(s, found, 1.0)

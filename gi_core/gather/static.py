@@ -20,7 +20,6 @@ from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
 from gi_core.geometry.error import luminance, small_sample_bias
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.model import Model
@@ -98,7 +97,7 @@ class StaticGather:
     def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
         """state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene."""
         rows = model.surfaces.receiver_range(0)
-        points, normals = evaluation_points(model.surfaces, model.object_receivers)
+        points, normals = model.evaluation_points
         self.weights = model.object_receivers.areas[rows].copy()
         if state is not None and len(state.sets) != len(self.weights):
             raise ValueError(f"the state has {len(state.sets)} points, but there are {len(self.weights)}")
@@ -149,8 +148,8 @@ class StaticGather:
         It is `deviation`, scaled as if the errors of lamps were independent.
         """
         share = luminance(levels)
-        own, at = ((self._lamp_deviation * s) ** 2 for s in (1.0, share))
-        scale = np.divide(at.sum(axis=1), own.sum(axis=1), out=np.zeros(len(own)), where=own.sum(axis=1) > 0)
+        own, at = (self._lamp_deviation**2 @ np.stack([np.ones(len(share)), share**2], axis=1)).T
+        scale = np.divide(at, own, out=np.zeros(len(own)), where=own > 0)
         return self.deviation * np.sqrt(scale)
 
     def error_of(self, E: np.ndarray) -> float:

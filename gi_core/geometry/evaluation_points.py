@@ -19,17 +19,14 @@ def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndar
     the centroids lie below the tangent plane: there the offset is projected on that plane. Centroids are computed from
     receivers, so `receivers` may be at any poses. Receivers without faces (probes) do not move.
     """
-    P, N = receivers.positions, receivers.normals
-    way, distance, count = np.zeros_like(P), np.zeros(len(P)), np.zeros(len(P))
-    for corners in (surfaces.corner_front, surfaces.corner_back[(surfaces.corner_back >= 0).all(axis=1)]):
-        centroid = P[corners].mean(axis=1) if len(corners) else np.zeros((0, 3))
-        for k in range(3):
-            step = centroid - P[corners[:, k]]
-            np.add.at(way, corners[:, k], step)
-            np.add.at(distance, corners[:, k], np.sqrt((step * step).sum(axis=1)))
-            np.add.at(count, corners[:, k], 1)
-    way /= np.maximum(count, 1)[:, None]
-    distance /= np.maximum(count, 1)
+    P, N, n = receivers.positions, receivers.normals, len(receivers.positions)
+    front, back = surfaces.corner_front, surfaces.corner_back
+    sides = front, back[(back >= 0).all(axis=1)]
+    rows = np.concatenate([corners.T.reshape(-1) for corners in sides])
+    step = np.concatenate([np.tile(P[corners].mean(axis=1), (3, 1)) for corners in sides]) - P[rows]
+    count = np.maximum(np.bincount(rows, minlength=n), 1)
+    way = np.stack([np.bincount(rows, each, n) for each in step.T], axis=1) / count[:, None]
+    distance = np.bincount(rows, np.sqrt((step * step).sum(axis=1)), n) / count
     below = np.minimum((way * N).sum(axis=1), 0)
     way -= below[:, None] * N
     return P + INWARD * way + (EVALUATION_LIFT * distance)[:, None] * N, N.copy()

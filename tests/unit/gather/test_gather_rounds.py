@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.base import strata
 from gi_core.gather import reference as rounds
-from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState, reference_irradiance, set_sizes
+from gi_core.gather.reference import ReferenceRounds, ReferenceState, reference_irradiance, set_sizes
 from gi_core.model import Model
 from gi_core.scene.types import SkyLight
 from tests.support import closed_form
@@ -18,7 +18,7 @@ P, N = build.ROOM_POINTS
 UNEVEN = np.array([1.0, 0.01, 30.0, 0.5, 4.0])
 
 
-def gathered(scene, sets: int, seed=0, points=(P, N), step=PATHS_PER_STEP, **more):
+def gathered(scene, sets: int, seed=0, points=(P, N), step=None, **more):
     """Return the state once every point has that many sets."""
     rounds = ReferenceRounds(scene, *points, seed, **more)
     while rounds.state.rounds < sets:

@@ -158,7 +158,7 @@ def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_
     work, names = RestWork(solver, support.Clock()), []
 
     def until(done) -> None:
-        for _ in range(400):
+        for _ in range(4000):
             task = work.next_task(settings)
             if task is None or done():
                 return
