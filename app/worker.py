@@ -54,19 +54,24 @@ class Worker:
     def __init__(self, name: str = "solver") -> None:
         self._name = name
         self._calls: queue.SimpleQueue[tuple[Future, Callable] | None] = queue.SimpleQueue()
-        self._started = False
+        self._started = self._closed = False
 
     def submit(self, call: Callable) -> Call:
+        """Run a call after those submitted before; after close() it fails at once."""
+        future: Future = Future()
+        if self._closed:
+            future.set_exception(RuntimeError(f"the {self._name} thread has ended"))
+            return Call(future)
         if not self._started:
             self._started = True
             daemon(self._name, _work, self._calls).start()
             _queues.add(self._calls)
-        future: Future = Future()
         self._calls.put((future, call))
         return Call(future)
 
     def close(self) -> None:
         """End the thread after the submitted calls."""
+        self._closed = True
         self._calls.put(None)
 
 

@@ -245,10 +245,10 @@ class Solver:
 
         poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
         receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated. Where first photons
-        are noisy, their frame is drawn in the light of a few paths.
+        are noisy, their frame is drawn in the light of a few paths, unless photons alone are asked for.
         """
         f, early = self.frame, self._early
-        if early is not None and irradiance is f.irradiance and not f.gathered:
+        if early is not None and self.light == "best" and irradiance is f.irradiance and not f.gathered:
             if early.is_better(f.photons, poses or f.poses, f.levels):
                 return early.drawn
         return self.frame_light.unreached.drawn(irradiance, self.model.transforms(poses or self.poses))

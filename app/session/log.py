@@ -37,10 +37,15 @@ class Log:
         self(f"{doing}: {reason}", ERROR)
 
     def failure(self, doing: str, problem: BaseException) -> None:
-        """Log an error of the program: one line here, its traceback on stderr; full memory is not such an error."""
-        if not isinstance(problem, MemoryError):
-            traceback.print_exception(problem)
+        """Log an error of the program: one line here, its traceback on stderr; full memory is not such an error.
+
+        The traceback of an error in every frame is printed once.
+        """
+        before = self.last
         self.error(doing, problem)
+        repeated = before is not None and before[:2] == self.entries[-1][:2]
+        if not isinstance(problem, MemoryError) and not repeated:
+            traceback.print_exception(problem)
 
     @property
     def last(self) -> LogEntry | None:

@@ -13,8 +13,8 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from typing import IO, TYPE_CHECKING, NamedTuple
 
@@ -65,7 +65,6 @@ class Opening:
         self._cancelled = False
         self.look: FirstLook | None = None  # while kernels compile
         self._refused: Exception | None = None  # the scene, by the process of the first look
-        self._processes: tuple[subprocess.Popen, ...] = ()
         self._thread = daemon("opening", self._run)
         self._thread.start()  # it, and threads that it starts, read this attribute
 
@@ -83,8 +82,6 @@ class Opening:
     def cancel(self, patience: float = 1.0) -> None:
         """Stop; wait for its end for at most `patience` seconds."""
         self._cancelled = True
-        for process in self._processes:
-            process.kill()
         self._thread.join(timeout=patience)
 
     def _run(self) -> None:
@@ -112,28 +109,25 @@ class Opening:
         meter, started = compile_ahead.Meter(surfaces), time.perf_counter()
         options = [compile_ahead.BESIDE_LOOK, compile_ahead.OF, surfaces]
         options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
-        with tempfile.TemporaryFile("w+") as errors, tempfile.TemporaryFile("w+") as look_errors:
-            looking = first_look.start(self.settings, surfaces, look_errors)
+        with ExitStack() as ends:
+            errors, look_errors = (ends.enter_context(tempfile.TemporaryFile("w+")) for _ in range(2))
+            looking = ends.enter_context(killed_at_end(first_look.start(self.settings, surfaces, look_errors)))
             compiler = child.start(compile_ahead.__name__, *options, stderr=errors)
-            self._processes = compiler, looking
+            ends.enter_context(killed_at_end(compiler))
             threading.Thread(target=self._receive, args=(looking.stdout,), name="first look", daemon=True).start()
-            while compiler.poll() is None and self._refused is None:
+            while compiler.poll() is None:
+                self._stop_if_cancelled()
+                if self._refused is not None:
+                    raise self._refused
                 self.fraction = meter.fraction
                 self.detail = _time_left(time.perf_counter() - started, self.fraction)
                 time.sleep(POLL)
-            if self._refused is not None:
-                compiler.kill()
-                compiler.wait()
-                looking.kill()
-                raise self._refused
             if looking.poll() and self._load is open_scene:  # other scenes have no file to look at
                 self.warnings.append(f"the first look failed: {_last_line(look_errors, looking.returncode)}")
-            looking.kill()
-            if compiler.returncode and not self._cancelled:
+            if compiler.returncode:
                 # Not fatal: the kernels are then compiled at their first use, with a pause.
                 self.warnings.append(f"compiling ahead failed: {_last_line(errors, compiler.returncode)}")
-        self._processes, self.detail = (), ""
-        self._stop_if_cancelled()
+        self.detail = ""
 
     def _receive(self, stream: IO[bytes]) -> None:
         """Take over looks from a process until it ends."""
@@ -185,6 +179,16 @@ class Opening:
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:
             raise RuntimeError("cancelled")
+
+
+@contextmanager
+def killed_at_end(process: subprocess.Popen) -> Iterator[subprocess.Popen]:
+    """Kill a process at the end of the block, if it still runs."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 def _last_line(errors: IO[str], code: int) -> str:

@@ -37,8 +37,11 @@ class Reload:
         self._edited: Asked | None = None  # the edits, if the new scene is the current one after an edit
 
     def again(self, now: Session) -> None:
-        """Reload the current scene; the user's settings and poses stay."""
-        self._begin(now, settings_again(now), same=True)
+        """Reload the current scene; the user's settings, poses and edits stay. An edit under way begins again."""
+        if self._edited is not None and self.coming is not None:
+            self._edit(now, self._edited)
+        else:
+            self._begin(now, settings_again(now), same=True)
 
     def other(self, now: Session, files: Sequence[str]) -> None:
         """Open another scene: of several files the first .toml, else the first; the others become mobiles."""

@@ -158,7 +158,7 @@ class SolverThread:
                 from app.session.method_view import MethodView
 
                 self.method = MethodView(parts, self.snapshot.irradiance)  # not again for this frame
-        self.log.error(job.name, problem)
+        self.log.failure(job.name, problem)
 
     def _show(self, snapshot: Snapshot) -> None:
         """Let the window draw a snapshot."""
@@ -214,8 +214,8 @@ class SolverThread:
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
-        if self._wait(patience):
-            self._worker.submit(self._work.keep).wait(patience)
+        self._wait(patience)
+        self._worker.submit(self._work.keep).wait(patience)
         self._worker.close()
         self._stage, self._steps, self._timings, self._job = Stage.REFINED, iter(()), None, None
 

@@ -160,7 +160,7 @@ class Viewer:
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
         imgui.begin("Viewport", None, flags)
         imgui.pop_style_var()
-        self.viewport.handle_input(self._seconds)
+        self._draw_part("input", lambda: self.viewport.handle_input(self._seconds))
         editing = imgui.is_any_item_active()
         still = not (self.viewport.control.is_moving or self.viewport.wipe.held or self.reload.is_editing)
         started = time.perf_counter()
@@ -174,6 +174,11 @@ class Viewer:
         elif (opening := self.session.opening) is not None and (look := opening.look) is not None:
             settings = self.session.settings
             self._guard("first look", lambda: self.painter.draw_look(look, self.preview, settings))
+        self._draw_part("overlay", self._draw_over)
+        imgui.end()
+
+    def _draw_over(self) -> None:
+        """Draw marks, texts and buttons over the picture."""
         if self._ready:
             readout_marks.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
@@ -184,9 +189,11 @@ class Viewer:
             self.viewport.covered = panel_handle.box(self.viewport.view)
             if panel_handle.draw(self.viewport.view, views.panel_of(self).is_visible):
                 self._do("toggle panel")
-        imgui.end()
 
     def draw_panel(self) -> None:
+        self._draw_part("panel", self._draw_panel)
+
+    def _draw_panel(self) -> None:
         if not self._ready:
             imgui.text_disabled("The controls appear with the scene.")
             return
@@ -197,6 +204,9 @@ class Viewer:
             self._do(action)
 
     def draw_status(self) -> None:
+        self._draw_part("status", self._draw_status)
+
+    def _draw_status(self) -> None:
         state = ""
         if self._ready and self.session.ready:
             facts = self._facts()
@@ -209,7 +219,7 @@ class Viewer:
         return panel.facts_of(*given, v.picture.scale, v.selection, v.pins.shown, v.clicked_material, v.part)
 
     def draw_menus(self) -> None:
-        self.menus.draw(self.painter.ctx, self.session)
+        self._draw_part("menus", lambda: self.menus.draw(self.painter.ctx, self.session))
 
     def _draw_dialogs(self) -> None:
         """Draw open dialogs and act on their answers; reload files that have changed."""
@@ -306,7 +316,23 @@ class Viewer:
         try:
             work()
         except Exception as problem:
-            self.log.error(stage, problem)
+            report = self.log.error if is_user_error(problem) else self.log.failure
+            report(stage, problem)
+
+    def _draw_part(self, stage: str, work: Callable[[], None]) -> None:
+        """Draw a part of the window, as _guard(); after an exception, end what it has begun."""
+        begun, failed = imgui.internal.ErrorRecoveryState(), True
+        imgui.internal.error_recovery_store_state(begun)
+
+        def draw() -> None:
+            nonlocal failed
+            work()
+            failed = False
+
+        self._guard(stage, draw)
+        if failed:
+            imgui.get_io().config_error_recovery_enable_assert = False
+            imgui.internal.error_recovery_try_to_recover_state(begun)
 
     # Actions ----------------------------------------------------------------------------------------
 

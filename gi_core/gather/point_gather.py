@@ -13,9 +13,7 @@ import numpy as np
 from gi_core.gather.path_tracer import gather
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT
-from gi_core.scene.errors import SceneError
-from gi_core.scene.pose import as_pose
-from gi_core.scene.types import Pose, Scene
+from gi_core.scene.types import Scene
 
 STREAM = 0x9E1E  # separates the reference's random numbers from those of photons with the same seed
 PATHS_PER_POINT = 1 << 32  # path k of point i has number i * PATHS_PER_POINT + k, for any number of paths
@@ -31,13 +29,15 @@ class Gatherer:
         """Arguments and errors are those of ReferenceRounds."""
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
-        self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
+        self._at = self.model.transforms({**self.model.start_poses(), **self.model.checked_poses(poses or {})}) if mobiles else self.model.static
         lamps = self.model.emitters.lamps
         self.per_lamp = per_lamp and lamps.count > 1
         levels = lamps.full() if levels is None else levels
         self._lights = self.model.lights if self.per_lamp else self.model.lights_at(levels)
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._light_sampling = light_sampling
+        if not light_sampling and (self._lights.area.table >= 0).any():
+            raise ValueError(f"{scene.name}: no path hits a luminaire, so light_sampling must be True")
         length = np.sqrt((normals * normals).sum(axis=1))
         self.lit = np.flatnonzero(length > 0)  # points with a normal
         self._normals = normals / np.where(length > 0, length, 1)[:, None]
@@ -71,13 +71,3 @@ def _checked(positions, normals) -> tuple[np.ndarray, np.ndarray]:
     if not (np.isfinite(positions).all() and np.isfinite(normals).all()):
         raise ValueError("positions and normals must be finite")
     return positions, normals
-
-
-def _poses(model: Model, poses) -> dict[str, Pose]:
-    out = model.start_poses()
-    for name, pose in (poses or {}).items():
-        if name not in out:
-            have = ", ".join(f'"{n}"' for n in out) or "none"
-            raise SceneError(f'{model.scene.name}: no mobile is called "{name}"; there is {have}')
-        out[name] = as_pose(pose, f'{model.scene.name}: mobile "{name}"')
-    return out

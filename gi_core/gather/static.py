@@ -64,12 +64,14 @@ class ErrorSample(NamedTuple):
         return ReferenceSample(self.rows, self.times, s.mean, s.noise(self.times), 1.0)
 
     def error(self, E: np.ndarray) -> float:
-        """Return the relative l1 error of irradiance E (R, 3) without the sample's noise.
+        """Return the relative l1 error of irradiance E (R, 3) without the sample's noise; 0 before two rounds.
 
         Squares of noise are subtracted in GROUPS of like noise. If subtracted from all at once, noise of few receivers
         would hide little of the error of the others, and twice the error would be left.
         """
         s, w = self.rounds.state, self.times
+        if s.rounds < 2:
+            return 0.0
         truth = luminance(s.mean[:, :3])
         off = w * np.abs(luminance(E[self.rows]) - truth)
         deviation = w * luminance(s.standard_error[:, :3]) / small_sample_bias(s.sets)

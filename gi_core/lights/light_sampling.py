@@ -95,8 +95,9 @@ def at_levels(lights: Lights, levels: np.ndarray) -> Lights:
     area, delta, sky = lights.area, lights.delta, lights.sky
     radiance = area.radiance * levels[area.lamp]
     largest = radiance.max(axis=1, initial=0)
-    lit = np.flatnonzero(largest > 0)
-    size = np.diff(area.cdf, prepend=0.0)[lit] / area.density[lit]
+    size = np.divide(np.diff(area.cdf, prepend=0.0), area.density, out=np.zeros(len(largest)), where=area.density > 0)
+    lit = np.flatnonzero((largest > 0) & (size > 0))  # shares below 1e-16 are lost in the cdf
+    size = size[lit]
     power = size * largest[lit]
     share = power / power.sum() if len(lit) else power
     cdf = np.cumsum(share)

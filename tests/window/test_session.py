@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ import pytest
 from app.draw.motion import play_head
 from app.session.log import ERROR, Log
 from app.session.session import BUDGET, SETTLE, Session
-from app.session.solver_thread import GRACE
+from app.session.solver_thread import GRACE, SolverThread
 from app.settings import Settings
+from app.worker import Worker
 from gi_core.scene import KeyFrames, Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
@@ -311,6 +313,51 @@ while not pathlib.Path({str(shown)!r}).exists():
         assert job.warnings == expected
         assert job.problem is None and job.result is not None
     assert (COMPILING["diffuse"], 0.25, "s left") in seen and any(looks) and not programs
+
+
+def test_an_opening_cancelled_while_kernels_compile_ends_both_processes(monkeypatch, tmp_path):
+    """At once, also before they have begun; one that cannot begin takes no other with it."""
+    from app.session.opening import Opening
+    from gi_core.instruments import compile_ahead
+
+    begun, real, fails = [], subprocess.Popen, False
+
+    def start(command, **others):
+        if fails and begun:
+            raise OSError("no more processes")
+        begun.append(real([command[0], "-c", "import time; time.sleep(600)"], **others))
+        return begun[-1]
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays, surfaces: False)
+    monkeypatch.setattr(subprocess, "Popen", start)
+    for seconds in (0.0, 0.3):
+        begun.clear()
+        job = Opening(support.SETTINGS, load=lambda settings: support.room(1))
+        time.sleep(seconds)
+        job.cancel(support.PATIENCE)
+        assert job.done and str(job.problem) == "cancelled"
+        assert all(process.poll() is not None for process in begun)
+    assert len(begun) == 2
+    begun.clear()
+    fails = True
+    job = Opening(support.SETTINGS, load=lambda settings: support.room(1))
+    job._thread.join(support.PATIENCE)
+    assert isinstance(job.problem, OSError) and [process.poll() is None for process in begun] == [False]
+
+
+def test_a_session_closed_without_patience_keeps_its_results_at_rest(monkeypatch):
+    """Another scene is opened while a task at rest runs."""
+    s = support.opened(support.SETTINGS, support.room(1))
+    light, kept, free = SolverThread(s.solver, Log(), time.perf_counter, Worker()), [], threading.Event()
+    monkeypatch.setattr(light._work, "keep", lambda: kept.append(True))
+    light._begin(SimpleNamespace(name="resting", busy=False, run=lambda *_: free.wait(support.PATIENCE)))
+    light.close(0.0)
+    assert not kept
+    free.set()
+    until = time.monotonic() + support.PATIENCE
+    while not kept and time.monotonic() < until:
+        time.sleep(0.005)
+    assert kept
 
 
 def test_the_process_of_the_first_look_finds_files_by_relative_paths(tmp_path, monkeypatch):

@@ -67,6 +67,36 @@ def test_exception_of_a_frame_fails_its_test(play, monkeypatch, where):
         play(script)
 
 
+@pytest.mark.parametrize("where", ["draw", "draw_status"])
+def test_exception_in_a_part_of_the_window_is_logged_and_the_others_are_drawn(play, monkeypatch, capfd, where):
+    """It comes between begin and end of a child window, in every frame."""
+    from imgui_bundle import imgui
+
+    from app.window import overlay
+
+    def broken(*_):
+        imgui.begin_child("broken", (50, 50))
+        imgui.push_id("broken")
+        raise ZeroDivisionError("of a part")
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        del viewer._draw_part  # as in the program
+        with monkeypatch.context() as patch:
+            patch.setattr(overlay, where, broken)
+            hand.ctx.yield_(5)
+            assert sum("of a part" in text for text in errors(viewer)) == 1, "one line, not one a frame"
+            hand.ctx.set_ref("Panel")
+            hand.ctx.item_input_value("##Exposure", 1.5)
+            assert viewer.session.settings.exposure == 1.5, "the panel works"
+        frames = viewer.frames
+        hand.ctx.yield_(5)
+        assert viewer.frames >= frames + 5
+
+    play(script)
+    assert capfd.readouterr().err.count("ZeroDivisionError: of a part") == 1
+
+
 def test_exception_in_a_stage_is_logged_and_frames_continue(play):
     def script(hand, viewer):
         hand.wait_for_light()

@@ -246,6 +246,29 @@ def test_a_scene_saved_while_edits_are_prepared_has_them(play, folder):
     assert second.edits == (red, Remove("block")) and second.poses == ()
 
 
+@pytest.mark.parametrize("begun", [True, False])
+def test_a_reload_while_an_edit_is_prepared_keeps_it(play, begun):
+    """A file that changes on disk reloads the scene at any time; the edit may just have been asked for."""
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+
+        def edit_and_reload() -> None:
+            viewer._do(Refinish("white", (("reflectance", RED),)))
+            if begun:
+                hand.wait(lambda: viewer.reload.coming is not None)
+            viewer._do("reload")
+
+        change(hand, viewer, edit_and_reload)
+        session = viewer.session
+        assert session.settings.edits == session.edits == (Finish("white", (("reflectance", RED),)),)
+        assert np.array_equal(session.light._solver.from_scratch(), built(session))
+        change(hand, viewer, session.undo)
+        assert viewer.session.settings.edits == ()
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
 def test_a_mesh_is_inserted_by_its_full_path(play, folder):
     """A path is typed relative to the working folder; the saved scene names it relative to its own."""
     (folder / "st").mkdir()

@@ -39,10 +39,14 @@ def test_light_of_a_first_look_is_close_to_the_reference():
 
 @pytest.mark.parametrize(("noise", "stays"), [(1e-3, True), (10.0, False), (float("nan"), False)])
 def test_a_look_is_drawn_until_photons_have_less_noise(noise, stays):
-    solver = Solver(room(), photons=20_000, light="photons")
+    solver = Solver(room(), photons=20_000, light="best")
     look = LookLight(Drawn(np.full((len(solver.receivers.areas), 3), 0.5), None), noise)
     solver.begin_with_look(look)
     solver.solve()
+    assert (solver.drawn(solver.irradiance) is look.drawn) == stays
+    solver.configure(light="photons")
+    assert solver.drawn(solver.irradiance) is not look.drawn, "photons alone are asked for"
+    solver.configure(light="best")
     assert (solver.drawn(solver.irradiance) is look.drawn) == stays
     solver.move("block", Pose((0.5, 0.5, 0.3)))
     assert solver.drawn(solver.irradiance) is not look.drawn, "an object has moved"

@@ -49,6 +49,14 @@ def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, off
     assert truth.relative_total(solver.irradiance) == pytest.approx(1, abs=off)
 
 
+def test_a_sample_without_two_rounds_has_no_error():
+    """A background may come before: another radius or a solo, while the sample of earlier light is traced."""
+    for sets in (0, 1):
+        state = ReferenceState.empty(4)._replace(sets=np.full(4, sets, np.int32))
+        sample = ErrorSample(np.arange(4), np.ones(4), SimpleNamespace(state=state))
+        assert sample.error(np.ones((4, 3))) == 0.0
+
+
 def test_noise_of_few_receivers_hides_no_error_of_the_others():
     """A quarter of the receivers has nearly all noise of the sample, the others have the error."""
     n, sets, found = 256, 8, []

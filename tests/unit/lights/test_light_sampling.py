@@ -10,7 +10,7 @@ import pytest
 from gi_core.gather import mobile
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
-from gi_core.lights.light_sampling import BY_FLUX, aimed, area_lights, steady
+from gi_core.lights.light_sampling import BY_FLUX, aimed, area_lights, at_levels, steady
 from gi_core.lights.next_event import points_on_lamps
 from gi_core.model import Model
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
@@ -159,3 +159,14 @@ def test_few_rays_find_more_of_the_light(monkeypatch):
     better = off()
     monkeypatch.setattr(mobile, "aimed", lambda lights, centre, radius: lights)
     assert better < 0.6 * off() and not math.isnan(better)
+
+
+def test_a_lamp_too_small_for_the_sum_of_shares_leaves_no_nan():
+    """Its share is below 1e-16 of the others, so its size cannot be told from their sum."""
+    model = room(downward(0.1, 0.1, 0.9, 0.4, 1), downward(0.6, 0.6, 0.8, 1e-9, 2))
+    assert (model.lights.area.density > 0).all()
+    dimmed = at_levels(model.lights, np.full((model.lights.lamps, 3), 0.5)).area
+    assert np.isfinite(dimmed.density).all() and dimmed.cdf[-1] == 1.0
+    assert np.allclose(np.diff(dimmed.cdf, prepend=0), areas(dimmed) * dimmed.density, rtol=1e-9)
+    lit = dimmed.of_face[dimmed.of_face >= 0]
+    assert sorted(lit) == list(range(len(dimmed.cdf)))
