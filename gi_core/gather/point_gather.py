@@ -29,7 +29,8 @@ class Gatherer:
         """Arguments and errors are those of ReferenceRounds."""
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
-        self._at = self.model.transforms({**self.model.start_poses(), **self.model.checked_poses(poses or {})}) if mobiles else self.model.static
+        moved = {**self.model.start_poses(), **self.model.checked_poses(poses or {})}
+        self._at = self.model.transforms(moved) if mobiles else self.model.static
         lamps = self.model.emitters.lamps
         self.per_lamp = per_lamp and lamps.count > 1
         levels = lamps.full() if levels is None else levels

@@ -91,9 +91,10 @@ def reference_irradiance(
 
     positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses`: of mobiles by name, where
     they differ from the scene's. `light_sampling` False finds emissive faces by hits only: the same expectation with
-    more noise, but not for luminaires, which nothing hits. `model` is reused if given. levels (G, 3): of the lamps, None: those of the scene file. The result
-    depends on seed and arguments alone. Points without a normal get 0. The standard error of one path is inf. Raises
-    SceneError for a bad pose, ValueError for bad points or paths, and for luminaires without light sampling.
+    more noise, but not for luminaires, which nothing hits. `model` is reused if given. levels (G, 3): of the lamps,
+    None: those of the scene file. The result depends on seed and arguments alone. Points without a normal get 0. The
+    standard error of one path is inf. Raises SceneError for a bad pose, ValueError for bad points or paths, and for
+    luminaires without light sampling.
     """
     if not 1 <= int(paths) < PATHS_PER_POINT:
         raise ValueError(f"paths must be a whole number >= 1, got {paths}")
