@@ -106,7 +106,7 @@ class GlossGather:
         if delta := min(len(lights.delta.kind), MOST_DELTA):
             pick = picks(seed, 0, 0, path[:, :delta], lights.delta)
             few, room = starts(path[:, 0].copy(), *self._starts(part)), room_for_shadows(k * delta)
-            n = join_delta(world.bsdfs, pick, delta, few, lights.delta, far, gap, 0, room)
+            n = join_delta(world.bsdfs, pick, delta, few, lights.delta, far, gap, 0, room, 1)
             self._join(room, n, 1 / delta, own, out)
 
         # Send rays through the cells, and on from glossy surfaces.

@@ -82,9 +82,9 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
            known: KnownLight = NOTHING_KNOWN):  # fmt: skip
     """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
-    path (n,) int64: path numbers, in sets of 2^m (see strata); position [m] and normal (n, 3) float64 of the starts,
-    lifted off the surface. `light_sampling` False finds emissive faces by hits only. An estimate depends on its own
-    path alone. known: of one lamp.
+    path (n,) int64: path numbers, in sets of 2^m (see strata) that begin at one point. position [m] and normal (n, 3)
+    float64 of the starts, lifted off the surface. `light_sampling` False finds emissive faces by hits only. An estimate
+    depends on its own path alone; the mean of a set has no noise of delta lights at its start. known: of one lamp.
     """
     total = np.zeros((len(path), lights.channels))
     if not light_sampling:
@@ -130,7 +130,9 @@ def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, e
     path = ends.path[:, None]
     if len(lights.delta.kind):
         pick = picks(seed, m, vertex, path, lights.delta)
-        add_unblocked(model, at, rays, join_delta(bsdfs, pick, 1, ends, lights.delta, far, gap, 0, rays), total)
+        together = 1 << m if vertex == 0 else 1  # a set of paths begins at one point
+        count = join_delta(bsdfs, pick, 1, ends, lights.delta, far, gap, 0, rays, together)
+        add_unblocked(model, at, rays, count, total)
     points = points_on_lamps(seed, m, vertex, path, lights.area)
     add_unblocked(model, at, rays, join_area(bsdfs, points, ends, lights.area, gap, rays), total)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.gather.path_tracer import gather
+from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT
 from gi_core.scene.types import Scene
@@ -36,6 +37,7 @@ class Gatherer:
         levels = lamps.full() if levels is None else levels
         self._lights = self.model.lights if self.per_lamp else self.model.lights_at(levels)
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self.least_set = least_set(self._lights.delta)
         self._light_sampling = light_sampling
         if not light_sampling and (self._lights.area.table >= 0).any():
             raise ValueError(f"{scene.name}: no path hits a luminaire, so light_sampling must be True")

@@ -33,6 +33,7 @@ from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_err
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.lights.light_sampling import Lights
+from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT, Transforms
 from gi_core.scene.pose import to_world_at
@@ -85,7 +86,8 @@ class PoseGather:
         cost = np.where(mobile, 1.0, COST)
         relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
         state, smoothed = ReferenceState.empty(len(self.rows), channels=6), self._paths.smoothed
-        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, smoothed, cost)
+        given = self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, smoothed, cost
+        self._rounds = Rounds(*given, least_set(lights.delta))
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), FIRST  # rounds of the last result
 

@@ -117,14 +117,17 @@ class Rounds:
         rounds: int = ROUNDS,
         smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
         cost: np.ndarray | None = None,
+        least: int = 0,
     ):
         """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
 
         pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
         that distribute them; weights, rounds: see ReferenceRounds; cost (n,): relative time of a path; None: equal.
+        least: log2 of the paths of a set, at least.
         """
         self.paths, self._pilot, self._smoothed = paths, pilot, smoothed
         self._weights, self._rounds, self.state = weights, rounds, state
+        self._least = least
         self._cost = np.ones(len(state.sets)) if cost is None else cost
         self._pace = Pace(FIRST_SECONDS, SMALLEST_STEP, PATHS_AT_ONCE)
         self._parts: list[np.ndarray] = []  # estimates of the first paths of a set that takes several steps
@@ -152,6 +155,7 @@ class Rounds:
         if s.log2_set.min() < 0:
             w, rounds = self._weights, self._rounds
             s.log2_set[:] = EVEN_SET if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)
+            np.maximum(s.log2_set, self._least, out=s.log2_set)
         now = s.rounds
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
         due = np.flatnonzero(s.sets == now)
@@ -213,7 +217,7 @@ class ReferenceRounds(Rounds):
         if state is not None and state.mean.shape[1] != channels:
             raise ValueError(f"the state has {state.mean.shape[1]} channels, but there are {channels}")
         state = ReferenceState.empty(n, channels) if state is None else ReferenceState(*(a.copy() for a in state))
-        super().__init__(gatherer.paths, luminance_of_all, weights, state, rounds)
+        super().__init__(gatherer.paths, luminance_of_all, weights, state, rounds, least=gatherer.least_set)
 
 
 def luminance_of_all(values: np.ndarray) -> np.ndarray:

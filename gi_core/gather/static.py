@@ -113,7 +113,8 @@ class StaticGather:
         self._near = neighbours(model.corners(0), rows.stop)
         self.state = state
         self.per_lamp, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
-        self._lamp_deviation = np.zeros((0, 1))  # (n, G) [W/m2], standard error of the luminance of each lamp's light
+        # (n, G) [W/m2], standard error of the luminance of each lamp's light
+        self._lamp_deviation = np.zeros((0, self._channels // 3))
         self.left = self.error = float("inf")
         self.is_earlier = False  # the light is that of show_earlier()
         lit = len(self.weights) and len(model.emitters.kind)

@@ -89,7 +89,7 @@ def join_lamps(bsdfs, some: Candidates, picks: np.ndarray, paths: int, ends, lig
     """
     rays = room_for_shadows(len(ends.row) * (some.strata + min(len(lights.delta.kind), paths)))
     count = join_candidates(some, paths, ends, lights.area, gap, rays)
-    count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, gap, count, rays)
+    count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, gap, count, rays, 1)
     return Shadows(*(a[:count] for a in rays))
 
 

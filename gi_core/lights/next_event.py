@@ -18,6 +18,7 @@ from gi_core.bsdf import lambertian, surface
 from gi_core.lights.light_sampling import DIRECTIONAL, PHOTOMETRIC, SPOT, AreaLights, DeltaLights, triangle_area
 from gi_core.lights.photometric import density
 
+MOST_EXACT = 16  # delta lights for which sets of paths are enlarged
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
 
 
@@ -82,6 +83,12 @@ def picks(seed: int, m: int, vertex: int, path: np.ndarray, lights: DeltaLights)
     return out
 
 
+def least_set(lights: DeltaLights) -> int:
+    """Return log2 of the paths of a set that sample every delta light at their start; 0 for many lights."""
+    lamps = len(lights.kind)
+    return max(lamps - 1, 0).bit_length() if lamps <= MOST_EXACT else 0
+
+
 @kernel
 def _pick(seed, m, vertex, path, out):
     for k in range(out.shape[0]):
@@ -125,11 +132,12 @@ def join_area(bsdfs, points, ends, lights, gap, out):
 
 
 @allocating
-def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out):
+def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out, together):
     """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
-    With no more delta lights than paths, each end samples all of them, so unoccluded light is exact. Otherwise each
-    path picks one by pick (n, paths), in proportion to its unoccluded contribution; starts share pick (1, paths).
+    With no more delta lights than paths, each end samples all of them, so their light is exact. Otherwise each path
+    picks one by pick (n, paths), in proportion to its unoccluded contribution; starts share pick (1, paths). together:
+    ends of a set that are one point; they distribute the lights among themselves, so the light of a set is exact.
     Values and gap as in join_area().
     """
     lamps, count, own = len(lights.kind), first, len(pick) > 1
@@ -145,10 +153,10 @@ def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out):
             total += weight[e]
         if total <= 0.0:
             continue
-        if lamps <= paths:
-            for e in range(lamps):
+        if lamps <= paths * together:
+            for e in range(ends.path[k] & (together - 1), lamps, together):
                 if weight[e] > 0.0:
-                    strength, T = paths * reached[e, 0], _reflected(bsdfs, ends, k, reached[e, 1:4])
+                    strength, T = paths * together * reached[e, 0], _reflected(bsdfs, ends, k, reached[e, 1:4])
                     out.lamp[count] = lights.lamp[e]
                     _reach(row, position, T, reached[e], strength, lights.value[e], gap, out, count)
                     count += 1

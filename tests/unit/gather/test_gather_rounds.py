@@ -9,7 +9,7 @@ from gi_core.base import strata
 from gi_core.gather import reference as rounds
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, reference_irradiance, set_sizes
 from gi_core.model import Model
-from gi_core.scene.types import SkyLight
+from gi_core.scene.types import PointLight, SkyLight
 from tests.support import closed_form
 from tests.support import scene_builders as build
 from tests.support.significance import chi_square, seeds_test, z_test
@@ -53,6 +53,24 @@ def test_every_number_is_uniform_and_pairs_are_independent():
 
 def numbers(first: int, count: int, dimension: int, m: int) -> np.ndarray:
     return np.array([strata.uniform(11, first + k, 1, dimension, m) for k in range(count)])
+
+
+# -- delta lights -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lamps", [1, 3, 16, 17])
+def test_a_set_samples_each_delta_light_once_at_its_start(lamps):
+    """Up to as many as it has paths, 16; their light then has no noise, apart by lamp and in rounds of any step."""
+    rng = np.random.default_rng(lamps)
+    lights = [PointLight(f"{k}", (*rng.uniform(-1, 1, 2), 0.5), (*rng.uniform(0.1, 2, 3),)) for k in range(lamps)]
+    scene = build.plane_scene(*lights)
+    points = np.array([[0.3, 0.0, 0.0], [-0.2, 0.4, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+    state = gathered(scene, 3, 1, points, step=40, per_lamp=True)
+    exact = np.abs(state.standard_error) <= 1e-12 * state.mean.max()
+    assert exact.all() == (lamps <= 16)
+    if lamps <= 16:
+        alone = sum(reference_irradiance(build.plane_scene(light), *points, 1, 1)[0] for light in lights)
+        assert state.mean[:, :3] == pytest.approx(alone, rel=1e-12)
 
 
 # -- no bias ------------------------------------------------------------------------------------------
