@@ -27,7 +27,7 @@ class StaticJob:
     def progress(self) -> GatherProgress:
         static = self._solver.frame_light.static
         g = static.gathered
-        return GatherProgress(g.fraction, g.error, static.is_gathered) if g else GatherProgress()
+        return GatherProgress(g.fraction, static.error, static.is_gathered) if g else GatherProgress()
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""

@@ -87,13 +87,14 @@ class Viewer:
 
     def _begin_frame(self) -> None:
         now = time.perf_counter()
-        self._seconds, self._before = min(now - self._before, LONGEST_STEP), now
+        seconds, self._before = now - self._before, now
+        self._seconds = min(seconds, LONGEST_STEP)
         if len(imgui.get_current_context().input_events_trail) or imgui.is_any_item_active():
             self._awake_until = now + LINGER
         if self.frames == 0:
             self.painter.open()
         self.frames += 1
-        self.frame_seconds.add(self._seconds)
+        self.frame_seconds.add(seconds)
         if self.params.app_shall_exit and not self._may_leave:  # the window's close button
             self.params.app_shall_exit = False
             window.refuse_to_close()

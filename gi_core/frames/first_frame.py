@@ -156,13 +156,13 @@ class FirstFrame:
         """Prepare the photons added, and compute the frame from them."""
         yield from _prepare(b, wanted)
         self._light.static.compare(b)
-        if b.added == wanted > 0:
+        if b.added == wanted > 0 or self._light.static.is_gathered:  # few photons leave gaps in their own light
             yield from self.find_unreached(b)
         show(b)
         yield Progress("estimating", b.added / max(wanted, 1), True)
 
     def find_unreached(self, b: Background) -> Iterator[Progress]:
-        """Find unreached receivers by the light of all photons of a background."""
+        """Find unreached receivers by the static part's light."""
         light = self._light.static.of_all_lamps(b)
         for _ in self._light.unreached.find(self._scene_size, light):
             yield Progress("looking for unreached receivers", 1.0, False)

@@ -40,6 +40,7 @@ class StaticLight:
         self._edited: EditedLight | None = None  # until `gathered` has light of its own
         self._less_error = False  # gathered light has less error than all photons
         self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
+        self._noise: tuple[np.ndarray, float] | None = None  # light, and its noise over that at the file's levels
         self._around: tuple[float, Neighbours] | None = None  # distance, and static receivers within it
 
     def twin(self, setting: LightSetting, fresh: bool) -> StaticLight:
@@ -136,6 +137,20 @@ class StaticLight:
             if used := bool(new) and self.compare(shown()):
                 yield from (p._replace(fraction=g.fraction) for p in refresh())
             yield Progress("gathering", g.fraction, used)
+
+    @property
+    def error(self) -> float:
+        """Relative l1 error of gathered light at the levels of the setting; inf before there is any.
+
+        That at the levels of the scene file is scaled as the noise is.
+        """
+        g, levels = self.gathered, self.setting.levels
+        if g is None or not len(g.per_lamp):
+            return math.inf
+        light = self.gathered_at(levels)
+        if self._noise is None or self._noise[0] is not light:
+            self._noise = light, g.relative_noise(levels)
+        return g.error * self._noise[1]
 
     # -- edits ------------------------------------------------------------------------------------
 

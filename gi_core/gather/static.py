@@ -21,7 +21,7 @@ from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.geometry.mesh_neighbours import neighbours
-from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
 
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
@@ -117,6 +117,7 @@ class StaticGather:
         self._lamp_deviation = np.zeros((0, self._channels // 3))
         self.left = self.error = float("inf")
         self.is_earlier = False  # the light is that of show_earlier()
+        self._first_phase = 0.0  # fraction done of it
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
 
@@ -166,8 +167,15 @@ class StaticGather:
 
     @property
     def fraction(self) -> float:
-        """Fraction of the paths needed for ENOUGH, 0 .. 1; 0 before the second round."""
-        return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
+        """Fraction done, 0 .. 1: a half per phase, each in proportion to 1 / noise, which is its error."""
+        return 1.0 if self.enough else 0.5 * (self._first_phase + min(ENOUGH / self._left, 1.0))
+
+    def relative_noise(self, levels: np.ndarray) -> float:
+        """Return the relative noise at levels (G, 3) of the lamps over that at the scene file's; 1 without light."""
+        E = mix(self.per_lamp, levels, self._model.threads)
+        own, at = (float(self.weights @ luminance(light)) for light in (self.mean, E))
+        noise, then = (float(self.weights @ deviation) for deviation in (self.deviation, self.deviation_at(levels)))
+        return (then / at) / (noise / own) if min(own, at, noise) > 0 else 1.0
 
     def steps(self, photons: Callable[[], PhotonLight | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 10 ms; yields True where `mean` is new.
@@ -192,6 +200,8 @@ class StaticGather:
             return self._known(theirs.per_lamp)
 
         for new in f.steps(field):
+            if new:
+                self._first_phase = min(LOW * ENOUGH / f.noise, 1.0) if f.noise > 0 else 1.0
             yield False
             if new and (f.noise < self.noise or self.is_earlier):
                 # Photons know best where edges of light are, until they have more noise.
@@ -222,7 +232,7 @@ class StaticGather:
         given = self._model.scene, *self._points, self._seed, self._paid
         more = {"model": self._model, "state": self.state, "mobiles": False, "rounds": ROUNDS, "per_lamp": True}
         rounds = ReferenceRounds(*given, **more)
-        looked_at = 1
+        looked_at, self._first_phase = 1, 1.0
         while not self.enough:
             if self.state is not None and (done := self.state.rounds) > looked_at:
                 looked_at, noise = done, self.state.noise(self.weights)

@@ -11,6 +11,9 @@ from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
 BAR_EM = 0.35  # height of the progress bar
+PHOTONS = 0.1  # of the progress; paths take longer
+
+ERROR = "Error of the light in the picture, mean over all surfaces: as its paths state it, then as measured."
 
 
 class Status(NamedTuple):
@@ -22,14 +25,14 @@ def status_of(facts: Facts) -> Status:
     """Return the state of the light on show."""
     if facts.moving:
         return Status("in motion", 0.0)
-    parts = [facts.photons_traced / max(facts.photons_goal, 1)]
+    photons, paths = min(facts.photons_traced / max(facts.photons_goal, 1), 1.0), []
     if facts.gathered is not None:
-        parts.append(facts.gathered.fraction)
+        paths.append(facts.gathered.fraction)
         if facts.mobiles:
-            parts.append(facts.at_poses.fraction if facts.at_poses is not None else 0.0)
-    done = facts.all_done or min(parts) >= 1
-    # Work that has not begun counts fully; the percentage never reads 100 before the end.
-    fraction = 1.0 if done else min(sum(min(part, 1.0) for part in parts) / len(parts), 0.99)
+            paths.append(facts.at_poses.fraction if facts.at_poses is not None else 0.0)
+    done = facts.all_done or min([photons, *paths]) >= 1
+    fraction = PHOTONS * photons + (1 - PHOTONS) * sum(paths) / len(paths) if paths else photons
+    fraction = 1.0 if done else min(fraction, 0.99)  # never 100 % before the end
     text = "converged" if done else f"converging {100 * fraction:.0f} %"
     error = error_of(facts)
     if error is not None:
@@ -48,12 +51,15 @@ def error_of(facts: Facts) -> float | None:
 
 def frame_rate(facts: Facts) -> str:
     """Return the frames per second of the last drawn frames."""
-    return f"{1 / facts.frame_seconds:.0f} frames/s" if facts.frame_seconds > 0 else ""
+    if facts.frame_seconds <= 0:
+        return ""
+    rate = 1 / facts.frame_seconds
+    return f"{rate:.{0 if rate >= 10 else 1}f} frames/s"
 
 
 def draw(facts: Facts) -> None:
     """Write the status, with a progress bar below."""
     status = status_of(facts)
-    ui.number("Light", status.text, "Error of the light in the picture: measured, mean over all surfaces.")
+    ui.number("Light", status.text, ERROR)
     imgui.progress_bar(status.fraction, (-1, BAR_EM * imgui.get_font_size()), "")
     ui.tip("Photons, then paths, until the light has converged. A drag interrupts and keeps them.")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.files.edits import Edit, Finish, Freeze, edited
+from gi_core.frames import first_frame
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose, Scene
@@ -48,6 +49,21 @@ def test_a_mobiles_colour_leaves_the_static_light_as_it_was(before):
     solver = after(before, Finish("ball", RED))
     assert np.array_equal(solver.frame_light.static.gathered.per_lamp, before.frame_light.static.gathered.per_lamp)
     assert solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkeypatch):
+    """Below the crate no light comes; all photons of an edited gallery took 39 s, and the gaps were black so long."""
+    monkeypatch.setattr(first_frame, "FIRST_PICTURE", 2048)
+    n, given = before.surfaces.receiver_range(0).stop, before_edit(before)
+    for _ in before._first_frame.find_unreached(before.frame.background):
+        pass
+    shown = before.drawn(before.irradiance).irradiance[:n]
+    filled = (before.irradiance[:n] == 0).all(axis=1) & (shown > 0).all(axis=1)
+    assert filled.any()
+    solver = Solver(edited(before.scene, (Finish("ball", RED),)), **GIVEN, earlier=given.photons)
+    solver.frame_light.static.begin_with(given.light)
+    seen = [solver.drawn(solver.irradiance).irradiance[:n] for step in solver.solve_steps() if step.picture]
+    assert len(seen) > 3 and all((light[filled] > 0).all() for light in seen)
 
 
 def test_a_walls_colour_changes_the_light_with_little_noise(before):

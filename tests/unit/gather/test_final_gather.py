@@ -139,7 +139,7 @@ def test_frames_over_gathered_light_equal_from_scratch():
     solver = noisy()
     until_gathered(solver)
     g = solver.frame_light.static.gathered
-    assert g.state is None and not g.enough and g.fraction == 0
+    assert g.state is None and not g.enough and 0 < g.fraction < 0.5
     assert np.array_equal(solver.static_irradiance, g.mean)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     solver.move("box", POSE)

@@ -10,6 +10,7 @@ import pytest
 from gi_core.gather import final_gather, static
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import ReferenceState, reference_irradiance
+from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
@@ -147,6 +148,29 @@ def test_progress_goes_up_to_the_end(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.05)
     fractions = [p.fraction for p in solved(5000).gather_steps()]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
+
+
+def test_error_at_levels_is_scaled_as_noise_is():
+    """Of two lamps the first brings ten times the light, with a fifth of the relative noise."""
+    lamps = PointLight("bright", (0.5, 0.5, 0.9), (10.0,) * 3), PointLight("dim", (0.4, 0.5, 0.9), (1.0,) * 3)
+    solver = Solver(replace(SCENE, lights=lamps), photons=100, light="best")
+    names, n = solver.lamps.names, solver.surfaces.receiver_range(0).stop
+    share = np.array([{"bright": 10.0, "dim": 1.0}.get(name, 0.0) for name in names])
+    noise = np.array([{"bright": 0.2, "dim": 0.1}.get(name, 0.0) for name in names])
+    of_all = np.full(n, np.hypot(0.2, 0.1))
+    light = {"per_lamp": np.tile(np.repeat(share, 3), (n, 1)), "deviation": of_all, "error": 0.03}
+    light |= {"_lamp_deviation": np.tile(noise, (n, 1)), "noise": 0.02, "left": 0.02, "_left": np.inf}
+    static_light = solver.frame_light.static
+    assert static_light.error == np.inf
+    static_light.gathered = StaticGather.restored(solver.model, 0, light)
+    assert static_light.error == pytest.approx(0.03)
+    of_file = np.hypot(0.2, 0.1) / 11
+    off = dict.fromkeys(names, 0.0)
+    for name, own in (("bright", 0.2 / 10), ("dim", 0.1 / 1)):
+        solver.set_lamps(off | {name: 0.5})
+        assert static_light.error == pytest.approx(0.03 * own / of_file)
+    solver.set_lamps(off)
+    assert static_light.error == pytest.approx(0.03), "of no light"
 
 
 def test_a_scene_without_light_needs_nothing():
