@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
 from app.window.panel.lamps import BRIGHTEST, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import BLOCK_FRONT, errors
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
 
@@ -126,6 +127,41 @@ def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
         assert hand.light_is_that_from_scratch() and not errors(viewer)
 
     play(script, support.SETTINGS, support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_lamps_that_are_off_keep_their_levels_in_a_saved_scene(play, folder):
+    """They were saved as lamps at level 0: a lamp off, and all but one under Solo, in light scenes too."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_input_value("**/bulb/##level", 40.0)
+        ctx.item_uncheck("**/bulb/##on")
+        ctx.item_input_value("**/##Keep as", "evening")
+        ctx.item_click("**/Keep")
+
+        def saved():
+            return saved_scene.read(str(viewer.files.save(session, viewer.viewport, "a.toml")))
+
+        off = (LampSetting("bulb", 0.4, on=False),)
+        assert saved().lamps == off and saved().light_scenes == (("evening", off),)
+        ctx.item_check("**/bulb/##on")
+        ctx.item_click("**/lamp/Solo")
+        assert saved().lamps == (LampSetting("lamp"), *off)
+        ctx.item_click("**/Reset lamps")
+        ctx.item_click("**/lamp/Solo")
+        hand.wait_for_light()
+        ctx.key_press(keys().f5)  # a reload forgot that a lamp was alone
+        hand.wait(lambda: viewer.session is not session)
+        hand.wait_for_light()
+        assert viewer.session.settings.solo == "lamp"
+        hand.wait(lambda: not viewer.session.light.snapshot.levels[1].any())
+        assert not errors(viewer)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
 
 
 @pytest.mark.parametrize(
