@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
@@ -130,6 +131,34 @@ def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
 
 
 @pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_the_wheel_over_a_lamp_scrolls_the_panel(play):
+    """The list scrolled within itself: at its ends the wheel did nothing, and of twelve lamps four were in view."""
+
+    def script(hand, viewer):
+        ctx = hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_close("**/Scene")
+        rows = [
+            ctx.item_info(f"**/{name}/##level").rect_full.min.y for name in viewer.session.model.emitters.lamps.names
+        ]
+        assert len(rows) == 12 and np.diff(rows).tolist() == [imgui.get_frame_height_with_spacing()] * 11
+        panel = ctx.get_window_by_ref("Panel")
+        before = panel.scroll.y
+        ctx.mouse_move("**/bulb 3/##level")
+        for way in (-1, 1):
+            for _ in range(10):
+                ctx.mouse_wheel_y(way)
+                ctx.yield_()
+            assert panel.scroll.y == (panel.scroll_max.y if way < 0 else 0.0) != before
+            before = panel.scroll.y
+
+    bulbs = tuple(PointLight(f"bulb {k}", (0.1 + 0.07 * k, 0.2, 0.8), (0.4,) * 3) for k in range(11))
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(replace(support.room(), lights=bulbs)))
+
+
+@pytest.mark.gl
 @pytest.mark.usefixtures("gl")
 def test_lamps_that_are_off_keep_their_levels_in_a_saved_scene(play, folder):
     """They were saved as lamps at level 0: a lamp off, and all but one under Solo, in light scenes too."""
@@ -226,7 +255,7 @@ def test_rgb_is_the_colour_of_the_light(play):
         ctx.item_close("**/Objects")
         base = viewer._facts().lamp_colours[1]
         box = ctx.item_info("**/bulb/Solo").rect_full
-        ctx.mouse_move_to_pos((box.max.x + 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
+        ctx.mouse_move_to_pos((box.min.x - 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
         ctx.mouse_click(0)
         ctx.yield_(2)
         ctx.item_input_value("//$FOCUSED/RGB/##X", 0.25)

@@ -14,6 +14,7 @@ from app.window import theme
 
 LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
 LARGEST = 1e6  # of a number typed
+ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 DASH = "\N{EM DASH}"  # an unknown number
 
 
@@ -43,12 +44,12 @@ def int_slider(name: str, value: int, low: int, high: int, shown: str, logarithm
 
 
 def float_slider(
-    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False, identity: str = ""
+    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False
 ) -> tuple[bool, float]:
-    """Draw a slider for a float, as int_slider(); identity: of a slider whose name changes with its value."""
+    """Draw a slider for a float, as int_slider()."""
     _beside(name, shown)
     flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
-    return imgui.slider_float(f"##{identity or name}", value, low, high, "", flags)
+    return imgui.slider_float(f"##{name}", value, low, high, "", flags)
 
 
 def _beside(name: str, shown: str) -> None:
@@ -114,6 +115,14 @@ def tip(text: str) -> None:
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
+
+
+def shortened(text: str, width: float) -> str:
+    """Return a text, cut to a width [points] with an ellipsis."""
+    cut = text
+    while len(cut) > 1 and imgui.calc_text_size(cut).x > width:
+        cut = text[: len(cut.removesuffix(ELLIPSIS)) - 1].rstrip() + ELLIPSIS
+    return cut
 
 
 def title(key: str) -> str:
