@@ -187,6 +187,19 @@ def test_mistyped_option_gets_a_suggestion(typed, meant, capsys):
     assert f"did you mean {meant}?" in said and "--help" in said
 
 
+def test_an_option_unlike_all_others_gets_no_suggestion(capsys):
+    """--bogus was taken for --neighbours: their dashes are alike."""
+    assert cli.main(["--bogus"]) == 2
+    assert "did you mean" not in one_line(capsys.readouterr().err)
+
+
+def test_spaces_of_a_name_are_shown(capsys):
+    """The sentence suggested the name that it refused: both were written with one space."""
+    assert cli.main(["info", "office", "--lamp", "desk lamp  middle=0.5"]) == 3
+    said = one_line(capsys.readouterr().err)
+    assert "no lamp is called 'desk lamp  middle'; did you mean 'desk lamp middle'?" in said
+
+
 def test_mistyped_scene_gets_a_suggestion(capsys):
     assert cli.main(["info", "cornel"]) == 3
     assert "did you mean cornell?" in one_line(capsys.readouterr().err)

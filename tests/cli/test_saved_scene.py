@@ -232,6 +232,34 @@ def test_a_bad_saved_scene_gets_one_sentence(text, tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        (
+            "[poses]\npwn = [0, 0, 0, 1, 0, 0, 0]",
+            '[poses] names the mobile "pwn", but the mobiles of this scene are: pawn',
+        ),
+        (
+            "[poses]\npawn = [0, 0, 0, 2, 0, 0, 0]",
+            "[poses] pawn: the quaternion (w, x, y, z) of a pose must have length 1",
+        ),
+        ("[lamps]\nlmp = 1", "[lamps]: no lamp is called 'lmp'"),
+    ],
+)
+def test_an_unknown_name_is_told_with_its_file_and_table(text, sentence, tmp_path):
+    """The sentence blamed --pose, which was not given, or the scene."""
+    (tmp_path / "a.toml").write_text(f'scene = "cornell"\n{text}\n')
+    with pytest.raises(SceneError) as refused:
+        open_scene(parsed(str(tmp_path / "a.toml")))
+    assert f"a.toml: {sentence}" in str(refused.value)
+
+
+def test_an_unknown_name_of_an_option_is_told_as_such(tmp_path):
+    saved_scene.write(tmp_path / "a.toml", SETTINGS)
+    with pytest.raises(SceneError, match='--pose names the mobile "nobody"'):
+        open_scene(parsed(str(tmp_path / "a.toml"), "--pose", "nobody=1,2,3"))
+
+
 def test_a_scene_may_not_be_saved_where_it_could_not_name_its_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     bring("room.glb")

@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
-from app.window.panel.lamps import BRIGHTEST, recoloured
+from app.window.panel.lamps import BRIGHTEST, OF_FILE, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
@@ -128,6 +128,32 @@ def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
         assert hand.light_is_that_from_scratch() and not errors(viewer)
 
     play(script, support.SETTINGS, support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_every_entry_of_the_light_scenes_can_be_chosen(play):
+    """The entry "-" did nothing; the levels of the scene file could not be chosen."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        ctx.item_close("Objects")
+        dim = (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))
+        for entry, lamps in (("dim", dim), (OF_FILE, ()), ("dim", dim)):
+            ctx.combo_click(f"##Light scene/{entry}")
+            hand.wait(lambda: session._fade is None)
+            assert session.settings.lamps == lamps
+            hand.wait_for_light()
+            level = 0.5 if lamps else 1.0
+            assert session.light.snapshot.levels.tolist() == [[0.0 if lamps else 1.0] * 3, [level] * 3]
+        assert not errors(viewer)
+
+    given = replace(
+        support.SETTINGS, light_scenes=(("dim", (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))),)
+    )
+    play(script, given, support.opening(two_lamps()))
 
 
 @pytest.mark.gl

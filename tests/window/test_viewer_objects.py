@@ -16,6 +16,7 @@ from app.session.undo import History
 from app.settings import Settings
 from app.window.actions import objects as actions
 from app.window.panel.objects import angles_of, turned
+from app.window.panel.widgets import unsigned_zero
 from gi_core.files.edits import edited
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
@@ -256,6 +257,12 @@ def test_the_lower_of_two_objects_rests_first():
     actions.rest(SimpleNamespace(session=session, viewport=viewport, log=print))
     assert [moved[name].position[1] for name in ("right", "left")] == pytest.approx([0.12, 0.36], abs=1e-4)
     assert len(session.history._done) == 1
+
+
+def test_no_number_is_shown_as_a_negative_zero():
+    """After Insert, rounding put the object at -0.000 m."""
+    for value, shown in ((-1e-9, "0.000"), (-0.0, "0.000"), (-0.0004, "0.000"), (-0.0006, "-0.001"), (0.25, "0.250")):
+        assert "%.3f" % unsigned_zero(value, "%.3f") == shown  # noqa: UP031
 
 
 def test_angles_are_those_of_the_rotation():

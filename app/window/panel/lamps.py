@@ -19,6 +19,8 @@ PERCENT = "   %.0f %%"  # right of the knob at 100 %
 MOST_NAME = 0.42  # share of a row for the name
 SOLO_EM, FLUX_EM, WIDE_EM = 2.5, 5.0, 25.0  # widths of button and flux; of a row that has room for the flux
 RGB_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr | imgui.ColorEditFlags_.no_small_preview
+NAMELESS = "without a name"  # ImGui takes no empty label
+OF_FILE = "as in the scene file"  # a choice beside the light scenes
 ROUNDING = 1e-6  # of a colour: the field has float32
 
 _typed = [""]  # name of the light scene to keep
@@ -54,15 +56,19 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
 def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
     names, asked = list(facts.light_scenes), s.levels(facts.lamps)
-    levels = [s.in_light_scene(lamps).levels(facts.lamps) for lamps in facts.light_scenes.values()]
     if names:
         ui.label("Light scene")
-        now = levels.index(asked) + 1 if asked in levels else 0
-        changed, k = imgui.combo("##Light scene", now, ["-", *names])
+        choices = {**facts.light_scenes, **({} if OF_FILE in names else {OF_FILE: ()})}
+        shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(facts.lamps) == asked)
+        now, chosen = next(shown, None), None
+        if imgui.begin_combo("##Light scene", "other levels" if now is None else now):
+            for name in choices:
+                chosen = name if imgui.selectable(name or NAMELESS, name == now)[0] else chosen
+            imgui.end_combo()
         ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
                "within a second.")  # fmt: skip
-        if changed and k:
-            s = s.in_light_scene(facts.light_scenes[names[k - 1]])
+        if chosen is not None:
+            s = s.in_light_scene(choices[chosen])
             actions.add("fade")
     ui.label("Keep as")
     em = imgui.get_font_size()

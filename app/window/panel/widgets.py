@@ -81,13 +81,18 @@ def fields(
         if k:
             imgui.same_line(0, gap)
         imgui.set_next_item_width(width)
-        changed, value = imgui.drag_float(f"##{name} {axis}", values[k], speed, 0, 0, digits)
+        changed, value = imgui.drag_float(f"##{name} {axis}", unsigned_zero(values[k], digits), speed, 0, 0, digits)
         if changed and abs(value) < LARGEST:
             numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
         first |= imgui.is_item_activated()
         last |= imgui.is_item_deactivated()
     imgui.end_group()
     return tuple(numbers), edited, first, last
+
+
+def unsigned_zero(value: float, digits: str) -> float:
+    """Return a number, 0 if it would be shown as a negative zero."""
+    return 0.0 if float(digits % value) == 0 else value
 
 
 def write_over(text: str) -> None:
