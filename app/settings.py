@@ -6,7 +6,9 @@ Only the standard library is imported at the top, so that `--help` and `--versio
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -202,7 +204,7 @@ def open_scene(settings: Settings) -> Scene:
     scene = edited(scene, settings.edits, settings.allow_outside)
     for name in settings.levels(()):  # before kernels compile
         if name != OTHERS:
-            check_lamp(scene.name, name, scene)
+            check_lamp(_place_of(settings, "lamps", name, scene.name), name, scene)
     poses = start_poses(settings, scene)
     scene = replace(scene, units=settings.units or scene.units)
     if (c := settings.camera) is not None:
@@ -231,12 +233,22 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
     for name, numbers in settings.poses:
         if name not in known:
             there = ", ".join(known) or "none"
-            raise SceneError(
-                f'{scene.name}: --pose names the mobile "{name}", but the mobiles of this scene are: {there}'
-            )
+            where = _place_of(settings, "poses", name) or f"{scene.name}: --pose"
+            raise SceneError(f'{where} names the mobile "{name}", but the mobiles of this scene are: {there}')
         quaternion = numbers[3:] or known[name].pose.quaternion
-        poses[name] = as_pose(Pose(three(numbers[:3]), four(quaternion)), f"--pose {name}")
+        place = _place_of(settings, "poses", name)
+        poses[name] = as_pose(Pose(three(numbers[:3]), four(quaternion)), f"{place or '--pose'} {name}")
     return poses
+
+
+def _place_of(settings: Settings, table: str, name: str, otherwise: str = "") -> str:
+    """Return the table of the saved scene that has a name; `otherwise` where it stands on the command line."""
+    import tomllib
+
+    with suppress(OSError, ValueError):
+        if settings.document and name in tomllib.loads(Path(settings.document).read_text("utf-8")).get(table, {}):
+            return f"{settings.document}: [{table}]"
+    return otherwise
 
 
 def check_names(settings: Settings) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 OK, USAGE, SCENE, NO_GL, STOPPED = 0, 2, 3, 4, 130
@@ -10,5 +11,5 @@ UNREAD = 141  # closed pipe: 128 + SIGPIPE, the shell's convention
 
 def fail(error: object, code: int) -> int:
     """Print an error as one line on stderr; return `code`."""
-    print("gi-viewer: " + " ".join(str(error).split()), file=sys.stderr)
+    print("gi-viewer: " + re.sub(r"\s*[^\S ]\s*", " ", str(error).strip()), file=sys.stderr)
     return code

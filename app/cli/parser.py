@@ -24,7 +24,8 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}{hint}; `{self.prog} --help` lists the options\n")
 
     def _nearest_options(self, word: str) -> list[str]:
-        return did_you_mean(word.partition("=")[0], self._option_string_actions)
+        names = {option.lstrip("-"): option for option in self._option_string_actions}
+        return [names[name] for name in did_you_mean(word.partition("=")[0].lstrip("-"), names)]
 
 
 def did_you_mean(word: str, words: Iterable[str]) -> list[str]:

@@ -91,7 +91,7 @@ def read(path: str, allow_outside: bool = False) -> Settings:
     """Return the settings of a saved scene. Raises SceneError: file, rule, value found."""
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import Table, read_toml
-    from gi_core.files.formats.toml_file import level, read_light_scenes
+    from gi_core.files.formats.toml_file import lamp_level, read_light_scenes
 
     file = Path(path)
     boundary = Boundary(file.parent, allow_outside)
@@ -99,11 +99,11 @@ def read(path: str, allow_outside: bool = False) -> Settings:
     mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
     table = Table(root.values.get("settings", {}), f"{path}: [settings]", SAVED)
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
-    places = Table(root.values.get("poses", {}), f"{path}: [poses]", tuple(root.values.get("poses", ())))
+    places = Table(root.values.get("poses", {}), f"{path}: [poses]", None)
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
-    levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", tuple(root.values.get("lamps", ())))
-    lamps = tuple(lamp_at(name, level(levels, name)) for name in levels.values)
-    scenes = tuple((name, tuple(lamp_at(*row) for row in levels)) for name, levels in read_light_scenes(root))
+    levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", None)
+    lamps = tuple(LampSetting(*lamp_level(levels, name)) for name in levels.values)
+    scenes = tuple((name, tuple(LampSetting(*lamp) for lamp in of)) for name, of in read_light_scenes(root))
     camera = _camera(root.values["camera"], f"{path}: [camera]") if "camera" in root else None
     views = Table(root.values.get("cameras", {}), f"{path}: [cameras]", None).values
     cameras = tuple((name, _camera(view, f"{path}: [cameras.{name}]")) for name, view in views.items())
@@ -169,18 +169,40 @@ def write(path: Path, settings: Settings) -> None:
         document["camera"] = _camera_table(settings.camera)
     if settings.poses:
         document["poses"] = {name: list(numbers) for name, numbers in settings.poses}
-    if lit := settings.levels(()):
-        document["lamps"] = {name: list(level) for name, level in lit.items()}
-    if settings.light_scenes:
-        kept = ((name, Settings(lamps=lamps).levels(())) for name, lamps in settings.light_scenes)
-        document["light_scenes"] = {name: {lamp: list(v) for lamp, v in lit.items()} for name, lit in kept}
     if settings.cameras:
         document["cameras"] = {name: _camera_table(camera) for name, camera in settings.cameras}
     if settings.pins:
         document["pins"] = [{key: v for key, v in pin._asdict().items() if v != ""} for pin in settings.pins]
     if (plane := settings.plane) is not None:
         document["measuring_plane"] = {key: v for key, v in plane._asdict().items() if v is not None}
-    write_whole(path, HEADER + tomli_w.dumps(document))
+    lamps = _lamps_table("lamps", settings.lamps) if settings.lamps else ""
+    scenes = "".join(_lamps_table(f"light_scenes.{_key(name)}", kept) for name, kept in settings.light_scenes)
+    write_whole(path, HEADER + tomli_w.dumps(document) + lamps + scenes)
+
+
+def _lamps_table(header: str, lamps: tuple[LampSetting, ...]) -> str:
+    """Return a table of lamps, a line per lamp; a lamp that is off keeps its level and colour."""
+    lines = [f"{_key(name)} = {_lamp_value(lamp)}" for name, lamp in {lamp.name: lamp for lamp in lamps}.items()]
+    return "\n".join(["", f"[{header}]", *lines, ""])
+
+
+def _lamp_value(lamp: LampSetting) -> str:
+    """Return the state of a lamp in its shortest spelling."""
+    level, colour = repr(float(lamp.dim)), repr([float(c) for c in lamp.colour])
+    white = lamp.colour == (1, 1, 1)
+    if lamp.on and white:
+        return level
+    if lamp.on and lamp.dim == 1:
+        return colour
+    keys = [f"level = {level}"] + [f"colour = {colour}"] * (not white) + ["on = false"] * (not lamp.on)
+    return f"{{ {', '.join(keys)} }}"
+
+
+def _key(name: str) -> str:
+    """Return a name as a key of TOML, in quotes where it needs them."""
+    import tomli_w
+
+    return tomli_w.dumps({name: 0}).removesuffix(" = 0\n")
 
 
 def _table_of(edit: Edit, document: Path, allow_outside: bool) -> dict[str, Any]:
@@ -225,12 +247,6 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
 
 def _camera_table(camera: tuple[float, ...]) -> dict[str, Any]:
     return {"position": list(camera[:3]), "target": list(camera[3:6]), "fov": camera[6]}
-
-
-def lamp_at(name: str, level: tuple[float, float, float]) -> LampSetting:
-    """Return the setting of a lamp at a level per channel."""
-    r, g, b = level
-    return LampSetting(name, r) if r == g == b else LampSetting(name, 1.0, (r, g, b))
 
 
 def _checked(field: str, value: Any, where: str) -> Any:

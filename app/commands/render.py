@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -33,7 +32,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.picture(parser)
     add = parser.add_argument_group("files").add_argument
     add("--out", type=Path, metavar="FILE",
-        help=f"a .png or linear .exr; of --frames also a film: {', '.join(FILMS)} ({FALLBACK_PICTURE})")  # fmt: skip
+        help=f"a .png or linear .exr; of --frames also a film: {', '.join(FILMS)} ({FALLBACK_PICTURE}, numbered where"
+             " that exists)")  # fmt: skip
     add("--scale", type=values.positive_int, default=1, metavar="N", help="times the pixels of --size per side (1)")
     options.seconds(add)
     add("--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
@@ -43,15 +43,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
-    out = a.out or Path(FALLBACK_PICTURE)
-    replaced = a.out is None and a.frames is None and out.exists()
+    out = a.out or unused_name(a.frames)
     settings = settings_of(a)
     settings = replace(settings, size=(a.scale * settings.size[0], a.scale * settings.size[1]))
     with cluster.opened(a.workers, a.scheduler) as machines:
         for path in render(settings, out, a.frames, a.seconds, a.rate, machines):
             print(path)
-    if replaced:
-        print(f"gi-viewer: the {out} that was there is replaced; --out FILE.png names another", file=sys.stderr)
     return OK
 
 
@@ -103,6 +100,15 @@ def _counted(stills: Iterator[Still], frames: int, bar: Bar) -> Iterator[Still]:
 def numbered(out: Path, k: int) -> Path:
     """Return a.0001.png for a.png."""
     return out.with_name(f"{out.stem}.{k:04d}{out.suffix}")
+
+
+def unused_name(frames: int | None = None) -> Path:
+    """Return the first of gi-viewer.png, gi-viewer-001.png, ... that does not exist, nor has the first of `frames`."""
+    path, n = Path(FALLBACK_PICTURE), 0
+    while (path if frames is None else numbered(path, 1)).exists():
+        n += 1
+        path = path.with_name(f"{Path(FALLBACK_PICTURE).stem}-{n:03d}{path.suffix}")
+    return path
 
 
 def _check(settings: Settings, out: Path, frames: int | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from app.cli import options, values
 from app.cli.exit_codes import NO_GL, OK, fail
@@ -44,11 +43,11 @@ def run(arguments: argparse.Namespace) -> int:
         return run(settings, screenshot=arguments.screenshot)
     if not settings.fallback:
         return fail(reason, NO_GL)
-    from app.commands.render import render
+    from app.commands.render import render, unused_name
     from app.settings import open_scene
 
     open_scene(settings)  # an error of the scene comes first, and alone
     print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
-    (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
+    (path,) = render(settings, arguments.screenshot or unused_name())
     print(f"The picture is in {path}")
     return OK

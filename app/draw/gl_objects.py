@@ -67,6 +67,17 @@ class Layer(NamedTuple):
     sharp_textured: moderngl.VertexArray | None
 
 
+class MarkedFaces(NamedTuple):
+    """Some faces of an object, for their outline; one-sided ones come first."""
+
+    faces: np.ndarray  # (k,)
+    triangles: moderngl.Buffer
+    vertices: moderngl.VertexArray
+    indices: int
+    one_sided: int  # indices of one-sided faces
+    corners: np.ndarray  # (8, 3) of their box, object space
+
+
 class DrawnObject:
     """Buffers of one object. One-sided faces come first, so that culling covers one range.
 
@@ -86,13 +97,11 @@ class DrawnObject:
         self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
         self._vertices = len(mesh.positions)
         self._back = np.full((self._vertices, 3), -1.0, np.float32)  # it stays where one-sided: see surface.frag
-        self._corners = np.zeros((0, 3))  # of its box, object space
-        if len(mesh.positions):
-            low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
-            self._corners = np.array(list(itertools.product(*low_high)), np.float64)
+        self._corners = _box(mesh.positions)
         # GL has no empty buffers; a scene may have an empty object.
         self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
         self._triangles = ctx.buffer(_indices(self._ordered))
+        self._faces: MarkedFaces | None = None  # those marked last
         self._marked = ctx.vertex_array(programs.mask, [(self._positions, "3f", "position")], self._triangles)
         self._owned = [self._positions, self._triangles, self._marked]
         self._places = None
@@ -242,8 +251,34 @@ class DrawnObject:
     def has_reflectors(self) -> bool:
         return bool(self._mesh.reflectors)
 
-    def mark(self) -> None:
-        self._part(self._marked, 0, self.indices, False)
+    def mark(self, cull: bool = False) -> None:
+        """Draw all triangles with the program of the mask."""
+        split = self._one_sided_indices if cull else 0
+        self._part(self._marked, 0, split, True)
+        self._part(self._marked, split, self.indices - split, False)
+
+    def mark_faces(self, faces: np.ndarray, cull: bool) -> None:
+        """Draw some faces (k,) as mark(), with the same depths."""
+        of = self._marked_faces(faces)
+        split = of.one_sided if cull else 0
+        self._part(of.vertices, 0, split, True)
+        self._part(of.vertices, split, of.indices - split, False)
+
+    def _marked_faces(self, faces: np.ndarray) -> MarkedFaces:
+        if self._faces is None or self._faces.faces is not faces:
+            if self._faces is not None:
+                self._faces.vertices.release()
+                self._faces.triangles.release()
+            self._faces = self._made(faces)
+        return self._faces
+
+    def _made(self, faces: np.ndarray) -> MarkedFaces:
+        triangles = self._mesh.triangles[faces].astype(np.int32)
+        two_sided = self._mesh.back[triangles[:, 0]] >= 0
+        buffer = self.ctx.buffer(triangles[np.argsort(two_sided, kind="stable")].tobytes() or bytes(12))
+        vertices = self.ctx.vertex_array(self._programs.mask, [(self._positions, "3f", "position")], buffer)
+        counts = 3 * len(faces), 3 * int((~two_sided).sum())
+        return MarkedFaces(faces, buffer, vertices, *counts, _box(self._mesh.positions[triangles.ravel()]))
 
     def _part(self, vertices, first: int, count: int, cull: bool) -> None:
         if not count:
@@ -254,9 +289,15 @@ class DrawnObject:
             self.ctx.disable(self.ctx.CULL_FACE)
         vertices.render(moderngl.TRIANGLES, vertices=count, first=first)
 
-    def rectangle(self, to_clip: np.ndarray, size: tuple[int, int], margin: float) -> tuple[int, int, int, int]:
-        """Return the object's pixel rectangle (x, y, width, height); the whole picture if it reaches behind the eye."""
-        corners = np.c_[self._corners, np.ones(len(self._corners))] @ to_clip.T
+    def rectangle(
+        self, to_clip: np.ndarray, size: tuple[int, int], margin: float, faces: np.ndarray | None = None
+    ) -> tuple[int, int, int, int]:
+        """Return the pixel rectangle (x, y, width, height) of the object, or of faces (k,) of it.
+
+        It is the whole picture if they reach behind the eye.
+        """
+        of = self._corners if faces is None else self._marked_faces(faces).corners
+        corners = np.c_[of, np.ones(len(of))] @ to_clip.T
         w, h = size
         if not len(corners) or corners[:, 3].min() <= 1e-6 * np.abs(corners).max():
             return (0, 0, w, h)
@@ -266,6 +307,8 @@ class DrawnObject:
         return (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
 
     def release(self) -> None:
+        if self._faces is not None:
+            self._owned += [self._faces.triangles, self._faces.vertices]
         for thing in reversed(self._owned):
             thing.release()
 
@@ -278,6 +321,14 @@ def _with_albedo(mesh: DrawMesh) -> np.ndarray:
         albedo = hemispherical_albedo(np.array([0, 0, 0, 0, number], np.float64), mesh.tables)
         out[rows, :4] = *albedo, albedo.mean()
     return out
+
+
+def _box(positions: np.ndarray) -> np.ndarray:
+    """Return the corners (8, 3) of the box round positions; (0, 3) without any."""
+    if not len(positions):
+        return np.zeros((0, 3))
+    low_high = np.stack([positions.min(axis=0), positions.max(axis=0)], axis=1)
+    return np.array(list(itertools.product(*low_high)), np.float64)
 
 
 def _indices(mesh: DrawMesh) -> bytes:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
+POINTED_OUTLINE = (0.95, 0.95, 0.95, 0.8)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
 GLOSS_UNITS = {"cells": 1, "owners": 4, "rays": 5, "offsets": 6}  # texture units; 2 and 3 are reflections
 AS_IS = 3  # there: display colours
@@ -52,7 +53,9 @@ class Look:
     exposure: float = 0.0  # [EV]
     tone_map: str = "aces"
     cull: bool = True
-    outlined: tuple[int, ...] = ()  # objects with an outline
+    outlined: tuple[int, ...] = ()  # objects with an outline: selected ones
+    pointed: int = -1  # the object with a lighter one: under the cursor
+    surface: np.ndarray | None = None  # (k,) faces of the static part with an outline where they are seen
     outline_width: float = 2.0  # pixels
     textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
@@ -173,8 +176,12 @@ class Renderer:
         targets.drawn.scissor = None  # it would clip the copy too
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
+        if look.surface is not None:
+            self._draw_outline_of_faces(targets, look, look.surface)
         for number in look.outlined:
-            self._draw_outline(targets, look, number)
+            self._draw_outline(targets, look, number, OUTLINE)
+        if look.pointed >= 0:
+            self._draw_outline(targets, look, look.pointed, POINTED_OUTLINE)
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
 
@@ -256,25 +263,49 @@ class Renderer:
 
             o.draw_calls(self._textures, look.cull, layer, sharp, left_out)
 
-    def _draw_outline(self, targets: _Targets, look: Look, number: int) -> None:
+    def _draw_outline_of_faces(self, targets: _Targets, look: Look, faces: np.ndarray) -> None:
+        """Draw a line round the visible part of some faces of the static part; a wall has a whole room in front."""
+        ctx = self.ctx
+        targets.mask.clear()
+        self._state()
+        ctx.depth_func = "<="
+        targets.mask.color_mask = False, False, False, False
+        targets.mask.use()
+        for o, model in zip(self._objects, look.models, strict=True):
+            _place(self._programs.mask, look.view_projection, model)
+            o.mark(look.cull)
+        targets.mask.color_mask = True, True, True, True
+        targets.mask.use()
+        _place(self._programs.mask, look.view_projection, look.models[0])
+        self._objects[0].mark_faces(faces, look.cull)
+        to_clip = look.view_projection @ look.models[0]
+        area = self._objects[0].rectangle(to_clip, targets.size, look.outline_width, faces)
+        self._draw_line(targets, look, area, OUTLINE)
+
+    def _draw_outline(self, targets: _Targets, look: Look, number: int, colour: tuple[float, ...]) -> None:
+        """Draw a line round an object, also where others hide it."""
         ctx = self.ctx
         ctx.front_face = "ccw"
         o = self._objects[number]
-        # The filter reads 25 texels per pixel: the scissor limits it to the object.
         model = look.models[number]
         area = o.rectangle(look.view_projection @ model, targets.size, look.outline_width)
         targets.mask.use()
         targets.mask.clear()
         ctx.enable_only(ctx.NOTHING)
-        targets.picture.scissor = area
         _place(self._programs.mask, look.view_projection, model)
         o.mark()
+        self._draw_line(targets, look, area, colour)
+
+    def _draw_line(self, targets: _Targets, look: Look, area: tuple[int, int, int, int], colour) -> None:
+        """Draw a line round the marked pixels within an area (x, y, width, height)."""
+        ctx = self.ctx
+        targets.picture.scissor = area  # the filter reads 25 texels per pixel
         targets.picture.use()
         ctx.enable_only(ctx.BLEND)
         ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE  # type: ignore[assignment]
         targets.mask.color_attachments[0].use(0)
         self._outline["mask"] = 0
-        self._outline["line"] = OUTLINE
+        self._outline["line"] = colour
         self._outline["width"] = look.outline_width
         self._screen.render(moderngl.TRIANGLES, vertices=3)
         targets.picture.scissor = None
@@ -328,7 +359,9 @@ class _Targets:
             depth = ctx.depth_renderbuffer(size)
             self._owned.append(depth)
             self.picture = self.drawn = ctx.framebuffer([shown], depth)
-        self.mask = ctx.framebuffer([marks])
+        of_mask = ctx.depth_renderbuffer(size)
+        self._owned.append(of_mask)
+        self.mask = ctx.framebuffer([marks], of_mask)
 
     def release(self) -> None:
         if self.drawn is not self.picture:

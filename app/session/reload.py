@@ -9,11 +9,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.cli import saved_scene
 from app.session.opening import COMPILING
 from app.session.session import Asked, Session
 from app.settings import Settings
+
+if TYPE_CHECKING:
+    from gi_core.files.edits import Edit
 
 # Settings that another scene resets; those of display and estimator stay.
 RESET_BY_SCENE = (
@@ -70,10 +74,11 @@ class Reload:
         """Whether an edited scene is being opened: work at rest on the one before it is in vain."""
         return self.coming is not None and self._edited is not None
 
-    @property
-    def done(self) -> str:
-        """A word for the log: how the scene on show came."""
-        return "edited" if self._edited is not None else "reloaded" if self.same else "opened"
+    def news(self, shown: Session) -> str:
+        """Return a line for the log: how the scene on show came, by edits of which things."""
+        if self._edited is not None and (words := words_of(self._before.edits, shown.settings.edits)):
+            return words
+        return f"{'reloaded' if self.same else 'opened'}: {shown.settings.scene}"
 
     @property
     def progress(self) -> tuple[str, float | None] | None:
@@ -136,6 +141,27 @@ class Reload:
         if self.coming is not None:
             self.coming.close(0.0)
             self.coming = None
+
+
+def words_of(before: Sequence[Edit], after: Sequence[Edit]) -> str:
+    """Return edits in words, from those before: "inserted: armchair", "undone: removed: cat"; "" without a change."""
+    came = [edit for edit in after if edit not in before]
+    went = [edit for edit in before if edit not in after]
+    return _words(came) if came else f"undone: {_words(went)}" if went else ""
+
+
+def _words(edits: Sequence[Edit]) -> str:
+    from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
+
+    verbs = {Finish: "edited", Insert: "inserted", Duplicate: "duplicated", Remove: "removed", Promote: "made movable",
+             Freeze: "made static"}  # fmt: skip
+    things: dict[str, list[str]] = {}
+    for edit in edits:
+        thing = edit.of if isinstance(edit, Duplicate) else edit.name
+        if isinstance(edit, Finish):
+            thing = f"{edit.part} of {edit.name}" if edit.part else f"material {edit.name}"
+        things.setdefault(verbs[type(edit)], []).append(thing)
+    return "; ".join(f"{verb}: {', '.join(names)}" for verb, names in things.items())
 
 
 def settings_again(now: Session) -> Settings:

@@ -208,7 +208,7 @@ class Session(OpenScene):
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
-        self._dimmed = opened.settings.lamps, opened.settings.solo
+        self._dimmed = opened.settings.lamps, ""  # the solver knows no solo
         self._show(opened, SolverThread(opened.solver, self.log, self.clock, self._worker))
         known = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
         for note in self.scene.notes:

@@ -285,7 +285,7 @@ class Viewer:
                 new.close(0.0)
                 raise
             self._ready = True
-            self._news = f"{self.reload.done}: {new.settings.scene}"
+            self._news = self.reload.news(new)
         if self._news and not (imgui.is_any_item_active() or self.reload.is_editing):  # once per held slider
             self.log(self._news)
             self._news = ""

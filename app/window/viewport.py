@@ -6,6 +6,7 @@ when the cursor leaves the viewport.
 
 from __future__ import annotations
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import Turntable
@@ -49,7 +50,8 @@ class Viewport:
         self.wipe = Wipe()
         self.gizmo = Gizmo()
         self._selection: tuple[str, ...] = ()  # names of mobiles
-        self.clicked: Hit | None = None  # place of the static part, unless a mobile was selected since
+        self.clicked: Hit | None = None  # place of the selected surface of the static part; None: it has none selected
+        self._surface: tuple[str, np.ndarray] | None = None  # material of that surface, and its faces
         self.part = ""  # of the mobile pressed last, or chosen in the panel
         self.shown: Shown | None = None  # content of the colour buffers
         self.covered: Box | None = None  # by a control, where the mouse is not for the picture
@@ -65,14 +67,14 @@ class Viewport:
         same_faces = keep_view and len(session.scene.static.faces) == len(self.session.scene.static.faces)
         self.clicked, self._pressed = self.clicked if same_faces else None, None
         self.session = session
-        self.shown = self._drawn = None
+        self.shown = self._drawn = self._surface = None
         self.scale_fit.forget()
         self.control.adopt(session, keep_view)
         self.pointer, self.pins = Pointer(), Pins()
         self.mobile_drag = MobileDrag(drag.room_for(self.control.bounds, session.scene.up))
         if appeared:
             self.select(appeared)
-        elif not self.selection and len(session.poses) == 1:
+        elif not self.selection and self.clicked is None and len(session.poses) == 1:
             self.select(tuple(session.poses))
 
     @property
@@ -191,9 +193,13 @@ class Viewport:
             self.select((name,))
 
     def _release(self) -> None:
-        """Note the place of a click: a press and a release by the same camera."""
-        if self._pressed is not None and self._pressed[0] == self.view.camera:
-            self.clicked = self._pressed[1]
+        """Select the surface under a click, and no mobile; a click is a press and a release by the same camera.
+
+        With Ctrl or Shift, which select several objects, a click beside them changes nothing.
+        """
+        io = imgui.get_io()
+        if self._pressed is not None and self._pressed[0] == self.view.camera and not (io.key_ctrl or io.key_shift):
+            self._selection, self.clicked = (), self._pressed[1]
         self._pressed = None
 
     def cancel_drag(self) -> bool:
@@ -246,28 +252,38 @@ class Viewport:
         self.pins.read(self.session, self.shown)
 
     @property
-    def _marked(self) -> tuple[int, ...]:
-        """The objects with an outline: the one under the cursor, and several selected ones."""
+    def _marked(self) -> tuple[tuple[int, ...], int, str]:
+        """What has an outline: the selected objects, the one under the cursor, -1: none, the material selected."""
         grab, hover, names = self.mobile_drag.grab, self.pointer.hover, self.session.model.names
-        marked = {1 + names.index(name) for name in self.selection} if len(self.selection) > 1 else set()
-        if grab is not None:
-            marked.add(1 + names.index(grab.mobile))
-        elif hover is not None:
-            marked.add(hover.object)
-        return tuple(sorted(marked))
+        selected = tuple(sorted(1 + names.index(name) for name in self.selection))
+        pointed = 1 + names.index(grab.mobile) if grab is not None else hover.object if hover is not None else -1
+        return selected, -1 if pointed in selected else pointed, self.clicked_material
+
+    def _faces_of(self, material: str) -> np.ndarray | None:
+        """Return the faces (k,) of the static part of a material, those that an edit changes; None for ""."""
+        if not material:
+            return None
+        if self._surface is None or self._surface[0] != material:
+            scene = self.session.scene
+            numbers = [k for k, m in enumerate(scene.materials) if m.name == material]
+            self._surface = material, np.flatnonzero(np.isin(scene.static.face_material, numbers))
+        return self._surface[1]
 
     def look(self, outlined: bool = True) -> Look:
         """Return the current picture for the renderer."""
         settings, camera, _, split, scale, _ = self.picture
         near = camera.relative_to(self.session.model.origins[0])
         pixels = imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y
+        selected, pointed, material = self._marked if outlined else ((), -1, "")
         return Look(
             camera.projection(self.view.aspect) @ near.view(),
             self.session.models(),
             settings.exposure or 0.0,
             settings.tone_map,
             settings.cull,
-            self._marked if outlined else (),
+            selected,
+            pointed,
+            self._faces_of(material),
             OUTLINE_PIXELS * pixels,
             textured=settings.shows_radiance,
             as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),

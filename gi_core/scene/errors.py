@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+_BREAK = re.compile(r"\s*[^\S ]\s*")
 LONGEST = 500  # characters of a sentence
 
 
@@ -14,8 +16,8 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text as one printable line of at most LONGEST characters."""
-    line = printable(" ".join(text.split()))
+    """Return a text as one printable line of at most LONGEST characters; several spaces stay, they may be of a name."""
+    line = printable(_BREAK.sub(" ", text.strip()))
     half = LONGEST // 2  # the place at the front and the rule at the end both stay
     return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
 

@@ -182,11 +182,20 @@ PlacedLight = PointLight | SpotLight | PhotometricLight
 Light = PlacedLight | DirectionalLight | SkyLight
 
 
+class LampLevel(NamedTuple):
+    """State of a lamp: its light is that of the scene file times `level` and `colour`, or none while it is off."""
+
+    lamp: str
+    level: float = 1.0
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    on: bool = True
+
+
 class LightScene(NamedTuple):
     """A named set of levels of lamps, see `gi_core.lights.lamps`; lamps that it does not name are at level 1."""
 
     name: str
-    levels: tuple[tuple[str, tuple[float, float, float]], ...]  # lamp, and factors of red, green and blue
+    levels: tuple[LampLevel, ...]
 
 
 class Probe(NamedTuple):

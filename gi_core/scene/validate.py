@@ -34,6 +34,7 @@ from gi_core.scene.types import (
     DirectionalLight,
     Gloss,
     KeyFrames,
+    LampLevel,
     Material,
     Mesh,
     PhotometricLight,
@@ -58,6 +59,7 @@ FLUX_OF = {
 }  # else radiance
 UNIT = 1.001  # of a component of a unit vector, with rounding
 SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
+LEVEL = Rule("a number >= 0", lambda value: is_number(value, 0), float)
 DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
 CLOSEST, ALONG = 1e-3, 1e-6  # degrees between angles of a table; sine between C0 and the axis
 GAMMAS = Rule("two or more degrees that increase, from 0 to 180", lambda values: _increase(values, 180))
@@ -118,9 +120,11 @@ def check_scene(scene: Scene) -> None:
     _check_fields(f"{title}: defaults", scene.defaults)
     for light_scene in scene.light_scenes:
         where = _named(title, "light scene", light_scene)
-        for lamp, level in light_scene.levels:
+        for lamp, level, colour, on in (LampLevel(*state) for state in light_scene.levels):
             check_lamp(where, lamp, scene)
-            STRENGTH.check(f"{where}: lamp {shown(lamp)}", level)
+            LEVEL.check(f"{where}: lamp {shown(lamp)}: level", level)
+            STRENGTH.check(f"{where}: lamp {shown(lamp)}: colour", colour)
+            FLAG.check(f"{where}: lamp {shown(lamp)}: on", on)
     _check_mesh(f"{title}: the static part", scene.static, len(scene.materials))
     for mobile in scene.mobiles:
         where = _named(title, "mobile", mobile)

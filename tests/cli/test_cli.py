@@ -187,6 +187,19 @@ def test_mistyped_option_gets_a_suggestion(typed, meant, capsys):
     assert f"did you mean {meant}?" in said and "--help" in said
 
 
+def test_an_option_unlike_all_others_gets_no_suggestion(capsys):
+    """--bogus was taken for --neighbours: their dashes are alike."""
+    assert cli.main(["--bogus"]) == 2
+    assert "did you mean" not in one_line(capsys.readouterr().err)
+
+
+def test_spaces_of_a_name_are_shown(capsys):
+    """The sentence suggested the name that it refused: both were written with one space."""
+    assert cli.main(["info", "office", "--lamp", "desk lamp  middle=0.5"]) == 3
+    said = one_line(capsys.readouterr().err)
+    assert "no lamp is called 'desk lamp  middle'; did you mean 'desk lamp middle'?" in said
+
+
 def test_mistyped_scene_gets_a_suggestion(capsys):
     assert cli.main(["info", "cornel"]) == 3
     assert "did you mean cornell?" in one_line(capsys.readouterr().err)
@@ -194,12 +207,21 @@ def test_mistyped_scene_gets_a_suggestion(capsys):
     assert "did you mean" not in one_line(capsys.readouterr().err)
 
 
-def test_replaced_default_picture_is_reported(capsys, tmp_path, monkeypatch):
+def test_a_picture_without_a_name_replaces_none(capsys, tmp_path, monkeypatch):
+    """The second render replaced the first one's picture."""
     monkeypatch.chdir(tmp_path)
     command = ["render", *FAST, "--size", "32x24"]
-    assert cli.main(command) == 0 and capsys.readouterr().err == ""
-    assert cli.main(command) == 0 and "is replaced; --out" in one_line(capsys.readouterr().err)
+    for name in ("gi-viewer.png", "gi-viewer-001.png", "gi-viewer-002.png"):
+        before = {p: p.read_bytes() for p in tmp_path.iterdir()}
+        assert cli.main(command) == 0
+        said = capsys.readouterr()
+        assert Path(said.out.strip()) == (tmp_path / name).resolve() and said.err == ""
+        assert {p: p.read_bytes() for p in before} == before and len(list(tmp_path.iterdir())) == len(before) + 1
     assert cli.main([*command, "--out", "gi-viewer.png"]) == 0 and capsys.readouterr().err == ""
+    for name in ("gi-viewer.0001.png", "gi-viewer-001.0001.png"):
+        assert cli.main([*command, "--frames", "1"]) == 0
+        assert Path(capsys.readouterr().out.strip()) == (tmp_path / name).resolve()
+    assert len(list(tmp_path.iterdir())) == 5
 
 
 @pytest.mark.parametrize("bad", ["render cornell --out a.jpg", "render cornell --out no/such/folder/a.png"])
@@ -266,6 +288,10 @@ def test_without_a_window_the_picture_goes_to_a_file(capsys, tmp_path, monkeypat
     picture = tmp_path / "gi-viewer.png"
     assert picture.is_file() and str(picture.resolve()) in out
     assert "install libgl1" in one_line(said[0].err) and said[0].out == ""
+    first = picture.read_bytes()
+    assert cli.main([*FAST, "--size", "32x24"]) == 0
+    assert str((tmp_path / "gi-viewer-001.png").resolve()) in capsys.readouterr().out
+    assert picture.read_bytes() == first
 
 
 def test_no_window_without_fallback_exits_with_4(capsys, tmp_path, monkeypatch, no_window):

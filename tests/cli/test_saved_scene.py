@@ -69,10 +69,38 @@ def test_levels_of_lamps_are_saved(tmp_path):
     for settings in (replace(here, solo=""), alone):
         saved_scene.write(tmp_path / "a.toml", settings)
         again = parsed(str(tmp_path / "a.toml"))
-        assert again.levels(()) == settings.levels(())
-        found, kept = ([Settings(lamps=s).levels(()) for _, s in x.light_scenes] for x in (again, settings))
-        assert found == kept
+        assert (again.lamps, again.light_scenes) == (settings.lamps, settings.light_scenes)
         assert parsed(*shlex.split(saved_scene.command_line(settings))[1:]).levels(()) == settings.levels(())
+
+
+def test_a_lamp_that_is_off_keeps_its_level_and_colour(tmp_path):
+    """The file held three zeros, which opened as a lamp that is on at 0 %."""
+    lamps = LampSetting("a bulb", 0.4, (1.0, 0.7, 0.4), on=False), LampSetting("sun", 0.3, on=False)
+    others = LampSetting("lamp", 1.0, (1.0, 0.5, 0.25)), LampSetting("sky", 0.0), LampSetting("strip", on=False)
+    given = replace(SETTINGS, lamps=(*lamps, *others), light_scenes=(('my "night"', lamps), ("all", ())))
+    saved_scene.write(tmp_path / "a.toml", given)
+    text = (tmp_path / "a.toml").read_text()
+    assert '"a bulb" = { level = 0.4, colour = [1.0, 0.7, 0.4], on = false }\nsun = { level = 0.3, on = false }' in text
+    assert "lamp = [1.0, 0.5, 0.25]\nsky = 0.0\nstrip = { level = 1.0, on = false }\n" in text
+    again = parsed(str(tmp_path / "a.toml"))
+    assert (again.lamps, again.light_scenes) == (given.lamps, given.light_scenes)
+
+
+@pytest.mark.parametrize(
+    "value, lamp",
+    [
+        ("0", LampSetting("bulb", 0.0)),
+        ("[0.5, 0.5, 0.5]", LampSetting("bulb", 0.5)),
+        ("[1, 0.5, 0]", LampSetting("bulb", 1.0, (1.0, 0.5, 0.0))),
+        ("{ on = false }", LampSetting("bulb", on=False)),
+        ("{ level = [0.5, 0.2, 0.1], on = false }", LampSetting("bulb", 1.0, (0.5, 0.2, 0.1), on=False)),
+        ("{ level = 2, colour = [1, 0.5, 0] }", LampSetting("bulb", 2.0, (1.0, 0.5, 0.0))),
+    ],
+)
+def test_a_lamp_has_several_spellings(value, lamp, tmp_path):
+    (tmp_path / "a.toml").write_text(f'scene = "cornell"\n[lamps]\nbulb = {value}\n[light_scenes.a]\nbulb = {value}\n')
+    found = saved_scene.read(str(tmp_path / "a.toml"))
+    assert found.lamps == (lamp,) and found.light_scenes == (("a", (lamp,)),)
 
 
 @pytest.mark.parametrize("isolines", [None, (), (100.0, 1000 / 3)])
@@ -181,6 +209,12 @@ BAD = {
     'scene = "cornell"\n[settings]\ntone_map = "grey"': "tone_map must be one of aces, reinhard, clip, got 'grey'",
     'scene = "cornell"\n[settings]\nilluminance_range = [5, 1]': "illuminance_range must be LOW,HIGH",
     'scene = "cornell"\n[poses]\npawn = [1, 2]': "pawn must be 7 finite numbers",
+    'scene = "cornell"\nlamps = 3': "[lamps] must be a table of keys, got 3",
+    'scene = "cornell"\nposes = 3': "[poses] must be a table of keys, got 3",
+    'scene = "cornell"\n[lamps]\nbulb = false': "bulb must be a number >= 0, three of them, or a table such as",
+    'scene = "cornell"\n[lamps]\nbulb = [1, -1, 0]': "bulb must be three numbers >= 0, got [1, -1, 0]",
+    'scene = "cornell"\n[lamps]\nbulb = {level = "a"}': "lamp 'bulb': level must be a number >= 0, got 'a'",
+    'scene = "cornell"\n[lamps]\nbulb = {off = true}': "lamp 'bulb': unknown key 'off'; known here are",
     'scene = "cornell"\n[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40': "camera must be x,y,z",
     'scene = "/etc/passwd"': "lies outside the folder of the saved scene",
     'scene = "../room.glb"': "lies outside the folder of the saved scene",
@@ -196,6 +230,34 @@ def test_a_bad_saved_scene_gets_one_sentence(text, tmp_path, capsys):
     assert BAD[text] in str(caught.value) and "bad.toml" in str(caught.value) and "\n" not in str(caught.value)
     assert cli.main(["info", str(tmp_path / "bad.toml")]) == 3
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        (
+            "[poses]\npwn = [0, 0, 0, 1, 0, 0, 0]",
+            '[poses] names the mobile "pwn", but the mobiles of this scene are: pawn',
+        ),
+        (
+            "[poses]\npawn = [0, 0, 0, 2, 0, 0, 0]",
+            "[poses] pawn: the quaternion (w, x, y, z) of a pose must have length 1",
+        ),
+        ("[lamps]\nlmp = 1", "[lamps]: no lamp is called 'lmp'"),
+    ],
+)
+def test_an_unknown_name_is_told_with_its_file_and_table(text, sentence, tmp_path):
+    """The sentence blamed --pose, which was not given, or the scene."""
+    (tmp_path / "a.toml").write_text(f'scene = "cornell"\n{text}\n')
+    with pytest.raises(SceneError) as refused:
+        open_scene(parsed(str(tmp_path / "a.toml")))
+    assert f"a.toml: {sentence}" in str(refused.value)
+
+
+def test_an_unknown_name_of_an_option_is_told_as_such(tmp_path):
+    saved_scene.write(tmp_path / "a.toml", SETTINGS)
+    with pytest.raises(SceneError, match='--pose names the mobile "nobody"'):
+        open_scene(parsed(str(tmp_path / "a.toml"), "--pose", "nobody=1,2,3"))
 
 
 def test_a_scene_may_not_be_saved_where_it_could_not_name_its_files(tmp_path, monkeypatch):

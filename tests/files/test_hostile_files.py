@@ -228,6 +228,7 @@ def test_out_of_memory_is_one_sentence(tmp_path, monkeypatch):
 def test_sentences_and_notes_are_printable_lines(tmp_path):
     """A name in a file may contain terminal commands, or a megabyte."""
     assert one_line("a\x1b[2Jb\nc") == r"a\x1b[2Jb c"
+    assert one_line(" a  b \n\t c\r\nd ") == "a  b c d"
     long = one_line("front " + "x" * 10_000 + " back")
     assert len(long) <= LONGEST and long.startswith("front") and long.endswith("back")
     file = tmp_path / "scene.toml"

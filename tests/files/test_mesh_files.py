@@ -129,6 +129,9 @@ def test_zero_area_and_duplicate_faces_are_dropped_with_a_note(tmp_path):
     read = read_mesh_file(write_obj(tmp_path / "a.obj", BOX, faces))
     assert len(read.mesh.faces) == 12
     assert "left out 2 triangles of zero area and 3 duplicates of 17" in read.notes
+    for more, note in ((faces[12:13], "1 triangle of zero area of 13"), (faces[14:16], "2 duplicates of 14")):
+        notes = read_mesh_file(write_obj(tmp_path / "b.obj", BOX, np.concatenate([BOX_FACES, more]))).notes
+        assert f"left out {note}" in notes
 
 
 def test_sheets_back_to_back_become_two_sided(tmp_path):

@@ -14,7 +14,7 @@ from gi_core.frames.background import Photons
 from gi_core.frames.first_frame import FirstFrame
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import LightScene, Material, Mobile, PointLight, Pose, Scene, SkyLight
+from gi_core.scene.types import LampLevel, LightScene, Material, Mobile, PointLight, Pose, Scene, SkyLight
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -203,7 +203,9 @@ def test_a_scene_of_many_lamps_keeps_the_brightest_apart():
 
 def test_light_scenes_name_lamps_of_the_scene():
     def named(*lamps: str) -> Scene:
-        return replace(room(), light_scenes=(LightScene("evening", tuple((n, (0.5, 0.4, 0.2)) for n in lamps)),))
+        return replace(
+            room(), light_scenes=(LightScene("evening", tuple(LampLevel(n, 0.5, (1.0, 0.8, 0.4)) for n in lamps)),)
+        )
 
     Solver(named("bulb", "strip"), **GIVEN | {"photons": 0})
     with pytest.raises(SceneError, match="light scene \"evening\": no lamp is called 'lmp'; did you mean 'lamp'"):

@@ -136,6 +136,25 @@ def test_the_outline_is_outside_the_object(draw):
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize("faces", [[0], [0, 1]])
+def test_the_outline_of_a_surface_is_round_its_visible_part(draw, faces):
+    """Faces of the static part, behind an object: the line is on the object and beside the faces, never on them."""
+    scene = [square((0.3, 0.3, 0.3), half=0.5), square((0.9, 0.1, 0.1), half=0.2, z=0.3)]
+    bare = draw(scene)
+    outlined = draw(scene, surface=np.array(faces))
+    changed = (bare != outlined).any(axis=2)
+    grey = (bare[..., 0] == bare[..., 1]) & (bare[..., 0] > 100)
+    red = (bare[..., 0] > 100) & ~grey
+    if len(faces) == 2:
+        assert changed.any() and not (changed & grey).any()
+    else:
+        assert (changed & grey).any(), "along the diagonal, on the other triangle"
+    assert (changed & red).any() and (changed & ~grey & ~red).any()
+    culled = draw([square((0.3, 0.3, 0.3))], [HALF_TURN], surface=np.array(faces), cull=True)
+    assert (culled == background()).all()
+
+
+@pytest.mark.gl
 def test_resizing_releases_and_an_empty_object_draws_nothing(ctx):
     from app.draw.renderer import Look, Renderer
 

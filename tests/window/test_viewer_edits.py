@@ -75,7 +75,7 @@ def test_a_colour_is_edited_undone_and_done_again(play):
         assert np.array_equal(now.irradiance, built(now))
         traced = photons_of(now.light._solver).traced
         assert 0 < traced < now.settings.photons, "photons that met white alone"
-        assert viewer.log.last.text == "edited: room" and viewer.files.has_changed(now)
+        assert viewer.log.last.text == "edited: material white" and viewer.files.has_changed(now)
 
         change(hand, viewer, lambda: viewer._do("undo"))
         assert viewer.session.settings.edits == () and np.array_equal(viewer.session.irradiance, plain)
@@ -347,7 +347,7 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
         assert viewer.log.last is logged
         hand.ctx.mouse_up(0)
         hand.wait(lambda: viewer.log.last is not logged)
-        assert viewer.log.last.text == "edited: room"
+        assert viewer.log.last.text == "edited: material red"
         hand.wait_for_light()
         assert steps == sorted(set(steps)) and len(steps) == 3, "the light follows while the slider is held"
         change(hand, viewer, lambda: viewer._do("undo"))

@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
+from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
-from app.window.panel.lamps import BRIGHTEST, recoloured
+from app.window.panel.lamps import BRIGHTEST, OF_FILE, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import BLOCK_FRONT, errors
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
 
@@ -128,6 +130,121 @@ def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
     play(script, support.SETTINGS, support.opening(two_lamps()))
 
 
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_every_entry_of_the_light_scenes_can_be_chosen(play):
+    """The entry "-" did nothing; the levels of the scene file could not be chosen."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        ctx.item_close("Objects")
+        dim = (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))
+        for entry, lamps in (("dim", dim), (OF_FILE, ()), ("dim", dim)):
+            ctx.combo_click(f"##Light scene/{entry}")
+            hand.wait(lambda: session._fade is None)
+            assert session.settings.lamps == lamps
+            hand.wait_for_light()
+            level = 0.5 if lamps else 1.0
+            assert session.light.snapshot.levels.tolist() == [[0.0 if lamps else 1.0] * 3, [level] * 3]
+        assert not errors(viewer)
+
+    given = replace(
+        support.SETTINGS, light_scenes=(("dim", (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))),)
+    )
+    play(script, given, support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_the_white_balance_follows_the_lamps_on_show(play):
+    """It took all lamps of the file at full level, once: a warm lamp alone was drawn orange."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        warm = session.model.emitters.flux_of_lamps[0]
+        ctx.item_click("**/lamp/Solo")
+        hand.wait_for_light()
+        assert np.ptp(warm * viewer.viewport.look().gains) < 1e-9 * warm.max()
+        pictures = [hand.pixels()]
+        session.want(replace(session.settings, lamps=(LampSetting("lamp", 1.0, (0.5, 1.0, 2.0)),)))
+        hand.wait_for_light()
+        lit = warm * (0.5, 1.0, 2.0)
+        assert np.ptp(lit * viewer.viewport.look().gains) < 1e-9 * lit.max()
+        pictures.append(hand.pixels())
+        lit = [p[p.shape[0] // 2 :].reshape(-1, p.shape[-1])[:, :3].mean(axis=0) for p in pictures]
+        assert np.abs(lit[0] - lit[1]).max() < 0.1 * lit[0].max(), "neutral light of either colour looks the same"
+
+    cold = replace(support.room(), lights=(PointLight("bulb", (0.8, 0.2, 0.8), (4.0, 9.0, 40.0)),))
+    play(script, replace(support.SETTINGS, light="photons", exposure=0.0), support.opening(cold))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_the_wheel_over_a_lamp_scrolls_the_panel(play):
+    """The list scrolled within itself: at its ends the wheel did nothing, and of twelve lamps four were in view."""
+
+    def script(hand, viewer):
+        ctx = hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_close("**/Scene")
+        rows = [
+            ctx.item_info(f"**/{name}/##level").rect_full.min.y for name in viewer.session.model.emitters.lamps.names
+        ]
+        assert len(rows) == 12 and np.diff(rows).tolist() == [imgui.get_frame_height_with_spacing()] * 11
+        panel = ctx.get_window_by_ref("Panel")
+        before = panel.scroll.y
+        ctx.mouse_move("**/bulb 3/##level")
+        for way in (-1, 1):
+            for _ in range(10):
+                ctx.mouse_wheel_y(way)
+                ctx.yield_()
+            assert panel.scroll.y == (panel.scroll_max.y if way < 0 else 0.0) != before
+            before = panel.scroll.y
+
+    bulbs = tuple(PointLight(f"bulb {k}", (0.1 + 0.07 * k, 0.2, 0.8), (0.4,) * 3) for k in range(11))
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(replace(support.room(), lights=bulbs)))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_lamps_that_are_off_keep_their_levels_in_a_saved_scene(play, folder):
+    """They were saved as lamps at level 0: a lamp off, and all but one under Solo, in light scenes too."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_input_value("**/bulb/##level", 40.0)
+        ctx.item_uncheck("**/bulb/##on")
+        ctx.item_input_value("**/##Keep as", "evening")
+        ctx.item_click("**/Keep")
+
+        def saved():
+            return saved_scene.read(str(viewer.files.save(session, viewer.viewport, "a.toml")))
+
+        off = (LampSetting("bulb", 0.4, on=False),)
+        assert saved().lamps == off and saved().light_scenes == (("evening", off),)
+        ctx.item_check("**/bulb/##on")
+        ctx.item_click("**/lamp/Solo")
+        assert saved().lamps == (LampSetting("lamp"), *off)
+        ctx.item_click("**/Reset lamps")
+        ctx.item_click("**/lamp/Solo")
+        hand.wait_for_light()
+        ctx.key_press(keys().f5)  # a reload forgot that a lamp was alone
+        hand.wait(lambda: viewer.session is not session)
+        hand.wait_for_light()
+        assert viewer.session.settings.solo == "lamp"
+        hand.wait(lambda: not viewer.session.light.snapshot.levels[1].any())
+        assert not errors(viewer)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
+
+
 @pytest.mark.parametrize(
     "kelvin, x, y", [(2856.0, 0.44757, 0.40745), (4000.0, 0.38052, 0.37677), (6500.0, 0.31352, 0.32363)]
 )
@@ -190,7 +307,7 @@ def test_rgb_is_the_colour_of_the_light(play):
         ctx.item_close("**/Objects")
         base = viewer._facts().lamp_colours[1]
         box = ctx.item_info("**/bulb/Solo").rect_full
-        ctx.mouse_move_to_pos((box.max.x + 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
+        ctx.mouse_move_to_pos((box.min.x - 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
         ctx.mouse_click(0)
         ctx.yield_(2)
         ctx.item_input_value("//$FOCUSED/RGB/##X", 0.25)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from app.session.lowering import lowered_pose
 from app.session.opening import Opening
@@ -15,14 +16,68 @@ from app.session.undo import History
 from app.settings import Settings
 from app.window.actions import objects as actions
 from app.window.panel.objects import angles_of, turned
+from app.window.panel.widgets import unsigned_zero
 from gi_core.files.edits import edited
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import errors, keys
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_there_is_one_selection_and_it_has_an_outline(play):
+    """After a click on an object and then a wall, Remove was for the object and Material for the wall."""
+    K, wall, block, beside = keys(), (0.0, 0.5, 0.5), BLOCK_FRONT, (0.5, 1.1, 1.0)
+
+    def script(hand, viewer):
+        ctx, viewport, session = hand.ctx, viewer.viewport, viewer.session
+
+        def click(point) -> None:
+            ctx.mouse_move_to_pos(hand.at(point))
+            ctx.mouse_click(0)
+            ctx.yield_(3)
+
+        def picture():
+            ctx.mouse_move("//Panel/Objects")  # nothing is under the cursor
+            return hand.pixels().astype(int)
+
+        def may(button: str) -> bool:
+            return not ctx.item_info(f"//Panel/{button}").item_flags & imgui.ItemFlags_.disabled
+
+        hand.wait_for_light()
+        click(beside)
+        assert viewport.selection == () and viewport.clicked is None and viewer._facts().surface == ""
+        bare = picture()
+        click(wall)
+        assert viewport.selection == () and viewer._facts().surface == "red"
+        assert not any(map(may, ("Duplicate", "Remove", "Make static"))) and may("Make movable")
+        of_wall = (picture() != bare).any(axis=2)
+        click(block)
+        assert viewport.selection == ("block",) and viewer._facts().surface == "block"
+        assert all(map(may, ("Duplicate", "Remove", "Make static"))) and not may("Make movable")
+        of_block = (picture() != bare).any(axis=2)
+        assert 100 < of_wall.sum() < 5000 and 100 < of_block.sum() < 5000 and not (of_wall & of_block).any()
+        for modifier in (K.mod_ctrl, K.mod_shift):
+            ctx.key_down(modifier)
+            click(wall)
+            ctx.key_up(modifier)
+            assert viewport.selection == ("block",) and viewport.clicked is None
+        click(wall)
+        ctx.set_ref("Panel")
+        ctx.item_click("**/block")
+        assert viewport.selection == ("block",) and viewport.clicked is None
+        click(wall)
+        hand.press(K.f5)
+        hand.wait(lambda: viewer.session is not session)
+        hand.wait_for_light()
+        assert viewport.selection == () and viewer._facts().surface == "red", "a reload keeps the selection"
+        assert not viewport.look(outlined=False).outlined and viewport.look(outlined=False).surface is None
+
+    play(script)
 
 
 @pytest.mark.gl
@@ -119,7 +174,7 @@ def test_several_objects_are_selected_and_move_as_one(play):
         click("left")
         assert viewport.selection == ("left",)
         click("right", K.mod_ctrl)
-        assert viewport.selection == ("left", "right") and viewport._marked == (1, 2)
+        assert viewport.selection == ("left", "right") and viewport._marked == ((1, 2), -1, "")
         click("right", K.mod_ctrl)
         assert viewport.selection == ("left",)
         click("right", K.mod_shift)
@@ -202,6 +257,12 @@ def test_the_lower_of_two_objects_rests_first():
     actions.rest(SimpleNamespace(session=session, viewport=viewport, log=print))
     assert [moved[name].position[1] for name in ("right", "left")] == pytest.approx([0.12, 0.36], abs=1e-4)
     assert len(session.history._done) == 1
+
+
+def test_no_number_is_shown_as_a_negative_zero():
+    """After Insert, rounding put the object at -0.000 m."""
+    for value, shown in ((-1e-9, "0.000"), (-0.0, "0.000"), (-0.0004, "0.000"), (-0.0006, "-0.001"), (0.25, "0.250")):
+        assert "%.3f" % unsigned_zero(value, "%.3f") == shown  # noqa: UP031
 
 
 def test_angles_are_those_of_the_rotation():

@@ -98,7 +98,6 @@ def facts_of(
 
     clicked: the material of the static part clicked last, "" for none; part: that of a mobile.
     """
-    from app.cli.saved_scene import lamp_at
     from app.draw.kelvin import of_luminance_one
     from gi_core.geometry.error import luminance
 
@@ -136,7 +135,7 @@ def facts_of(
         metered=metered,
         lamps=emitters.lamps.names,
         light_scenes={
-            **{s.name: tuple(lamp_at(*level) for level in s.levels) for s in session.scene.light_scenes},
+            **{s.name: tuple(LampSetting(*lamp) for lamp in s.levels) for s in session.scene.light_scenes},
             **dict(session.settings.light_scenes),
         },
         lamp_flux=tuple(float(f) for f in luminance(emitters.flux_of_lamps)),

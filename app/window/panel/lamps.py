@@ -15,8 +15,12 @@ from app.window.panel.facts import Facts
 
 BRIGHTEST = 4.0  # times the level of the scene file, by the slider
 MOST = 1000.0  # the same, typed; as gi_core.lights.lamps has it
-ROWS = 5  # lamps in view; more scroll
+PERCENT = "   %.0f %%"  # right of the knob at 100 %
+MOST_NAME = 0.42  # share of a row for the name
+SOLO_EM, FLUX_EM, WIDE_EM = 2.5, 5.0, 25.0  # widths of button and flux; of a row that has room for the flux
 RGB_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr | imgui.ColorEditFlags_.no_small_preview
+NAMELESS = "without a name"  # ImGui takes no empty label
+OF_FILE = "as in the scene file"  # a choice beside the light scenes
 ROUNDING = 1e-6  # of a colour: the field has float32
 
 _typed = [""]  # name of the light scene to keep
@@ -26,18 +30,14 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     s = _light_scenes(s, facts, actions)
     given = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
-    scrolls = len(facts.lamps) > ROWS  # the read-outs below stay in view
-    if scrolls:
-        imgui.begin_child("##lamps", (-1, 2 * ROWS * imgui.get_frame_height_with_spacing()))
+    names = max((imgui.calc_text_size(name).x for name in facts.lamps), default=0.0)
     for k, name in enumerate(facts.lamps):
         imgui.push_id(name)
         lamp = given.get(name, LampSetting(name))
-        changed, lamp, solo = _row(lamp, solo, k, facts)
+        changed, lamp, solo = _row(lamp, solo, k, facts, names)
         if changed:
             given[name] = lamp
         imgui.pop_id()
-    if scrolls:
-        imgui.end_child()
     s = replace(s, lamps=tuple(lamp for lamp in given.values() if lamp != LampSetting(lamp.name)), solo=solo)
     flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, facts) for k, name in enumerate(facts.lamps))
     ui.number("Together", _shown(flux, facts), "Flux of all lamps at their levels.")
@@ -56,15 +56,19 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
 def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
     names, asked = list(facts.light_scenes), s.levels(facts.lamps)
-    levels = [s.in_light_scene(lamps).levels(facts.lamps) for lamps in facts.light_scenes.values()]
     if names:
         ui.label("Light scene")
-        now = levels.index(asked) + 1 if asked in levels else 0
-        changed, k = imgui.combo("##Light scene", now, ["-", *names])
+        choices = {**facts.light_scenes, **({} if OF_FILE in names else {OF_FILE: ()})}
+        shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(facts.lamps) == asked)
+        now, chosen = next(shown, None), None
+        if imgui.begin_combo("##Light scene", "other levels" if now is None else now):
+            for name in choices:
+                chosen = name if imgui.selectable(name or NAMELESS, name == now)[0] else chosen
+            imgui.end_combo()
         ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
                "within a second.")  # fmt: skip
-        if changed and k:
-            s = s.in_light_scene(facts.light_scenes[names[k - 1]])
+        if chosen is not None:
+            s = s.in_light_scene(choices[chosen])
             actions.add("fade")
     ui.label("Keep as")
     em = imgui.get_font_size()
@@ -80,32 +84,50 @@ def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     return s
 
 
-def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, LampSetting, str]:
-    """Draw a lamp's row; return whether it changed, the lamp, and the name of the lamp that is alone."""
-    em, before = imgui.get_font_size(), lamp
-    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+def _row(lamp: LampSetting, solo: str, k: int, facts: Facts, names: float) -> tuple[bool, LampSetting, str]:
+    """Draw a lamp's row; return whether it changed, the lamp, and the name of the lamp that is alone.
+
+    names: width of the longest name [points].
+    """
+    em, before, gap = imgui.get_font_size(), lamp, imgui.get_style().item_inner_spacing.x
+    left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     lit = lamp.on and solo in ("", lamp.name)
+    flux = _shown(_flux(lamp, solo, k, facts), facts)
     _, on = imgui.checkbox("##on", lamp.on)
     lamp = lamp._replace(on=on)
     ui.tip("On or off.")
-    imgui.same_line()
+    imgui.same_line(0, gap)
+    name_at, most = imgui.get_cursor_pos_x(), min(names, MOST_NAME * width)
     imgui.begin_disabled(not lit)
-    imgui.text(lamp.name)
+    imgui.align_text_to_frame_padding()
+    imgui.text(ui.shortened(lamp.name, most))
     imgui.end_disabled()
-    imgui.same_line(right - 5.2 * em)
-    if imgui.button("Solo" if solo != lamp.name else "All", (3.2 * em, 0)):
-        solo = "" if solo == lamp.name else lamp.name
-    ui.tip("This lamp alone; press again for all that are on. The exposure stays, to compare lamps; key A meters it.")
-    imgui.same_line(right - 1.5 * em)
-    lamp = _colour(lamp, facts.lamp_colours[k])
-    flux = _shown(_flux(lamp, solo, k, facts), facts)
+    ui.tip(f"{lamp.name}: {flux}")
+    right = left + width - SOLO_EM * em
+    colour_at = right - gap - imgui.get_frame_height()
+    level_end = colour_at - gap
+    if width > WIDE_EM * em:
+        level_end -= FLUX_EM * em
+        imgui.same_line(colour_at - gap - imgui.calc_text_size(flux).x)
+        imgui.text(flux)
+    level_at = name_at + most + gap
+    imgui.same_line(level_at)
+    imgui.set_next_item_width(level_end - level_at)
     imgui.begin_disabled(not lit)
-    shown = f"{100 * lamp.dim:.0f} %"
-    changed, percent = ui.float_slider(shown, 100 * lamp.dim, 0.0, 100 * BRIGHTEST, flux, identity="level")
+    changed, percent = imgui.slider_float("##level", 100 * lamp.dim, 0.0, 100 * BRIGHTEST, PERCENT)
     imgui.end_disabled()
     if changed:
         lamp = lamp._replace(dim=min(max(percent / 100, 0.0), MOST))
-    ui.tip(f"Level of the lamp, 100 % as in the scene file. Ctrl-click to type one, up to {100 * MOST:.0f} %.")
+    ui.tip(f"Level of the lamp, 100 % as in the scene file: {flux} now. Ctrl-click to type one, up to "
+           f"{100 * MOST:.0f} %.")  # fmt: skip
+    imgui.same_line(colour_at)
+    lamp = _colour(lamp, facts.lamp_colours[k])
+    imgui.same_line(right)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, imgui.get_style().frame_padding.y))
+    if imgui.button("Solo" if solo != lamp.name else "All", (SOLO_EM * em, 0)):
+        solo = "" if solo == lamp.name else lamp.name
+    imgui.pop_style_var()
+    ui.tip("This lamp alone; press again for all that are on. The exposure stays, to compare lamps; key A meters it.")
     return lamp != before, lamp, solo
 
 

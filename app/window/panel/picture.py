@@ -29,7 +29,7 @@ AUTOMATIC = "Automatic"
 SWITCHES = {
     "white_balance": (
         "White balance",
-        "Draw the light of the lamps neutral, as a camera does. Off: coloured lamps look coloured.",
+        "Draw the light of the lamps at their levels neutral, as a camera does. Off: coloured lamps look coloured.",
     ),
     "cull": (
         "Back-face culling",

@@ -14,6 +14,7 @@ from app.window import theme
 
 LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
 LARGEST = 1e6  # of a number typed
+ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 DASH = "\N{EM DASH}"  # an unknown number
 
 
@@ -43,12 +44,12 @@ def int_slider(name: str, value: int, low: int, high: int, shown: str, logarithm
 
 
 def float_slider(
-    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False, identity: str = ""
+    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False
 ) -> tuple[bool, float]:
-    """Draw a slider for a float, as int_slider(); identity: of a slider whose name changes with its value."""
+    """Draw a slider for a float, as int_slider()."""
     _beside(name, shown)
     flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
-    return imgui.slider_float(f"##{identity or name}", value, low, high, "", flags)
+    return imgui.slider_float(f"##{name}", value, low, high, "", flags)
 
 
 def _beside(name: str, shown: str) -> None:
@@ -80,13 +81,18 @@ def fields(
         if k:
             imgui.same_line(0, gap)
         imgui.set_next_item_width(width)
-        changed, value = imgui.drag_float(f"##{name} {axis}", values[k], speed, 0, 0, digits)
+        changed, value = imgui.drag_float(f"##{name} {axis}", unsigned_zero(values[k], digits), speed, 0, 0, digits)
         if changed and abs(value) < LARGEST:
             numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
         first |= imgui.is_item_activated()
         last |= imgui.is_item_deactivated()
     imgui.end_group()
     return tuple(numbers), edited, first, last
+
+
+def unsigned_zero(value: float, digits: str) -> float:
+    """Return a number, 0 if it would be shown as a negative zero."""
+    return 0.0 if float(digits % value) == 0 else value
 
 
 def write_over(text: str) -> None:
@@ -114,6 +120,14 @@ def tip(text: str) -> None:
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
+
+
+def shortened(text: str, width: float) -> str:
+    """Return a text, cut to a width [points] with an ellipsis."""
+    cut = text
+    while len(cut) > 1 and imgui.calc_text_size(cut).x > width:
+        cut = text[: len(cut.removesuffix(ELLIPSIS)) - 1].rstrip() + ELLIPSIS
+    return cut
 
 
 def title(key: str) -> str:

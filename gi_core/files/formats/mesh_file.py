@@ -208,7 +208,9 @@ def _repair(vertices, faces, material, materials, notes):
     keep = np.sort(solid[order[first]])
     zero, double = len(faces) - len(solid), len(solid) - len(keep)
     if zero or double:
-        notes.append(f"left out {zero:,} triangles of zero area and {double:,} duplicates of {len(faces):,}")
+        found = (zero, "triangle", " of zero area"), (double, "duplicate", "")
+        parts = [f"{n:,} {what}{'s' * (n != 1)}{kind}" for n, what, kind in found if n]
+        notes.append(f"left out {' and '.join(parts)} of {len(faces):,}")
     return keep, sided
 
 

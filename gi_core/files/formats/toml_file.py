@@ -18,11 +18,13 @@ from gi_core.files.formats.photometry_file import PhotometryFile, read_photometr
 from gi_core.files.formats.toml_fields import Table, read_toml, shown
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions
+from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
     Camera,
     Defaults,
     DirectionalLight,
     KeyFrames,
+    LampLevel,
     Light,
     LightScene,
     PhotometricLight,
@@ -153,20 +155,35 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
 
 
 def read_light_scenes(root: Table) -> list[LightScene]:
-    """Return the tables [light_scenes.NAME]; a level is a number >= 0, or three for red, green and blue."""
+    """Return the tables [light_scenes.NAME]. Raises SceneError."""
     out = []
     tables = Table(root.values.get("light_scenes", {}), f"{root.where}: [light_scenes]", None)
     for name, values in tables.values.items():
         table = Table(values, f'{root.where}: light scene "{name}"', None)
-        out.append(LightScene(name, tuple((lamp, level(table, lamp)) for lamp in table.values)))
+        out.append(LightScene(name, tuple(lamp_level(table, lamp) for lamp in table.values)))
     return out
 
 
-def level(table: Table, lamp: str) -> tuple[float, float, float]:
-    """Return the level of a lamp: a number >= 0 for all channels, or three. Raises SceneError."""
-    if isinstance(table.values[lamp], list):
-        return table.vector(lamp, least=0)
-    return (table.number(lamp, least=0),) * 3
+def lamp_level(table: Table, lamp: str) -> LampLevel:
+    """Return the state of a lamp: a number >= 0, three for red, green and blue, or a table. Raises SceneError."""
+    value = table.values[lamp]
+    if isinstance(value, dict):
+        of = Table(value, f"{table.where}: lamp {shown(lamp)}", ("level", "colour", "on"))
+        if "colour" not in of and isinstance(of.values.get("level"), list):
+            return _coloured(lamp, of.vector("level", least=0))._replace(on=of.flag("on", True))
+        level = of.number("level", 1.0, least=0)
+        return LampLevel(lamp, level, of.vector("colour", 3, LampLevel("").colour, least=0), of.flag("on", True))
+    if isinstance(value, list):
+        return _coloured(lamp, table.vector(lamp, least=0))
+    if not is_number(value, 0):
+        rule = "must be a number >= 0, three of them, or a table such as { level = 0.5, on = false }"
+        raise SceneError(f"{table.where}: {lamp} {rule}, got {shown(value)}")
+    return LampLevel(lamp, table.number(lamp, least=0))
+
+
+def _coloured(lamp: str, rgb: tuple[float, float, float]) -> LampLevel:
+    """Return a lamp at a level per channel."""
+    return LampLevel(lamp, rgb[0]) if rgb[0] == rgb[1] == rgb[2] else LampLevel(lamp, 1.0, rgb)
 
 
 def read_up(root: Table) -> tuple[float, float, float] | None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from app.session.opening import COMPILING
-from app.session.reload import QUIET, Reload
+from app.session.reload import QUIET, Reload, words_of
 from app.session.session import Asked
+from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
 from gi_core.instruments.compile_ahead import SURFACES
+from gi_core.scene import Pose
 
 
 def test_an_edit_that_compiles_kernels_says_so_at_once():
@@ -22,3 +24,19 @@ def test_an_edit_that_compiles_kernels_says_so_at_once():
     opening.phase, now[0] = "tracing", QUIET
     assert reload.progress == opening.progress
     assert COMPILING["gloss"] == "compiling kernels for gloss, once per machine"
+
+
+def test_the_log_says_what_was_edited():
+    red, green = Finish("white", (("reflectance", (0.5, 0, 0)),)), Finish("white", (("reflectance", (0, 0.5, 0)),))
+    seat, chair = Finish("chair", (), "seat"), Insert("armchair", "armchair.glb")
+    gone = Remove("cat"), Remove("stone")
+    copy, free, fixed = Duplicate("chair 2", "chair", Pose()), Promote("desk", (0, 0, 0)), Freeze("desk", Pose())
+    assert words_of((), (red,)) == "edited: material white"
+    assert words_of((red,), (green,)) == "edited: material white"
+    assert words_of((red,), (red, seat)) == "edited: seat of chair"
+    assert words_of((), (chair,)) == "inserted: armchair"
+    assert words_of((chair,), (chair, *gone)) == "removed: cat, stone"
+    assert words_of((chair, *gone), (chair,)) == "undone: removed: cat, stone"
+    assert words_of((), (copy, free)) == "duplicated: chair; made movable: desk"
+    assert words_of((), (fixed,)) == "made static: desk"
+    assert words_of((red,), (red,)) == ""
