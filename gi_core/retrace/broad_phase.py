@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.photons.paths import PathVertices
@@ -127,7 +128,7 @@ def _near(x, y, z, first, cx, cy, cz, r2):
 
 
 @kernel
-def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
+def _scan(x, y, z, first, last, centres, radii, out):
     """List the vertices first .. last - 1 whose segment to the next vertex passes near any mobile.
 
     Returns their number, which may exceed the length of `out`.
@@ -140,9 +141,8 @@ def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
                 bits | _near(x, y, z, block, centres[m, 0], centres[m, 1], centres[m, 2], radii[m] * radii[m])
             )
         while bits != 0:
-            lowest = bits ^ (bits & (bits - np.uint32(1)))
-            bits = np.uint32(bits ^ lowest)
-            k = block + lane_of_bit[lowest % np.uint32(37)]
+            k = block + lowest_bit(bits)
+            bits &= bits - np.uint32(1)
             if k < last:
                 if n < len(out):
                     out[n] = k
@@ -162,10 +162,6 @@ def _segments_only(photon, rows, photons):
         rows[n], photons[n] = k, photon[k]
         n += photon[k] == photon[k + 1]
     return n
-
-
-_LANE_OF_BIT = np.zeros(37, np.int64)
-_LANE_OF_BIT[[2**k % 37 for k in range(32)]] = np.arange(32)  # 2 is a primitive root of 37
 
 
 class ScanBuffers:
@@ -205,7 +201,7 @@ def find_near(
     def work(part, first, last):
         rows = room.part(part, 4096)
         while True:
-            n = _scan(*levels, first, last, centres, radii, _LANE_OF_BIT, rows)
+            n = _scan(*levels, first, last, centres, radii, rows)
             if n <= len(rows):
                 break
             rows = room.part(part, n * 3 // 2)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating
 from gi_core.base.vec import row
@@ -21,7 +22,6 @@ from gi_core.discs.search.predicate import (
     Discs,
     Lines,
     blocks,
-    lane_of,
     lines_crossing,
     to_list,
 )
@@ -132,7 +132,7 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest,
                     if pretest is not None:
                         bits &= left
                     while bits != 0:
-                        candidates[n, 0], candidates[n, 1] = number[b * LANES + lane_of(bits)], e
+                        candidates[n, 0], candidates[n, 1] = number[b * LANES + lowest_bit(bits)], e
                         bits &= bits - np.uint32(1)
                         n += 1
                     if n > ROOM - LANES:
