@@ -70,7 +70,7 @@ def picture(
     front, back = both_sides(colours, weights)
     above = above_textures(meshes, gloss, weights)
     out = np.empty((height, width, 3), np.uint8)
-    pixel = pixel_steps(camera, width, height)
+    pixel = pixel_steps(camera, height)
     steps = pixel if textured and world.textures else None
     for strip in strips(accelerator, at, world, camera, size, cull, progress):
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
@@ -247,7 +247,7 @@ def planar(corners: np.ndarray, eye: np.ndarray, d: np.ndarray) -> tuple[np.ndar
     return dot(s, h) * inverse, dot(d, q) * inverse
 
 
-def pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
+def pixel_steps(camera: Turntable, height: int) -> np.ndarray:
     """Return (3, 3) float64: offsets at unit depth for one pixel right and one pixel down, and the view direction."""
     right, upward, forward = camera.basis()
     step = 2 * np.tan(camera.fov / 2) / height  # pixels are square

@@ -26,7 +26,7 @@ from gi_core.discs.search.predicate import (
     to_list,
 )
 from gi_core.discs.search.pretest import lines_left, triangles
-from gi_core.discs.search.sphere_stack import LEAST_RADII, stack_spheres
+from gi_core.discs.search.sphere_stack import stack_spheres
 from gi_core.photons.flux_sums import Sums
 
 BATCH = 1 << 15  # lines that go through all spheres together: a list of them is 1 MB
@@ -40,13 +40,13 @@ class RayCache:
 
     parts_share_lines = True  # a part is some of the discs, with every line
 
-    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True, least_radii: float = LEAST_RADII):
+    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True):
         """ordered: visit the discs along a Hilbert curve, not in the order of the mesh."""
         self.discs = discs
         rows = np.flatnonzero(to_list(discs))
         if ordered:
             rows = rows[hilbert_order(discs.positions[rows])]
-        self.spheres = stack_spheres(discs.positions[rows], float(discs.radius), least_radii)
+        self.spheres = stack_spheres(discs.positions[rows], float(discs.radius))
         filled = np.full(-(-len(rows) // LANES) * LANES, -1)
         filled[: len(rows)] = rows
         self.blocks, self.pretest = blocks(discs, filled), triangles(pretest, discs, filled)
