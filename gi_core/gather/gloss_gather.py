@@ -17,7 +17,17 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
-from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, KnownLight, PathEnds, arrive, follow, known_light, starts
+from gi_core.gather.path_tracer import (
+    SCATTER_U,
+    SCATTER_V,
+    SHADOW_GAP,
+    KnownLight,
+    PathEnds,
+    arrive,
+    follow,
+    known_light,
+    starts,
+)
 from gi_core.gather.pose_gather import KEPT, key_of
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.gloss.arrivals import SUMS
@@ -92,7 +102,7 @@ class GlossGather:
         """Return the light (k, CELLS, SUMS) of the next round at some receivers."""
         model, lights, at, seed = self._model, self._lights, self._at, self._seed
         world, size, k = model.world, model.world.size, part.stop - part.start
-        far, gap = float(np.float32(FAR * size)), 4 * ORIGIN_LIFT * size
+        far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
         own = self._normals[part], at.rotation[self._object[part]]
         number = (self.rows[part] * ROUNDS_AT_POSES + self.rounds)[:, None] * RAYS
         path = number + np.arange(RAYS)
