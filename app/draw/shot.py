@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw import raycast
-from app.draw.camera import Bounds, Turntable, from_camera
+from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.draw_mesh import DrawMesh, dimmed, draw_meshes
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
@@ -133,9 +133,5 @@ class Shot:
 
 def home_camera(solver: Solver) -> Turntable:
     """Return the viewer's initial camera."""
-    receivers = solver.receivers
-    p = receivers.positions[receivers.areas > 0]
-    low, high = (p.min(axis=0), p.max(axis=0)) if len(p) else (-np.ones(3), np.ones(3))
-    everything = Bounds(tuple(low), tuple(high))
     lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
-    return from_camera(solver.scene.camera, solver.scene.up, everything, lit)
+    return from_camera(solver.scene.camera, solver.scene.up, scene_bounds(solver.model, solver.poses), lit)
