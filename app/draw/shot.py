@@ -16,6 +16,7 @@ from app.draw.metering import metered
 from app.draw.reflected import Mirrors
 from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
+from app.draw.unlit import BACKGROUND
 from app.draw.vertex_colours import colours, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import FALSE_COLOURS, Settings
@@ -66,7 +67,7 @@ class Shot:
         if s.frame.gloss is None or not self.settings.shows_radiance or not any(m.reflectors for m in meshes):
             return None
         weights = [self.weights(o) for o in range(len(meshes))]
-        around = srgb_decode(np.array(raycast.BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
+        around = srgb_decode(np.array(BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
         pixel = 2 * math.tan(camera.fov / 2) / self.settings.size[1] if any(m.textures for m in meshes) else None
         given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around
         return Mirrors(s.model.accelerator, s.model.transforms(s.poses), *given).reflected
