@@ -130,10 +130,10 @@ def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
 def _pilot(model: Model) -> tuple[predict_error.Pilot, float]:
     """Return a pilot trace and the share of its photons that hit nothing."""
     m, store = model, PathStore()
-    while store.photons < PILOT_PHOTONS and len(store.prefix(store.photons).side) < PILOT_VERTICES:
+    while store.photons < PILOT_PHOTONS and len(store.subset(store.photons).side) < PILOT_VERTICES:
         part = PILOT_SEED, store.photons, PILOT_PART
         store.append([trace_background(m.accelerator, m.world, m.static, m.emitters, *part)[0]], 1)
-    paths = store.prefix(store.photons)
+    paths = store.subset(store.photons)
     if not len(m.emitters.kind):
         return predict_error.Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), 0.0
     missed = (np.diff(paths.offsets) == 2) & (paths.side[paths.offsets[1:] - 1] == NONE)

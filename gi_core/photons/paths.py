@@ -1,7 +1,7 @@
 """Stored background paths, and segments, the input of estimators.
 
 Positions are float32: 2^-24 of a room of 10 m is 0.6 um. Flux is int32 in fixed-point units. A path vertex takes 28
-bytes. Photons are in index order, so a photon subset is a prefix of every array.
+bytes. Photons are in index order, so a photon subset comes first in every array.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class PathStore:
             self._lamp = grown(self._lamp, photons)
             self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
 
-    def prefix(self, photons: int) -> PathVertices:
+    def subset(self, photons: int) -> PathVertices:
         """Return views of the paths of the first `photons` photons."""
         n = int(self._offsets[photons])
         vertices = self._position[:n], self._side[:n], self._flux[:n]

@@ -79,7 +79,7 @@ class CoarseStore:
         self._photon[n : n + LANES] = -1
         self._count = n
 
-    def prefix(self, vertices: int) -> Coarse:
+    def subset(self, vertices: int) -> Coarse:
         """Return views of the first `vertices` vertices."""
         n = vertices + LANES
         return Coarse(*(a[:n] for a in self._levels), self._photon[:n], self.grid)
