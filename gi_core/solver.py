@@ -118,7 +118,7 @@ class Solver:
 
     def begin_with_look(self, look: LookLight) -> None:
         """Draw a first look, at these levels of the lamps, until photons or gathered light have less noise."""
-        self._early = early_picture(look, self.model, self.levels, self.chosen.grain)
+        self._early = early_picture(look, self.model, self.levels, self.chosen.noise_per_photon)
 
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
@@ -133,7 +133,7 @@ class Solver:
         f, show = self._first_frame, partial(self._update, stop=stop)
         f.share(self.model)
         if pictures and self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered:
-            rough = self.chosen.grain > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
+            rough = self.chosen.noise_per_photon > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
             if rough and self._early is None:
                 self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
         yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)

@@ -52,7 +52,7 @@ class Chosen(NamedTuple):
     low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
     predicted: Predicted | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
-    grain: float  # relative l1 noise of tangent_plane times the root of the photons; 0: too few hits
+    noise_per_photon: float  # relative l1 noise of tangent_plane times the root of the photons; 0: too few hits
 
 
 class Predicted(NamedTuple):
@@ -82,13 +82,13 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     pilot, first_flight = _pilot(model)
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
-    predicted, grain = None, 0.0
+    predicted, noise_per_photon = None, 0.0
     if len(pilot.hits) >= predict_error.FEWEST:
         lit = predict_error.places(model, pilot, low, high, size)
         if radius is None or photons is None:
             predicted = _best(model, pilot, lit, size, radius)
             radius = predicted.radius
-        grain = math.sqrt(FEWEST_PHOTONS) * predict_error.noise(lit, radius, FEWEST_PHOTONS)
+        noise_per_photon = math.sqrt(FEWEST_PHOTONS) * predict_error.noise(lit, radius, FEWEST_PHOTONS)
     return Chosen(
         (predicted.photons if predicted else FEWEST_PHOTONS) if photons is None else int(photons),  # may be 0
         float(radius or _round(RADIUS_SHARE * size)),
@@ -98,7 +98,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         low + model.origins[0],
         high + model.origins[0],
         predicted,
-        grain,
+        noise_per_photon,
     )
 
 
