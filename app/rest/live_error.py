@@ -1,7 +1,8 @@
 """Error of the current light, measured at rest: frame time, noise, reference, comparison with another estimator.
 
 `next_task` returns one short task at a time; a drag waits for at most one. Results belong to the solver's irradiance
-and are dropped when it changes. References belong to poses; the last REMEMBERED_POSES are kept.
+and are dropped when it changes. A reference belongs to poses, to all or sampled receivers, and to levels of lamps; the
+last REMEMBERED are kept.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ LEAST_NOISE = 0.003  # ... or this, if larger
 PICTURE_NOISE = 0.01  # final noise of the reference as a picture
 FIRST_NOISE = 0.04  # noise of the reference before other work gets its turn
 TIMED_FRAMES = 3  # per setting; their median counts
-REMEMBERED_POSES = 3  # with a reference
+REMEMBERED = 3  # references
 
 
 class Wants(NamedTuple):
@@ -161,7 +162,7 @@ class LiveError:
                 (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
             )
             reference = ReferenceJob(solver, solver.poses, rows, weights, even=everywhere and not self._few)
-        self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED_POSES:])
+        self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED:])
         before = reference.look
         reference.step()
         if key[1] and (reference.picture is None or reference.look != before):

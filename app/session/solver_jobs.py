@@ -1,4 +1,4 @@
-"""Jobs of the solver's thread: refine, move, dim, time, rest.
+"""Jobs of the solver's thread: refine, move, dim, time, rest, show.
 
 `run` is called on the solver's thread; the window's thread receives its result (`solver_thread.py`).
 """

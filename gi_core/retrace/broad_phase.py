@@ -34,12 +34,12 @@ class Grid(NamedTuple):
 
 
 class Coarse(NamedTuple):
-    """Quantised path vertices, photon-major, padded by LANES vertices of no photon."""
+    """Quantised path vertices, photon-major, padded by LANES vertices of later photons or of none."""
 
     x: np.ndarray  # (n + LANES,) uint16
     y: np.ndarray
     z: np.ndarray
-    photon: np.ndarray  # (n + LANES,) int32, -1 in the padding
+    photon: np.ndarray  # (n + LANES,) int32, -1: none
     grid: Grid
 
 
