@@ -77,19 +77,19 @@ class Solver:
         self,
         photons: int | None = None,
         light: str | None = None,
-        prefix_only: bool | None = None,
+        subset_only: bool | None = None,
         gloss: str | None = None,
         **changes,
     ) -> None:
         """Change settings. Paths stay; solve_steps() repeats only the work that depends on the change.
 
-        light: as for Solver; prefix_only: frames of a photon subset take the static part's light from that subset too,
+        light: as for Solver; subset_only: frames of a photon subset take the static part's light from that subset too,
         not from all photons (for measuring); gloss: how rays at glossy receivers are kept, one of
         `gi_core.gloss.source.WAYS`; changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
         frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = checked("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
-        self.frame_light.setting.choose(light, prefix_only, gloss)
+        self.frame_light.setting.choose(light, subset_only, gloss)
         self.photons, self.setting = photons, setting
 
     @property
@@ -118,7 +118,7 @@ class Solver:
 
     def begin_with_look(self, look: LookLight) -> None:
         """Draw a first look, at these levels of the lamps, until photons or gathered light have less noise."""
-        self._early = early_picture(look, self.model, self.levels, self.chosen.grain)
+        self._early = early_picture(look, self.model, self.levels, self.chosen.noise_per_photon)
 
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
@@ -133,7 +133,7 @@ class Solver:
         f, show = self._first_frame, partial(self._update, stop=stop)
         f.share(self.model)
         if pictures and self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered:
-            rough = self.chosen.grain > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
+            rough = self.chosen.noise_per_photon > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
             if rough and self._early is None:
                 self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
         yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
@@ -182,19 +182,19 @@ class Solver:
     ) -> None:
         """Put several mobiles at new poses and update irradiance once.
 
-        photons: one of `prefixes`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
+        photons: one of `subsets`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
         `gi_core.frames.frame_size.PATHS`, None: 64; stop: called every few ms; where it is True, Interrupted
         (`gi_core.frames.progress`) breaks off the move. Raises SceneError for a name that no mobile has, a pose that is
         not rigid, and any other number of photons or paths. A move that any exception breaks off has not been made.
         """
         if photons is not None:
-            one_of(self.frame.prefixes).check(f"{self.scene.name}: the photons of a frame", photons)
+            one_of(self.frame.subsets).check(f"{self.scene.name}: the photons of a frame", photons)
         self.frame_light.mobiles.paths(paths)  # raises before the first photon too
         self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths, stop)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
         """Return photons and paths for move_all(), of the largest frame that past ones predict to fit (FrameBudget)."""
-        return self.budget.within(seconds, self.frame.prefixes, self.paths_at_rest > 0)
+        return self.budget.within(seconds, self.frame.subsets, self.paths_at_rest > 0)
 
     @property
     def paths_at_rest(self) -> int:
@@ -288,7 +288,7 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     """
     given = solver.setting._asdict() | {"photons": solver.photons, "light": solver.light, "seed": solver.seed}
     model, chosen = solver.model, solver.frame_light.setting
-    given |= {"prefix_only": chosen.prefix_only, "gloss": chosen.gloss}
+    given |= {"subset_only": chosen.subset_only, "gloss": chosen.gloss}
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)

@@ -115,9 +115,9 @@ def measure(
     other = static_solver(what, **settings | {"seed": 1})
     for estimator in estimators:
         for s in (solver, other):
-            s.configure(estimator=estimator, prefix_only=True)
+            s.configure(estimator=estimator, subset_only=True)
             s.solve()
-        for photons in solver.frame.prefixes:
+        for photons in solver.frame.subsets:
             if photons < solver.photons and (least is None or photons < least):
                 continue
             for s in (solver, other):

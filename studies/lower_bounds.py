@@ -203,7 +203,7 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     for _ in twin.build():
         pass
     photons = solver.frame.photons
-    paths = solver.frame.store.prefix(photons)[0]
+    paths = solver.frame.store.subset(photons)[0]
     for first in range(0, photons, CHUNK):
         last = min(first + CHUNK, photons)
         twin.add_background(segments_of(paths, solver.model.eps, first, last), 0)
@@ -239,7 +239,7 @@ def _looked_up(solver: Solver) -> int:
 def _rays(solver: Solver) -> list[Work]:
     """Return the rays of the last frame: along candidates for cuts, and along new suffixes, each also past mobiles."""
     model, frame = solver.model, solver.frame.change
-    paths, coarse = solver.frame.store.prefix(frame.photons)
+    paths, coarse = solver.frame.store.subset(frame.photons)
     wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near_mobiles))
     rows = candidate_segments(model, coarse, frame.at, wanted, ScanBuffers())
     near = segments_at(paths, model.eps, *rows, model.threads)

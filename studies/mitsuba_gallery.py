@@ -98,7 +98,7 @@ def parts(solver: Solver, truth: Truth) -> None:
             cells.MOST_PHOTONS, source.RADII = photons, times
             light = source.GlossSource(solver.model)
             b, f = solver.frame.background, solver.frame
-            given = b.store, b.store.prefix(b.estimate.photons)[0], b.store.weights(solver.levels)
+            given = b.store, b.store.subset(b.estimate.photons)[0], b.store.weights(solver.levels)
             found = light.light(source.QUADTREE, b.setting.radius, given, f.change, lambda stage: None)
             truth.report(f"cells of {photons:,} photons, {times} radii", solver, found.directions())
     cells.MOST_PHOTONS, source.RADII = most, radii

@@ -77,7 +77,7 @@ def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dic
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
     if pictures is not None:
         _save(solver, settings, {s: _at(shown, first + s)[2] for s in AFTER_FIRST}, pictures, Path(name).stem)
-    solver.configure(prefix_only=True)
+    solver.configure(subset_only=True)
     solver.move_all({})
     by_photons = solver.irradiance
     rows, weights = draw_by_area(in_view(solver), solver.receivers.areas, points, 10)

@@ -34,8 +34,8 @@ def front(scene: str, budget: float, light: str) -> str:
             judge.configure(photons=photons, **setting)
             judge.solve()
             out = [(float("inf"), 0, 0.0)]
-            for prefix in judge.frame.prefixes:
-                _, moving, used, seconds = errors_of(judge, samples, prefix, found.paths)
+            for subset in judge.frame.subsets:
+                _, moving, used, seconds = errors_of(judge, samples, subset, found.paths)
                 if 1e3 * seconds > LATE * budget:
                     break
                 out.append((moving, used, 1e3 * seconds))

@@ -93,11 +93,6 @@ class Turntable:
         d = forward + (2 * u - 1) * t * aspect * right + (1 - 2 * v) * t * upward
         return self.eye(), d / np.linalg.norm(d)
 
-    def project(self, point, aspect: float) -> tuple[float, float] | None:
-        """Return the picture position (u, v) of a point, None behind the eye."""
-        x, y, _, w = self.projection(aspect) @ self.view() @ [*point, 1.0]
-        return ((x / w + 1) / 2, (1 - y / w) / 2) if w > 0 else None
-
     # Motions ----------------------------------------------------------------------------------------
 
     def orbit(self, dx: float, dy: float) -> Turntable:

@@ -23,6 +23,7 @@ VIRIDIS = np.array(  # Oklab of five colours of viridis (Smith and van der Walt 
     ]
 )
 SEQUENTIAL_STEPS = 32  # of the table, whose colours are interpolated as display values
+SHARE = 0.95  # of the weight of values: within the end of their scale
 UNKNOWN = (0.24, 0.245, 0.255)  # display colour of nan, darker than the map
 
 _CUBE_ROOTS = np.array(
@@ -68,8 +69,8 @@ def _sequential() -> np.ndarray:
 SEQUENTIAL = _sequential()
 
 
-def round_scale(values: np.ndarray, weights: np.ndarray, share: float = 0.95) -> float:
-    """Return a round number (1, 2 or 5 times a power of ten) that `share` of the weight of |values| stays within.
+def round_scale(values: np.ndarray, weights: np.ndarray) -> float:
+    """Return a round number (1, 2 or 5 times a power of ten) that SHARE of the weight of |values| stays within.
 
     For the end of a scale: nan values do not count; 1 without values.
     """
@@ -79,7 +80,7 @@ def round_scale(values: np.ndarray, weights: np.ndarray, share: float = 0.95) ->
         return 1.0
     order = np.argsort(magnitude[known])
     sorted_weights = np.cumsum(np.asarray(weights, np.float64)[known][order])
-    at = float(magnitude[known][order][np.searchsorted(sorted_weights, share * sorted_weights[-1])])
+    at = float(magnitude[known][order][np.searchsorted(sorted_weights, SHARE * sorted_weights[-1])])
     if at <= 0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(at))

@@ -37,7 +37,7 @@ class GlossTexture:
         return self._shown
 
     def upload(self, light: GlossLight | None) -> None:
-        """Show the light of a frame; None: of no glossy receiver. Only what differs from the last call is uploaded."""
+        """Show the light of a frame; None changes nothing. Only what differs from the last call is uploaded."""
         if light is None or light is self._shown:
             return
         before, self._shown = self._shown, light

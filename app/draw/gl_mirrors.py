@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
-from app.draw.raycast import BACKGROUND
 from app.draw.tonemap import srgb_decode
+from app.draw.unlit import BACKGROUND
 from gi_core.gloss.sharp import PLANAR, PROBE, TAPS, Reflector
 
 if TYPE_CHECKING:

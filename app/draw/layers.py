@@ -36,7 +36,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     sharp = shot.sharp()
     white = raycast.both_sides([colours(mesh, drawn.irradiance, False) for mesh in meshes], by_vertex)
     bare = raycast.both_sides([(mesh.reflectance, mesh.reflectance) for mesh in meshes], [None] * len(meshes))
-    steps = raycast.pixel_steps(eye, width, height) if world.textures else None
+    steps = raycast.pixel_steps(eye, height) if world.textures else None
     dark = world._replace(emission=np.zeros_like(world.emission))
     out = Layers(*(np.zeros((height, width, k), np.float32) for k in (3, 3, 3, 1)))
     for strip in visible.strips(model.accelerator, at, world, eye, (width, height), shot.settings.cull, progress):

@@ -16,11 +16,11 @@ from app.draw.diagonals import along_light
 from app.draw.draw_mesh import DrawMesh, part_of
 from app.draw.false_colour import Scale, false_colours, per_radiance
 from app.draw.tonemap import to_display
+from app.draw.unlit import BACKGROUND, UNLIT
 from app.draw.vertex_colours import colours, gloss_towards, mean_radiance, weights
-from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, pixel_rays, place, strips, visible_faces
+from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, pixel_rays, place, planar, strips, visible_faces
 from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import ILLUMINANCE, LUMINANCE
-from gi_core.base.vectors import cross, dot
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
 from gi_core.geometry.texture_filter import lookup
@@ -30,8 +30,6 @@ from gi_core.rays.accelerator import Accelerator, Transforms
 if TYPE_CHECKING:
     from gi_core.gloss.light import GlossLight
 
-BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
-UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling
 GRID_ROWS = 16  # of rays that measure visible light, times the samples of a pixel
 
 
@@ -70,7 +68,7 @@ def picture(
     front, back = both_sides(colours, weights)
     above = above_textures(meshes, gloss, weights)
     out = np.empty((height, width, 3), np.uint8)
-    pixel = pixel_steps(camera, width, height)
+    pixel = pixel_steps(camera, height)
     steps = pixel if textured and world.textures else None
     for strip in strips(accelerator, at, world, camera, size, cull, progress):
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
@@ -226,7 +224,8 @@ def gradient(world: PictureScene, front, back, face, u, v, directions, facing, p
     per_weight, out = 1 / seen[:, 3], np.empty((len(face), 2))
     of_light = luminance(seen[:, :3]) * per_weight
     (light_u, weight_u), (light_v, weight_v) = ((luminance(d[:, :3]), d[:, 3]) for d in (b - a, c - a))
-    corners, straight = world.corners[face], directions.astype(np.float64)
+    corners, straight = world.corners[face].astype(np.float64), directions.astype(np.float64)
+    eye = np.asarray(eye, np.float64)
     straight = straight / (straight @ pixel[2])[:, None]
     u0, v0 = planar(corners, eye, straight)
     for k in range(2):
@@ -237,17 +236,7 @@ def gradient(world: PictureScene, front, back, face, u, v, directions, facing, p
     return out
 
 
-def planar(corners: np.ndarray, eye: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentric weights of corners 1 and 2 (n,) where rays d (n, 3) from eye (3,) meet the planes of faces."""
-    p = corners.astype(np.float64)
-    e1, e2, s = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], np.asarray(eye, np.float64) - p[:, 0]
-    h, q = cross(d, e2), cross(s, e1)
-    det = dot(e1, h)
-    inverse = np.where(det != 0, 1 / np.where(det != 0, det, 1), 0)
-    return dot(s, h) * inverse, dot(d, q) * inverse
-
-
-def pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
+def pixel_steps(camera: Turntable, height: int) -> np.ndarray:
     """Return (3, 3) float64: offsets at unit depth for one pixel right and one pixel down, and the view direction."""
     right, upward, forward = camera.basis()
     step = 2 * np.tan(camera.fov / 2) / height  # pixels are square

@@ -69,7 +69,7 @@ class Pinned(NamedTuple):
     reading: Reading | None  # None: the surface or the object is no longer there
 
 
-def new_pin(name: str, hit: Hit, direction: np.ndarray, scene: Scene, model: Model, poses: dict[str, Pose]) -> Pin:
+def new_pin(name: str, hit: Hit, direction: np.ndarray, model: Model, poses: dict[str, Pose]) -> Pin:
     """Return a pin at the hit of a ray in `direction` (3,), on the side that the ray meets."""
     o, s = hit.object, model.surfaces
     a, b, c = s.vertices[o][s.faces[o][hit.face]]
@@ -136,7 +136,7 @@ def read(
     def seen(with_reflectance: bool) -> tuple[float, bool]:
         sides, w = colours(one, drawn.irradiance, with_reflectance), weights(one, drawn.weights)
         front, back = (weighted(c, w, side) for side, c in enumerate(sides))
-        steps = pixel_steps(camera, 1, height) if with_reflectance and world.textures else None
+        steps = pixel_steps(camera, height) if with_reflectance and world.textures else None
         radiance, facing = seen_radiance(world, front, back, face, u, v, d, steps, eye)
         return float(luminance(radiance[0])), bool(facing[0] or not world.one_sided[0])
 

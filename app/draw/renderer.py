@@ -19,6 +19,7 @@ from app.draw.gl_gloss import GlossTexture
 from app.draw.gl_mirrors import GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GLTextures
+from app.draw.unlit import BACKGROUND, UNLIT
 from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from gi_core.gloss.radiance import Directions
     from gi_core.scene.types import Texture
 
-BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black patch
-UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 POINTED_OUTLINE = (0.95, 0.95, 0.95, 0.8)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw import raycast
-from app.draw.camera import Bounds, Turntable, from_camera
+from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.draw_mesh import DrawMesh, dimmed, draw_meshes
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
@@ -16,6 +16,7 @@ from app.draw.metering import metered
 from app.draw.reflected import Mirrors
 from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
+from app.draw.unlit import BACKGROUND
 from app.draw.vertex_colours import colours, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, Gains, gains_at
 from app.settings import FALSE_COLOURS, Settings
@@ -70,7 +71,7 @@ class Shot:
         if s.frame.gloss is None or not self.settings.shows_radiance or not any(m.reflectors for m in meshes):
             return None
         weights = [self.weights(o) for o in range(len(meshes))]
-        around = srgb_decode(np.array(raycast.BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
+        around = srgb_decode(np.array(BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
         pixel = 2 * math.tan(camera.fov / 2) / self.settings.size[1] if any(m.textures for m in meshes) else None
         given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around
         return Mirrors(s.model.accelerator, s.model.transforms(s.poses), *given).reflected
@@ -137,9 +138,5 @@ class Shot:
 
 def home_camera(solver: Solver) -> Turntable:
     """Return the viewer's initial camera."""
-    receivers = solver.receivers
-    p = receivers.positions[receivers.areas > 0]
-    low, high = (p.min(axis=0), p.max(axis=0)) if len(p) else (-np.ones(3), np.ones(3))
-    everything = Bounds(tuple(low), tuple(high))
     lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
-    return from_camera(solver.scene.camera, solver.scene.up, everything, lit)
+    return from_camera(solver.scene.camera, solver.scene.up, scene_bounds(solver.model, solver.poses), lit)

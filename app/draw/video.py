@@ -12,7 +12,6 @@ from PIL import Image
 PILLOW = {".gif": "GIF", ".webp": "WEBP"}
 SUFFIXES = (".mp4", *PILLOW)
 QUALITY = 18  # of H.264, constant rate factor: hardly visible losses
-LEAST_RATE, MOST_RATE = 1, 100  # pictures per second; GIF counts hundredths
 
 
 def write_video(path: Path, pictures: Iterable[np.ndarray], rate: int) -> Path:

@@ -9,6 +9,7 @@ import numpy as np
 
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
+from gi_core.base.vectors import cross, dot
 from gi_core.geometry.cutouts import covered
 from gi_core.rays.accelerator import Accelerator, Transforms
 from gi_core.rays.all_objects import nearest_in_world
@@ -192,21 +193,24 @@ def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray
 
 def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return barycentric weights of corners 1 and 2 at a ray's hit, clamped to the triangle."""
-    u, v = _weights(corners, o, d)
+    u, v = planar(corners, o, d)
     u = np.clip(u, 0, 1)
     return u, np.clip(v, 0, 1 - u)
 
 
 def _inside(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return the least barycentric weight (n,) at a ray's hit: negative outside the triangle."""
-    u, v = _weights(corners, o, d)
+    u, v = planar(corners, o, d)
     return np.minimum(np.minimum(u, v), 1 - u - v)
 
 
-def _weights(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentric weights of corners 1 and 2 where rays meet the planes of triangles."""
+def planar(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return barycentric weights (n,) of corners 1 and 2 where rays meet the planes of triangles (n, 3, 3).
+
+    o, d (n, 3) or (3,): origins and directions, all of one dtype.
+    """
     e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], o - corners[:, 0]
-    h, q = np.cross(d, e2), np.cross(s, e1)
-    det = (e1 * h).sum(axis=1)
+    h, q = cross(d, e2).astype(d.dtype, copy=False), cross(s, e1).astype(d.dtype, copy=False)
+    det = dot(e1, h)
     inverse = np.where(det != 0, 1 / np.where(det != 0, det, 1), 0)
-    return (s * h).sum(axis=1) * inverse, (d * q).sum(axis=1) * inverse
+    return dot(s, h) * inverse, dot(d, q) * inverse

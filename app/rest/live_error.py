@@ -1,7 +1,8 @@
 """Error of the current light, measured at rest: frame time, noise, reference, comparison with another estimator.
 
 `next_task` returns one short task at a time; a drag waits for at most one. Results belong to the solver's irradiance
-and are dropped when it changes. References belong to poses; the last REMEMBERED_POSES are kept.
+and are dropped when it changes. A reference belongs to poses, to all or sampled receivers, and to levels of lamps; the
+last REMEMBERED are kept.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from app.rest.measured_points import MeasuredPoint
 from app.rest.reference_job import ReferenceJob
 from app.rest.results import ReferencePicture, Report
 from app.worker import Task
-from gi_core.geometry.error import bias_left, noise_from_prefix, prefix_to_compare, relative_error
+from gi_core.geometry.error import bias_left, noise_from_subset, relative_error, subset_to_compare
 
 if TYPE_CHECKING:
     from gi_core.scene import Pose
@@ -33,7 +34,7 @@ LEAST_NOISE = 0.003  # ... or this, if larger
 PICTURE_NOISE = 0.01  # final noise of the reference as a picture
 FIRST_NOISE = 0.04  # noise of the reference before other work gets its turn
 TIMED_FRAMES = 3  # per setting; their median counts
-REMEMBERED_POSES = 3  # with a reference
+REMEMBERED = 3  # references
 
 
 class Wants(NamedTuple):
@@ -51,7 +52,7 @@ class Measured:
     twin: Solver | None  # None after the last measurement
     seconds: list[float] = field(default_factory=list)  # of frames of all photons
     photons: int = 0
-    prefix: int = 0  # photons of the subset behind the noise; 0: none
+    subset: int = 0  # photons of the subset behind the noise; 0: none
     fewer: np.ndarray | None = None  # (R, 3) irradiance of the subset
 
 
@@ -124,7 +125,7 @@ class LiveError:
         if (m := self._measured) is None:
             m = self._measured = Measured(self._solver.twin())
             if not self._solver.frame_light.static.is_gathered:  # then photons light mobiles too
-                m.twin.configure(prefix_only=True)
+                m.twin.configure(subset_only=True)
         twin = m.twin
         if len(m.seconds) < TIMED_FRAMES:
             started = self._clock()
@@ -132,21 +133,21 @@ class LiveError:
             m.seconds.append(self._clock() - started)
             m.photons = twin.frame.photons
             return
-        m.prefix = prefix_to_compare(twin.frame.prefixes) or 0
-        if m.prefix:
+        m.subset = subset_to_compare(twin.frame.subsets) or 0
+        if m.subset:
             m.fewer = self._of_fewer(m, twin)
         m.twin = None
 
     def _of_fewer(self, m: Measured, twin: Solver) -> np.ndarray:
         """Return the irradiance (R, 3) of a subset; differences on path-traced mobiles are scaled to its variance."""
         if not twin.frame.paths:
-            twin.move_all({}, m.prefix, stop=self._stop)
+            twin.move_all({}, m.subset, stop=self._stop)
             return twin.irradiance
         E = twin.irradiance
-        twin.move_all({}, m.prefix, twin.paths_at_rest // 2, self._stop)
+        twin.move_all({}, m.subset, twin.paths_at_rest // 2, self._stop)
         fewer, mobile = twin.irradiance, slice(twin.surfaces.receiver_range(0).stop, None)
         # Half the paths are independent paths: variances v and 2 v add up. A subset's difference has v (N / n - 1).
-        fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.prefix - 1) / 3)
+        fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.subset - 1) / 3)
         return fewer
 
     def _gather(self, everywhere: bool) -> None:
@@ -161,7 +162,7 @@ class LiveError:
                 (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
             )
             reference = ReferenceJob(solver, solver.poses, rows, weights, even=everywhere and not self._few)
-        self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED_POSES:])
+        self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED:])
         before = reference.look
         reference.step()
         if key[1] and (reference.picture is None or reference.look != before):
@@ -178,10 +179,10 @@ class LiveError:
         m, E, w = self._measured, self._light[reference.rows], reference.weights
         total = relative_error(E, reference.irradiance, w).l1
         noise = float("nan")
-        if m is not None and m.prefix:
+        if m is not None and m.subset:
             at = self._solver.model.transforms(self._solver.poses)
             others = self._solver.frame_light.at_poses.deviation(at)[reference.rows]
-            noise = noise_from_prefix(E, m.fewer[reference.rows], m.photons, m.prefix, w, others)
+            noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, others)
         done = not reference.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:
             reference.keep()

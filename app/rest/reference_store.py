@@ -79,7 +79,7 @@ class StateFile:
 class StaticStore(StateFile):
     """The static part's light without mobiles, see `gi_core.gather.static`: one file for any mobiles."""
 
-    def __init__(self, model: Model, seed: int, folder: Path | None = None) -> None:
+    def __init__(self, model: Model, seed: int) -> None:
         s, rows, faces = model.surfaces, model.surfaces.receiver_range(0), model.surfaces.face_range(0)
         r = model.object_receivers
         arrays: tuple[np.ndarray, ...]
@@ -93,7 +93,7 @@ class StaticStore(StateFile):
             arrays = *arrays, np.array([lamps.sources.get(light.name, 0) for light in model.scene.lights])
             arrays = *arrays, model.lamp_of_face[faces]
         key = _digest(model, seed, "static", *arrays, r.positions[rows], r.normals[rows], r.areas[rows])
-        super().__init__(key, rows.stop, folder, 3 + lamps.channels * (lamps.count > 1))
+        super().__init__(key, rows.stop, None, 3 + lamps.channels * (lamps.count > 1))
 
 
 class ReferenceStore(StateFile):

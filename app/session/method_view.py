@@ -89,7 +89,7 @@ def _change(solver: Solver, photons: int) -> PoseChange:
     """Return the difference of the paths of the first photons from the background, at the frame's poses."""
     model, store = solver.model, solver.frame.store
     at, wanted = model.transforms(solver.frame.poses), Wanted.changes(model, False)
-    paths, coarse = store.prefix(photons)
+    paths, coarse = store.subset(photons)
     return change(model, paths, coarse, at, store.seed, wanted, ScanBuffers(), lambda stage: None)
 
 

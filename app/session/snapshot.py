@@ -56,7 +56,7 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
         drawn=s.drawn(s.irradiance),
         gloss=s.frame.gloss,
         photons=s.frame.photons,
-        photons_at_rest=max(s.frame.prefixes, default=s.frame.photons),
+        photons_at_rest=max(s.frame.subsets, default=s.frame.photons),
         paths=s.frame.paths,
         paths_at_rest=s.paths_at_rest,
         setting=s.setting,

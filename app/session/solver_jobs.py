@@ -1,4 +1,4 @@
-"""Jobs of the solver's thread: refine, move, dim, time, rest.
+"""Jobs of the solver's thread: refine, move, dim, time, rest, show.
 
 `run` is called on the solver's thread; the window's thread receives its result (`solver_thread.py`).
 """
@@ -72,7 +72,7 @@ class Move:
         if self.begins:
             solver.budget.begin()
         if self.hasty:
-            size = solver.budget.choose(self.budget, solver.frame.prefixes, solver.paths_at_rest > 0)
+            size = solver.budget.choose(self.budget, solver.frame.subsets, solver.paths_at_rest > 0)
         started = self.clock()
         solver.move_all(self.poses, *size, stop=None if self.begins else self.stop)
         seconds = self.clock() - started

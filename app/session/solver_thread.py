@@ -330,7 +330,7 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
     """Time the frames of photon subsets within a budget [s], smallest first, by a twin: the frame on show stays."""
     twin = solver.twin()
     twin.budget = solver.budget
-    while (photons := solver.budget.next_to_time(seconds, solver.frame.prefixes)) is not None:
+    while (photons := solver.budget.next_to_time(seconds, solver.frame.subsets)) is not None:
         twin.move_all({}, photons, solver.size_within(0.0)[1])
         yield True
 

@@ -35,7 +35,7 @@ class Pins:
         self.waiting = False
         pins, direction = session.settings.pins, at.point - view.camera.eye()
         name = free_name(pin.name for pin in pins)
-        pin = new_pin(name, at, direction, session.scene, session.model, session.light.snapshot.poses)
+        pin = new_pin(name, at, direction, session.model, session.light.snapshot.poses)
         session.edit(pins=(*pins, pin))
 
     def remove(self, session: Session, view: View) -> None:

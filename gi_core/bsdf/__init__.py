@@ -1,6 +1,6 @@
-"""Reflection models, one per file, by `base.Bsdf`. Kernels call `lambertian` alone: all faces are diffuse so far."""
+"""Reflection of light at faces: diffuse by `lambertian`, with gloss by `ggx` or a `table`.
 
-from gi_core.bsdf import lambertian
-from gi_core.bsdf.base import Bsdf
-
-BSDFS: dict[str, Bsdf] = {"lambertian": lambertian}
+Kernels ask the queries of `surface`: is_glossy() and tangent_of() of a face, scattered() for a photon, and value(),
+pdf() and sampled() for a path. The type of a scene's faces chooses their code. Kernels call `lambertian` where
+is_glossy() is False.
+"""

@@ -1,4 +1,8 @@
-"""The perfectly diffuse surface: f = rho / pi, sampled by pdf = cos / pi. See the package for the contract."""
+"""The perfectly diffuse surface: f = rho / pi, sampled by pdf = cos / pi.
+
+Directions are unit, in the frame of the reflecting side, z along its normal. Photons and paths multiply their flux by
+weight(), so no caller evaluates f alone.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,17 @@ from gi_core.base.random_numbers import cosine_hemisphere
 
 @kernel
 def sample(u, v):
-    """Return a direction (x, y, z) distributed as pdf()."""
+    """Return a direction (x, y, z), z >= 0, distributed as pdf(), from two numbers in [0, 1)."""
     return cosine_hemisphere(u, v)
 
 
 @kernel
 def pdf(cos_out):
-    """Return the density [1/sr] of sample()."""
+    """Return the density [1/sr] of sample() at a direction of z = cos_out; 0 below the surface."""
     return max(0.0, cos_out) / math.pi
 
 
 @kernel
 def weight(rho):
-    """Return f cos / pdf of a sampled direction: rho exactly, without the rounding of the quotient."""
+    """Return f cos / pdf of a sampled direction for a channel: rho exactly, without the rounding of the quotient."""
     return rho

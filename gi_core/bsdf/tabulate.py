@@ -30,14 +30,14 @@ ANISOTROPIC = Resolution(32, 9, 48, 48)
 
 
 @lru_cache(maxsize=32)
-def tabulate(lobes: tuple[Lobe, ...], scale: bool = False, resolution: Resolution | None = None) -> Table:
+def tabulate(lobes: tuple[Lobe, ...], scale: bool = False) -> Table:
     """Return the table of a linear combination of lobes.
 
     ValueError, one sentence, if the surface would reflect more light than arrives; with `scale` it is darkened to 1 at
     those angles instead, and the table says by how much.
     """
     anisotropic = not _isotropic(lobes)
-    size = resolution or (ANISOTROPIC if anisotropic else ISOTROPIC)
+    size = ANISOTROPIC if anisotropic else ISOTROPIC
     kd = sum((lobe.factor * MODELS[lobe.model].diffuse(lobe.values()) for lobe in lobes), np.zeros(3))
     if kd.max() > 1.0:
         raise ValueError(f"{_names(lobes)} has a diffuse albedo of {kd.max():.3g}, and must have at most 1")

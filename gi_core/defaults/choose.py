@@ -52,7 +52,7 @@ class Chosen(NamedTuple):
     low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
     predicted: Predicted | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
-    grain: float  # relative l1 noise of tangent_plane times the root of the photons; 0: too few hits
+    noise_per_photon: float  # relative l1 noise of tangent_plane times the root of the photons; 0: too few hits
 
 
 class Predicted(NamedTuple):
@@ -82,13 +82,13 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     pilot, first_flight = _pilot(model)
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
-    predicted, grain = None, 0.0
+    predicted, noise_per_photon = None, 0.0
     if len(pilot.hits) >= predict_error.FEWEST:
         lit = predict_error.places(model, pilot, low, high, size)
         if radius is None or photons is None:
             predicted = _best(model, pilot, lit, size, radius)
             radius = predicted.radius
-        grain = math.sqrt(FEWEST_PHOTONS) * predict_error.noise(lit, radius, FEWEST_PHOTONS)
+        noise_per_photon = math.sqrt(FEWEST_PHOTONS) * predict_error.noise(lit, radius, FEWEST_PHOTONS)
     return Chosen(
         (predicted.photons if predicted else FEWEST_PHOTONS) if photons is None else int(photons),  # may be 0
         float(radius or _round(RADIUS_SHARE * size)),
@@ -98,7 +98,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         low + model.origins[0],
         high + model.origins[0],
         predicted,
-        grain,
+        noise_per_photon,
     )
 
 
@@ -130,10 +130,10 @@ def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
 def _pilot(model: Model) -> tuple[predict_error.Pilot, float]:
     """Return a pilot trace and the share of its photons that hit nothing."""
     m, store = model, PathStore()
-    while store.photons < PILOT_PHOTONS and len(store.prefix(store.photons).side) < PILOT_VERTICES:
+    while store.photons < PILOT_PHOTONS and len(store.subset(store.photons).side) < PILOT_VERTICES:
         part = PILOT_SEED, store.photons, PILOT_PART
         store.append([trace_background(m.accelerator, m.world, m.static, m.emitters, *part)[0]], 1)
-    paths = store.prefix(store.photons)
+    paths = store.subset(store.photons)
     if not len(m.emitters.kind):
         return predict_error.Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), 0.0
     missed = (np.diff(paths.offsets) == 2) & (paths.side[paths.offsets[1:] - 1] == NONE)

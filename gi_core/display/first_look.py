@@ -41,12 +41,12 @@ class EarlyPicture(NamedTuple):
         return photons < self.photons and poses == self.poses and np.array_equal(levels, self.levels)
 
 
-def early_picture(look: LookLight, model: Model, levels: np.ndarray, grain: float) -> EarlyPicture:
+def early_picture(look: LookLight, model: Model, levels: np.ndarray, noise_per_photon: float) -> EarlyPicture:
     """Return a look as light for the first pictures, until photons have less noise.
 
-    levels (G, 3): of the lamps; grain: relative noise of the photons' light times the root of their number.
+    levels (G, 3): of the lamps; noise_per_photon: relative noise of the photons' light times the root of their number.
     """
-    photons = round((grain / look.noise) ** 2) if look.noise > 0 else 0
+    photons = round((noise_per_photon / look.noise) ** 2) if look.noise > 0 else 0
     return EarlyPicture(look.drawn, photons, model.start_poses(), levels.copy())
 
 

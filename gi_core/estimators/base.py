@@ -19,7 +19,7 @@ from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import SubsetStore
+from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
 
@@ -36,7 +36,7 @@ class Estimator(Protocol):
 
     # Facts about the photons added and about the last frame.
     photons: int  # photons that the last prepare() covered; 0 before
-    prefixes: SubsetStore  # photon subsets that evaluate() and background() accept
+    subsets: SubsetStore  # photon subsets that evaluate() and background() accept
     control_facts: ControlFacts  # receivers under correction; zeros if there are none
     searches: list[Search]  # over the discs of each object, static part first; empty without discs or before build()
 
@@ -66,7 +66,7 @@ class Estimator(Protocol):
     def prepare(self, photons: int) -> Iterator[None]:
         """Estimate static receivers from all that was added, the first `photons`, in steps of a few ms.
 
-        The estimate is kept in `prefixes`, known once the steps have run through. They may be abandoned and
+        The estimate is kept in `subsets`, known once the steps have run through. They may be abandoned and
         begun again.
         """
 

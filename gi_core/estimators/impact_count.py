@@ -17,7 +17,7 @@ from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, CutFlux, Evaluated, FrameSums, Sums, ThreadSums
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import SubsetStore
+from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 
@@ -62,7 +62,7 @@ class ImpactCount:
         # A receiver's area is a third of its faces; the mean divides by whole faces.
         self.area = 3 * model.object_receivers.areas
         self.photons = 0
-        self.prefixes = SubsetStore()  # sums of the background
+        self.subsets = SubsetStore()  # sums of the background
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.searches: list[Search] = []
         shape = len(self.area), model.emitters.lamps.channels
@@ -84,14 +84,14 @@ class ImpactCount:
     def prepare(self, photons: int) -> Iterator[None]:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
         self._added.move_to(self._background)
-        self.prefixes[photons] = self._background.copy()
+        self.subsets[photons] = self._background.copy()
         self.photons = photons
         return iter(())
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         rows = self.model.surfaces.receiver_range(0)
-        return self.prefixes[photons][rows], self.area[rows]
+        return self.subsets[photons][rows], self.area[rows]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the needs of a frame: path changes only."""

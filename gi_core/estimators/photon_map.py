@@ -33,7 +33,7 @@ from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, chunks_of
 from gi_core.photons.hit_grid import HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import SubsetStore
+from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
 from gi_core.scene.pose import to_world_at
@@ -75,7 +75,7 @@ class PhotonMap:
         self.searches: list[Search] = []
         self._parts: list[Hits] = []
         self.photons = 0
-        self.prefixes = SubsetStore()  # of _Prepared
+        self.subsets = SubsetStore()  # of _Prepared
         self._static = model.surfaces.receiver_range(0)
         points, normals = self._receivers(model.static, self._static)
         self._receiver_grid = build(_as_hits(points, normals), self.radius)
@@ -107,12 +107,12 @@ class PhotonMap:
             found.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
             yield
         sums, area, reach2 = (np.concatenate(a) for a in zip(*found, strict=True))
-        self.prefixes[photons] = _Prepared(sums, area, reach2, grid, uncut)
+        self.subsets[photons] = _Prepared(sums, area, reach2, grid, uncut)
         self.photons = photons
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
-        return self.prefixes[photons].sums, self.prefixes[photons].area
+        return self.subsets[photons].sums, self.subsets[photons].area
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the needs of a frame: path changes only."""
@@ -120,7 +120,7 @@ class PhotonMap:
 
     def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return the frame's sums and areas."""
-        background = self.prefixes[frame.photons]
+        background = self.subsets[frame.photons]
         changed = [self._hits(s, frame.at) for s in (frame.kept_prefixes, frame.new_suffixes)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
         removed = self._hits(frame.removed_suffixes.segments(self.model.threads), frame.at)

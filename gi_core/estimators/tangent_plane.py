@@ -34,7 +34,7 @@ from gi_core.photons.flux_sums import (
     ThreadSums,
 )
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import SubsetStore
+from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
@@ -65,7 +65,7 @@ class TangentPlane:
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.photons = 0
-        self.prefixes = SubsetStore()  # sums of the background
+        self.subsets = SubsetStore()  # sums of the background
         self.searches: list[Search] = []
         self._channels = model.emitters.lamps.channels
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, self._channels), np.int64)
@@ -118,12 +118,12 @@ class TangentPlane:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
         yield from self._intersections.settle()
         self._added.move_to(self._background)
-        self.prefixes[photons] = self._background.copy()
+        self.subsets[photons] = self._background.copy()
         self.photons = photons
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
-        return self.prefixes[photons], self.area[: len(self._background)]
+        return self.subsets[photons], self.area[: len(self._background)]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the segments that a frame at these poses needs; `mobiles`: for the light of mobiles too."""
@@ -145,7 +145,7 @@ class TangentPlane:
                 self._accumulate(batches, frame.at, removed_suffixes, pause)
             rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, contacts)
             added[0].touched[rows >> CHUNK_BITS] = True
-            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(contacts), frame.kept_prefixes)
+            out = self._frame.collect(self.subsets[frame.photons], self._areas_of(contacts), frame.kept_prefixes)
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise

@@ -22,7 +22,7 @@ from gi_core.lights.mix import irradiance_at
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
-from gi_core.photons.prefixes import SubsetStore
+from gi_core.photons.subsets import SubsetStore
 from gi_core.photons.trace import add_fates, no_flux
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
 
@@ -98,7 +98,7 @@ class Photons:
         if earlier is not None:
             model.take_over_shapes(earlier.model)
         if earlier is not None and earlier.count and earlier.seed == seed:
-            self._known = known_paths(earlier.model, model, earlier.prefix(earlier.count)[0])
+            self._known = known_paths(earlier.model, model, earlier.subset(earlier.count)[0])
         self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
         self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
@@ -113,21 +113,21 @@ class Photons:
         """Return the weights (G, 3) of sums per lamp for light at levels (G, 3)."""
         return levels * self.model.emitters.scale[:, None]
 
-    def prefix(self, photons: int) -> tuple[PathVertices, Coarse]:
+    def subset(self, photons: int) -> tuple[PathVertices, Coarse]:
         """Return views of the paths of the first photons, whole and quantised."""
-        paths = self._store.prefix(photons)
-        return paths, self._coarse.prefix(len(paths.side))
+        paths = self._store.subset(photons)
+        return paths, self._coarse.subset(len(paths.side))
 
     def segments(self, photons: int) -> int:
         """Return the number of segments of the first photons."""
-        return len(self.prefix(photons)[0].side) - photons
+        return len(self.subset(photons)[0].side) - photons
 
     def affordable(self, wanted: int, bytes_per_hit: int) -> int:
         """Return the wanted photons that fit into memory; the estimator needs bytes_per_hit per path vertex."""
         self.memory_full = False
         if not self.count:
             return wanted
-        vertices, left = len(self._store.prefix(self.count).side), memory.available()
+        vertices, left = len(self._store.subset(self.count).side), memory.available()
         more = float(MAX_SEGMENTS - vertices)
         if left is not None:
             more = min(more, max(left - SPARE_MEMORY, 0) / (BYTES_PER_VERTEX + bytes_per_hit))
@@ -179,7 +179,7 @@ class Photons:
     def _estimate(self, b: Background, count: int) -> None:
         """Add the next traced photons to a background, on all threads."""
         m, added = self.model, b.added
-        known = self._store.prefix(added + count)
+        known = self._store.subset(added + count)
         part = max(1, min(PART, PART_VERTICES * (added + count) // len(known.side)))
 
         def work(thread, first, last):

@@ -42,7 +42,7 @@ class EarlierLight(NamedTuple):
 
 def earlier_light(b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> EarlierLight:
     """Return light of a background's static part, to be changed by edits; arguments as in EarlierLight."""
-    by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.prefixes}
+    by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
     return EarlierLight(_places(b.model), per_lamp, deviation, error, b.setting, by_photons)
 
 
@@ -59,7 +59,7 @@ class EditedLight:
     def photons(self, b: Background) -> int:
         """Return the largest number of photons, of the background, whose light before the edit is known; 0: none."""
         known = self.earlier.by_photons if b.setting == self.earlier.setting else {}
-        return max((n for n in b.estimate.prefixes if n in known), default=0)
+        return max((n for n in b.estimate.subsets if n in known), default=0)
 
     def show(self, b: Background, around: Neighbours, gathered: StaticGather) -> None:
         """Let gathered light be that before the edit with the change that the photons of a background say."""
@@ -69,7 +69,7 @@ class EditedLight:
         self._shown = b, photons
         G = self._known(self.earlier.per_lamp)
         change = self._change(b, photons, G)
-        fewer = max((n for n in b.estimate.prefixes if n in self.earlier.by_photons and 2 * n <= photons), default=0)
+        fewer = max((n for n in b.estimate.subsets if n in self.earlier.by_photons and 2 * n <= photons), default=0)
         variance = np.zeros(len(G))
         if fewer:
             apart = sum_of_lamps(change - self._change(b, fewer, G)) ** 2 / (photons / fewer - 1)

@@ -12,7 +12,7 @@ from gi_core.frames.frame import Frame
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
 from gi_core.model import Model
-from gi_core.photons.prefixes import is_level, next_level
+from gi_core.photons.subsets import is_level, next_level
 
 STEP_SECONDS = 0.02  # aim per step; of 6 ms, a third would be overhead
 FIRST_STEP_SECONDS = 0.08  # the same before the first picture: nothing can be dragged yet
@@ -119,7 +119,7 @@ class FirstFrame:
             yield from self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)
         while b.added < (goal := self._affordable(wanted(), b)):
-            if is_level(b.added) and b.estimate.additive and b.added not in b.estimate.prefixes:
+            if is_level(b.added) and b.estimate.additive and b.added not in b.estimate.subsets:
                 yield from _prepare(b, wanted())
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)

@@ -77,9 +77,9 @@ class Frame(NamedTuple):
         return round(self.photons * self.store.model.emitters.effective(self.levels))
 
     @property
-    def prefixes(self) -> tuple[int, ...]:
+    def subsets(self) -> tuple[int, ...]:
         """Numbers of photons that a frame can be computed from, ascending; the last is all."""
-        return tuple(sorted(self.background.estimate.prefixes)) if self.background is not None else ()
+        return tuple(sorted(self.background.estimate.subsets)) if self.background is not None else ()
 
     @property
     def changes(self) -> Changes:
@@ -167,7 +167,7 @@ def next_frame(
         changed, evaluated = shown.change, shown.evaluated
     else:
         b.evaluated = None
-        paths, coarse = store.prefix(size.photons)
+        paths, coarse = store.subset(size.photons)
         wanted = estimate.wanted(at, mobiles=not size.paths)
         if reach:
             wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, reach))

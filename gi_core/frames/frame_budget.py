@@ -74,12 +74,12 @@ class FrameBudget:
         if size.paths and rays_traced:
             self._path_times.add(size.paths, gathering)
 
-    def next_to_time(self, seconds: float, prefixes: Sequence[int]) -> int | None:
+    def next_to_time(self, seconds: float, subsets: Sequence[int]) -> int | None:
         """Return the smallest photon subset below all photons that still needs timing; None if there is none.
 
         seconds: the budget; subsets predicted to exceed it need no timing.
         """
-        for photons in prefixes[:-1]:
+        for photons in subsets[:-1]:
             times = self._photon_times.of(photons)
             if times and times[-1] > seconds:
                 return None
@@ -89,33 +89,33 @@ class FrameBudget:
 
     # -- choices ----------------------------------------------------------------------------------
 
-    def within(self, seconds: float, prefixes: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
+    def within(self, seconds: float, subsets: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
         """Return the most photons and paths whose frame is predicted to fit; unknown costs count as too high.
 
-        prefixes: photon subsets, ascending; gathers: whether mobiles gather their light.
+        subsets: photon subsets, ascending; gathers: whether mobiles gather their light.
         """
         paths = None
         if gathers:
             paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= PATHS_AT_REST])
             seconds -= self._path_times.expected(paths) or 0.0
-        if not prefixes:
+        if not subsets:
             return None, paths
-        return self._photon_times.largest_within(seconds, good_enough(prefixes)), paths
+        return self._photon_times.largest_within(seconds, good_enough(subsets)), paths
 
     def begin(self) -> None:
         """Begin a motion: the next frame chooses the size."""
         self._chosen_for = None
 
-    def choose(self, seconds: float, prefixes: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
+    def choose(self, seconds: float, subsets: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
         """Return the size of a motion's next frame: that of the first frame, or a smaller one after late frames.
 
         seconds: budget per frame; 0: always all photons and paths.
         """
-        if seconds <= 0 or not prefixes:
+        if seconds <= 0 or not subsets:
             self._size = None, None
-        elif self._chosen_for != seconds or self._size[0] not in prefixes:
-            self._size, self._late = self.within(seconds, prefixes, gathers), 0
-        elif self._late >= IN_A_ROW and (smaller := [n for n in good_enough(prefixes) if n < self._size[0]]):
+        elif self._chosen_for != seconds or self._size[0] not in subsets:
+            self._size, self._late = self.within(seconds, subsets, gathers), 0
+        elif self._late >= IN_A_ROW and (smaller := [n for n in good_enough(subsets) if n < self._size[0]]):
             self._size, self._late = (smaller[-1], self._size[1]), 0
         self._chosen_for = seconds
         return self._size
@@ -126,6 +126,6 @@ class FrameBudget:
         self._late = self._late + 1 if late else 0
 
 
-def good_enough(prefixes: Sequence[int]) -> list[int]:
+def good_enough(subsets: Sequence[int]) -> list[int]:
     """Return the photon subsets with acceptable noise."""
-    return [n for n in prefixes if n >= min(LEAST, prefixes[-1])]
+    return [n for n in subsets if n >= min(LEAST, subsets[-1])]

@@ -52,7 +52,7 @@ class FrameGloss:
         """
         setting = self._static.setting
         levels, gathers = setting.levels, setting.takes_gathered_gloss
-        photons = b.store, b.store.prefix(b.estimate.photons)[0], b.store.weights(levels)
+        photons = b.store, b.store.subset(b.estimate.photons)[0], b.store.weights(levels)
         rest = self._gathered.at_rest(b, levels) if self._static.is_gathered and gathers else None
         on_mobiles = self._mobiles.write_cells if self._by_paths(paths) else None
         light = self.source.light(setting.gloss, b.setting.radius, photons, change, clock, rest, on_mobiles)

@@ -18,20 +18,20 @@ LIGHTS = ("best", "photons")
 class LightSetting:
     """`light` is one of LIGHTS. "photons": the estimator lights everything. "best": gathered light has a part.
 
-    levels (G, 3): of the lamps; never written to. prefix_only: frames of a photon subset start from the static light of
+    levels (G, 3): of the lamps; never written to. subset_only: frames of a photon subset start from the static light of
     that subset, as in the report. gloss: how rays at glossy receivers are kept, one of `gi_core.gloss.source.WAYS`.
     """
 
     levels: np.ndarray
     light: str = "photons"
-    prefix_only: bool = False
+    subset_only: bool = False
     gloss: str = QUADTREE
 
-    def choose(self, light: str | None, prefix_only: bool | None, gloss: str | None = None) -> None:
+    def choose(self, light: str | None, subset_only: bool | None, gloss: str | None = None) -> None:
         """Change the settings; None keeps one. Raises SceneError for an unknown light or way of gloss."""
         self.gloss = self.gloss if gloss is None else one_of(WAYS).check("gloss", gloss)
         self.light = self.light if light is None else one_of(LIGHTS).check("light", light)
-        self.prefix_only = self.prefix_only if prefix_only is None else FLAG.check("prefix_only", prefix_only)
+        self.subset_only = self.subset_only if subset_only is None else FLAG.check("subset_only", subset_only)
 
     @contextmanager
     def dimmed_to(self, levels: np.ndarray) -> Iterator[None]:
@@ -46,7 +46,7 @@ class LightSetting:
     @property
     def takes_gathered(self) -> bool:
         """Whether frames may take gathered light of the static part, and at resting poses."""
-        return self.light == "best" and not self.prefix_only
+        return self.light == "best" and not self.subset_only
 
     @property
     def takes_gathered_gloss(self) -> bool:

@@ -59,7 +59,7 @@ class MobileLight:
         photons, levels = b.estimate.photons, self._static.setting.levels
         light = self._static.irradiance(b, photons)
         if self._coarse is None or self._coarse[:2] != (b, photons):
-            some, _ = b.store.prefix(min(photons, coarse_faces.MOST_PHOTONS))
+            some, _ = b.store.subset(min(photons, coarse_faces.MOST_PHOTONS))
             self._coarse = b, photons, CoarseFaces.of(b.model, some, math.pi * b.setting.radius**2)
         given = light, self._unreached.static, levels
         if self._reflectance is None or not all(map(operator.is_, self._reflectance[0], given)):

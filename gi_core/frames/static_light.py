@@ -16,7 +16,7 @@ from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.progress import Progress
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import PhotonLight, StaticGather
-from gi_core.geometry.error import luminance, noise_from_prefix, prefix_to_compare
+from gi_core.geometry.error import luminance, noise_from_subset, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
@@ -24,10 +24,10 @@ from gi_core.model import Model
 
 def _photon_noise(b: Background) -> float:
     """Return the relative l1 noise of a background's photons; inf where they are too few to measure it."""
-    photons, fewer = b.estimate.photons, prefix_to_compare(b.estimate.prefixes)
+    photons, fewer = b.estimate.photons, subset_to_compare(b.estimate.subsets)
     if fewer is None:
         return math.inf
-    return noise_from_prefix(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
+    return noise_from_subset(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
 
 
 class StaticLight:
@@ -65,11 +65,11 @@ class StaticLight:
         """Return irradiance (n, 3) [W/m2] of static receivers, for a frame of `photons` photons."""
         if self.is_gathered:
             return self.gathered_at(self.setting.levels)
-        return b.irradiance(photons if self.setting.prefix_only else b.estimate.photons, self.setting.levels)
+        return b.irradiance(photons if self.setting.subset_only else b.estimate.photons, self.setting.levels)
 
     def is_own(self, b: Background, photons: int) -> bool:
         """Whether irradiance() is that of the frame's own photons: nothing is a better source."""
-        return not self.is_gathered and (self.setting.prefix_only or photons == b.estimate.photons)
+        return not self.is_gathered and (self.setting.subset_only or photons == b.estimate.photons)
 
     def shown_irradiance(self, shown: Background | None) -> np.ndarray:
         """Return irradiance() for all photons of the background on show; zeros without photons."""

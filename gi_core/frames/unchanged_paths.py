@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.fixed_point import MAX_PATH
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
-from gi_core.photons.trace import Fates, add_fates, no_flux, trace_background
+from gi_core.photons.trace import Fates, add_fates, add_fates_behind, add_to, no_flux, trace_background
 
 
 class KnownPaths(NamedTuple):
@@ -96,17 +95,12 @@ def _part(paths: PathVertices, first: int, last: int) -> PathVertices:
 
 
 def _fates(paths: PathVertices, rows: np.ndarray, lamps: int) -> Fates:
-    """Return the flux by fate of some of the photons, rows (N,) bool: what a path loses on its way is absorbed."""
-    out, ends = no_flux(lamps), paths.offsets[1:] - 1
-    segments = ends - paths.offsets[:-1]
-    emitted, final = paths.flux[paths.offsets[:-1]].astype(np.int64), paths.flux[ends - 1].astype(np.int64)
-    escaped = paths.side[ends] == NONE
-    truncated = ~escaped & (segments >= MAX_PATH)
+    """Return the flux by fate of some of the photons, rows (N,) bool."""
+    out, photons, sums = no_flux(lamps), np.flatnonzero(rows), np.zeros((3, 3 * lamps), np.int64)
+    starts = paths.offsets[photons]
     for g in range(lamps):
-        these = rows & (paths.lamp == g)
-        columns = slice(3 * g, 3 * g + 3)
-        out.emitted[columns] = emitted[these].sum(axis=0)
-        out.escaped[columns] = final[these & escaped].sum(axis=0)
-        out.truncated[columns] = final[these & truncated].sum(axis=0)
-        out.absorbed[columns] = out.emitted[columns] - out.escaped[columns] - out.truncated[columns]
+        these = starts[paths.lamp[photons] == g]
+        out.emitted[3 * g : 3 * g + 3] = paths.flux[these].sum(axis=0, dtype=np.int64)
+    add_fates_behind(paths.offsets, paths.side, paths.flux, paths.lamp, photons, starts, sums)
+    add_to(out, sums)
     return out

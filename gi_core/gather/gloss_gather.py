@@ -17,7 +17,17 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
-from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, KnownLight, PathEnds, arrive, follow, starts
+from gi_core.gather.path_tracer import (
+    SCATTER_U,
+    SCATTER_V,
+    SHADOW_GAP,
+    KnownLight,
+    PathEnds,
+    arrive,
+    follow,
+    known_light,
+    starts,
+)
 from gi_core.gather.pose_gather import KEPT, key_of
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.gloss.arrivals import SUMS
@@ -92,7 +102,7 @@ class GlossGather:
         """Return the light (k, CELLS, SUMS) of the next round at some receivers."""
         model, lights, at, seed = self._model, self._lights, self._at, self._seed
         world, size, k = model.world, model.world.size, part.stop - part.start
-        far, gap = float(np.float32(FAR * size)), 4 * ORIGIN_LIFT * size
+        far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
         own = self._normals[part], at.rotation[self._object[part]]
         number = (self.rows[part] * ROUNDS_AT_POSES + self.rounds)[:, None] * RAYS
         path = number + np.arange(RAYS)
@@ -162,23 +172,6 @@ class GlossGathers:
             found = GlossGather(self._model, self._seed, rows, at, lights, known)
         self._kept = dict([*self._kept.items(), (key, (discs, found))][-KEPT - 1 :])
         return found
-
-
-def known_light(model: Model, at: Transforms, irradiance: np.ndarray, disc_area: float) -> KnownLight:
-    """Return the light in which rays end: irradiance (R, 3) [W/m2] of the objects in `at`.
-
-    Rays go on from faces with a black corner, which is inside another object, and from faces larger than a disc, whose
-    corners say little about their light.
-    """
-    s, objects = model.surfaces, len(at.position)
-    faces, receivers = slice(0, int(s.first_face[objects])), slice(0, int(s.first_receiver[objects]))
-    points, front, back = model.object_receivers.positions[receivers], s.corner_front[faces], s.corner_back[faces]
-    of = np.searchsorted(s.first_receiver[1:], np.arange(len(points)), side="right")
-    black = ~(irradiance[receivers] > 0).any(axis=1)
-    unknown = black[front].any(axis=1) | (s.two_sided[faces] & black[back].any(axis=1))
-    unknown |= s.areas[faces] > disc_area
-    there = to_world_at(at.rotation[of], at.position[of], points)
-    return KnownLight(there, front, back, irradiance[receivers], np.where(unknown, np.inf, 0.0))
 
 
 @kernel

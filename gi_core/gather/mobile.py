@@ -183,7 +183,7 @@ class MobileGather:
         return places
 
     def _room(self, m: int) -> list[ReceiverBatch | None]:
-        """Return the cached batches of 2^m paths, None at first; those of other path counts are evicted beyond KEPT."""
+        """Return the cached batches of 2^m paths, None at first; beyond CACHED_PATHS others are evicted."""
         if m not in self._batches:
             if sum(len(self._positions) << k for k in (*self._batches, m)) > CACHED_PATHS:
                 self._batches.clear()

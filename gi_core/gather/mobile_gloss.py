@@ -18,15 +18,16 @@ from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
+from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import GRAZING
 from gi_core.lights.candidates import CANDIDATES, Candidates, unoccluded
 from gi_core.lights.light_sampling import AreaLights
 from gi_core.lights.next_event import Shadows
 
-SUMS = 7  # of a cell: irradiance of three channels, weight times direction in the frame of the normal, weight
 ROOM = 64  # rays that are added at a time: columns of SUMS lines of scratch memory, one after the other
-# First columns of these lines. Unsigned, as LLVM vectorises no loop that checks for negative indices.
+# First columns of these lines: irradiance of three channels, weight times direction in the frame of the normal, weight.
+# Unsigned, as LLVM vectorises no loop that checks for negative indices.
 RED, GREEN, BLUE, X, Y, Z, WEIGHT = (np.uint64(line * ROOM) for line in range(SUMS))
 GRAIN = 64  # receivers per thread
 

@@ -30,6 +30,7 @@ from gi_core.lights.next_event import (
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
+from gi_core.scene.pose import to_world_at
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light
@@ -55,20 +56,39 @@ class PathEnds(NamedTuple):
 
 
 class KnownLight(NamedTuple):
-    """Irradiance of the static part, in which paths end where a hit is farther than `least` [m] of its face.
+    """Irradiance of objects, in which paths end where a hit is farther than `least` [m] of its face.
 
     Nearer hits lie in shadows that receivers do not resolve, such as that of a foot on the floor; paths go on there
     (Jensen 2001, secondary final gathering).
     """
 
-    points: np.ndarray  # (>= R, 3) float64 of the receivers [m], static ones first
+    points: np.ndarray  # (R, 3) float64 of the receivers [m], static ones first
     corner_front: np.ndarray  # (F, 3) int32, receivers at the corners of a face, on its front
     corner_back: np.ndarray  # (F, 3) int32, on its back
-    irradiance: np.ndarray  # (R, 3) float64 of the static receivers [W/m2]
-    least: np.ndarray  # (F,) float64 of static faces [m]; empty: paths end nowhere
+    irradiance: np.ndarray  # (R, 3) float64 of these receivers [W/m2]
+    least: np.ndarray  # (F,) float64 of these faces [m], inf: none end there; empty: paths end nowhere
 
 
 NOTHING_KNOWN = KnownLight(np.zeros((0, 3)), *np.zeros((2, 0, 3), np.int32), np.zeros((0, 3)), np.zeros(0))
+
+
+def known_light(
+    model: Model, at: Transforms, irradiance: np.ndarray, disc_area: float, least: np.ndarray | float = 0.0
+) -> KnownLight:
+    """Return the light in which paths end: irradiance (R, 3) [W/m2] of the objects in `at`, beyond `least` (F,) [m].
+
+    Paths go on from faces with a black corner, which is inside another object, and from faces larger than a disc
+    [m2], whose corners say little about their light.
+    """
+    s, objects = model.surfaces, len(at.position)
+    faces, receivers = slice(0, int(s.first_face[objects])), slice(0, int(s.first_receiver[objects]))
+    points, front, back = model.object_receivers.positions[receivers], s.corner_front[faces], s.corner_back[faces]
+    of = np.searchsorted(s.first_receiver[1:], np.arange(len(points)), side="right")
+    black = ~(irradiance[receivers] > 0).any(axis=1)
+    unknown = black[front].any(axis=1) | (s.two_sided[faces] & black[back].any(axis=1))
+    unknown |= s.areas[faces] > disc_area
+    there = to_world_at(at.rotation[of], at.position[of], points)
+    return KnownLight(there, front, back, irradiance[receivers], np.where(unknown, np.inf, least))
 
 
 def starts(path, row, position, normal) -> PathEnds:

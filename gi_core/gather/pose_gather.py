@@ -26,7 +26,7 @@ import numpy as np
 
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
-from gi_core.gather.path_tracer import NOTHING_KNOWN, KnownLight, gather
+from gi_core.gather.path_tracer import NOTHING_KNOWN, KnownLight, gather, known_light
 from gi_core.gather.point_gather import PATHS_PER_POINT
 from gi_core.gather.reference import ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
@@ -152,13 +152,8 @@ class PosePaths:
 
     def end_in(self, static: np.ndarray) -> None:
         """Let paths from mobiles end in this irradiance (n, 3) [W/m2] of the static part, mobiles in place."""
-        s, faces = self._points.model.surfaces, self._points.model.surfaces.face_range(0)
-        front, back = s.corner_front[faces], s.corner_back[faces]
-        black = ~(static > 0).any(axis=1)  # inside another object
-        unknown = black[front].any(axis=1) | (s.two_sided[faces] & black[back].any(axis=1))
-        unknown |= s.areas[faces] > self._disc_area
-        least = np.where(unknown, np.inf, self._points.face_lengths)
-        self._known = KnownLight(self._points.model.object_receivers.positions, front, back, static, least)
+        model = self._points.model
+        self._known = known_light(model, model.static, static, self._disc_area, self._points.face_lengths)
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""

@@ -2,7 +2,7 @@
 
 Truth T is `reference.py` or a closed form at `evaluation_points()`. All measures are of luminance and weigh each
 receiver by the area that it stands for. Noise has two measures. `error_parts` compares with the estimator's limit at
-very many photons. `noise_from_prefix` compares with the first photons of the same solution.
+very many photons. `noise_from_subset` compares with the first photons of the same solution.
 """
 
 from __future__ import annotations
@@ -82,26 +82,26 @@ def noise_of_truth(standard_error: np.ndarray, T: np.ndarray, weights: np.ndarra
     return float(np.sqrt(2 / np.pi) * (w * s).sum() / light) if light > 0 else float("nan")
 
 
-def prefix_to_compare(prefixes: Iterable[int]) -> int | None:
-    """Return the largest photon subset of at most half of all photons, which are the last of `prefixes`; or None."""
-    prefixes = sorted(prefixes)
-    return max((n for n in prefixes[:-1] if 0 < 2 * n <= prefixes[-1]), default=None)
+def subset_to_compare(subsets: Iterable[int]) -> int | None:
+    """Return the largest photon subset of at most half of all photons, which are the last of `subsets`; or None."""
+    subsets = sorted(subsets)
+    return max((n for n in subsets[:-1] if 0 < 2 * n <= subsets[-1]), default=None)
 
 
-def noise_from_prefix(
-    E: np.ndarray, fewer: np.ndarray, photons: int, prefix: int, weights: np.ndarray, other: np.ndarray | float = 0.0
+def noise_from_subset(
+    E: np.ndarray, fewer: np.ndarray, photons: int, subset: int, weights: np.ndarray, other: np.ndarray | float = 0.0
 ) -> float:
-    """Return the relative l1 noise of irradiance E (n, 3) of `photons`, from that of its first `prefix`, (n, 3).
+    """Return the relative l1 noise of irradiance E (n, 3) of `photons`, from that of its first `subset`, (n, 3).
 
-    N photons have variance v / N. The difference of the two therefore has variance v (1 / prefix - 1 / photons): that
-    of E times photons / prefix - 1. Noise of a Sobol sequence falls faster, so this overestimates.
+    N photons have variance v / N. The difference of the two therefore has variance v (1 / subset - 1 / photons): that
+    of E times photons / subset - 1. Noise of a Sobol sequence falls faster, so this overestimates.
     Any other effect of the number of photons (the search radius of nearest neighbours) counts as noise here.
     `other`: standard error of the luminance (n,) [W/m2] from sources that both share and that are not photons.
-    Raises ValueError unless 0 < prefix < photons.
+    Raises ValueError unless 0 < subset < photons.
     """
-    if not 0 < prefix < photons:
-        raise ValueError(f"prefix must be in 1 .. {photons - 1}, got {prefix}")
-    off = np.abs(luminance(fewer) - luminance(E)) / math.sqrt(photons / prefix - 1)
+    if not 0 < subset < photons:
+        raise ValueError(f"subset must be in 1 .. {photons - 1}, got {subset}")
+    off = np.abs(luminance(fewer) - luminance(E)) / math.sqrt(photons / subset - 1)
     light = float((weights * luminance(E)).sum())
     # A normal deviate has mean magnitude sqrt(2 / pi).
     return float((weights * np.sqrt(off * off + 2 / math.pi * np.square(other))).sum()) / light if light else math.nan

@@ -36,7 +36,7 @@ def static_discs(model: Model, radius: float, materials: Iterable[str] | None = 
 
 def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
     """Return all background segments of the first `photons` traced photons, prepared for static discs."""
-    paths = solver.frame.store.prefix(photons)[0]
+    paths = solver.frame.store.subset(photons)[0]
     return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
 
 

@@ -1,7 +1,7 @@
 """Stored background paths, and segments, the input of estimators.
 
 Positions are float32: 2^-24 of a room of 10 m is 0.6 um. Flux is int32 in fixed-point units. A path vertex takes 28
-bytes. Photons are in index order, so a photon subset is a prefix of every array.
+bytes. Photons are in index order, so a photon subset comes first in every array.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class PathStore:
             self._lamp = grown(self._lamp, photons)
             self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
 
-    def prefix(self, photons: int) -> PathVertices:
+    def subset(self, photons: int) -> PathVertices:
         """Return views of the paths of the first `photons` photons."""
         n = int(self._offsets[photons])
         vertices = self._position[:n], self._side[:n], self._flux[:n]
@@ -162,7 +162,7 @@ def interval(length, hits, eps):
 
 
 @kernel
-def _write(offsets, position, side, flux, lamp, eps, base, photon, k, row, out):
+def _write(offsets, position, side, flux, lamp, eps, photon, k, row, out):
     """Write the whole background segment that leaves vertex k of a photon to a row."""
     origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce, lamps = out
     for c in range(3):
@@ -177,30 +177,30 @@ def _write(offsets, position, side, flux, lamp, eps, base, photon, k, row, out):
     start_side[row] = side[k]
     end_side[row] = side[k + 1]
     cut_side[row] = NONE
-    photons[row] = base + photon
+    photons[row] = photon
     bounce[row] = k - offsets[photon]
     lamps[row] = lamp[photon]
 
 
 @kernel
-def _write_photons(offsets, position, side, flux, lamp, eps, base, first, last, out):
+def _write_photons(offsets, position, side, flux, lamp, eps, first, last, out):
     row = 0
     for i in range(first, last):
         for k in range(offsets[i], offsets[i + 1] - 1):
-            _write(offsets, position, side, flux, lamp, eps, base, i, k, row, out)
+            _write(offsets, position, side, flux, lamp, eps, i, k, row, out)
             row += 1
 
 
 @kernel
 def _write_rows(offsets, position, side, flux, lamp, eps, photons, rows, first, last, out):
     for j in range(first, last):
-        _write(offsets, position, side, flux, lamp, eps, 0, photons[j], rows[j], j, out)
+        _write(offsets, position, side, flux, lamp, eps, photons[j], rows[j], j, out)
 
 
-def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int, base: int = 0) -> Segments:
-    """Return the whole segments of photons first .. last - 1 of `paths`, whose first photon is `base`."""
+def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int) -> Segments:
+    """Return the whole segments of photons first .. last - 1."""
     out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
-    _write_photons(*paths, eps, base, first, last, tuple(out))
+    _write_photons(*paths, eps, first, last, tuple(out))
     return out
 
 

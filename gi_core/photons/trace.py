@@ -54,6 +54,26 @@ def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
         total += sign * part
 
 
+@inlined
+def _fate(side, segments):
+    """Return the fate of a photon at the end of its segments, at a side; _ABSORBED: it may also be reflected there."""
+    return _ESCAPED if side < 0 else (_TRUNCATED if segments >= MAX_PATH else _ABSORBED)
+
+
+@kernel
+def add_fates_behind(offsets, side, flux, lamp, photons, vertices, fates):
+    """Add the fates of flux of paths behind the given vertices (n,) of photons (n,): lost per bounce, and at the end.
+
+    offsets .. lamp: of PathVertices; fates (3, 3 G) int64.
+    """
+    for j in range(len(photons)):
+        end = offsets[photons[j] + 1] - 1
+        fate = _fate(side[end], end - offsets[photons[j]])
+        for c in range(3):
+            fates[_ABSORBED, 3 * lamp[photons[j]] + c] += flux[vertices[j], c] - flux[end - 1, c]
+            fates[fate, 3 * lamp[photons[j]] + c] += flux[end - 1, c]
+
+
 class PhotonRays(NamedTuple):
     """Photons in flight: origin, direction and flux. A path that outgrows its memory waits here for more."""
 
@@ -74,14 +94,10 @@ def _scatter(seed, world, at, photon, vertex, start, end, side, flux, lamp, fate
     survival probability at a diffuse face is the largest channel of rho, so no channel grows.
     """
     goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
-    fate, a, b, c = _ABSORBED, np.int32(0), np.int32(0), np.int32(0)
-    if side < 0:
-        fate = _ESCAPED
-    elif vertex >= MAX_PATH:
-        fate = _TRUNCATED
-    elif surface.is_glossy(world.bsdfs, side >> 1):
+    fate, a, b, c = _fate(side, vertex), np.int32(0), np.int32(0), np.int32(0)
+    if fate == _ABSORBED and surface.is_glossy(world.bsdfs, side >> 1):
         goes_on, dx, dy, dz, a, b, c = _scatter_glossy(seed, world, at, photon, vertex, start, end, side, flux)
-    else:
+    elif fate == _ABSORBED:
         f, rho = side >> 1, world.bsdfs.reflectance
         survival = max(rho[f, 0], max(rho[f, 1], rho[f, 2]))
         u, v = random_numbers.bounce_numbers(seed, photon, vertex)

@@ -108,7 +108,7 @@ def build(meshes: Meshes, leaf: int = LEAF) -> np.ndarray:
 
 
 # The layout of RTCRayHit, in words of 4 bytes; its last one is 23.
-_TNEAR, _TIME, _TFAR, _MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE = 3, 7, 8, 9, 10, 11, 17, 18, 19
+_TNEAR, _TIME, _TFAR, MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE = 3, 7, 8, 9, 10, 11, 17, 18, 19
 
 
 @inlined

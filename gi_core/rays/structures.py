@@ -52,7 +52,8 @@ def new_ray() -> np.ndarray:
     room = np.zeros(WORDS + 3, np.float32)
     first = -(room.ctypes.data // 4) % 4  # Embree needs 16-byte alignment
     ray = room[first : first + WORDS]
-    ray.view(np.int32)[9] = -1  # the mask of RTCRay
+    if embree:
+        ray.view(np.int32)[embree.MASK] = -1
     return ray
 
 

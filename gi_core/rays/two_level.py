@@ -110,21 +110,11 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
 
 
 @kernel
-def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_side):
-    """Write the static ends of n rays: end (n, 3) float32 and side (n,) int32 (NONE: no hit).
-
-    scenes: of an Accelerator; origin, direction (n, 3) float32, unit; side (n,) int32 that each ray leaves.
-    """
-    for k in range(len(origin)):
-        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
-        x, y, z, end_side[k] = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side[k])
-        end[k, 0], end[k, 1], end[k, 2] = x, y, z
-
-
-@kernel
 def nearest_mobile(scenes, ray, world, at, origin, end, side, cut, cut_side):
-    """Write the first cuts of n lines by mobiles: distance (n,) float32 [m] (inf: none) and side (n,) int32."""
+    """Write the first cuts of n lines by mobiles: distance (n,) float32 [m] (inf: none) and side (n,) int32.
+
+    scenes: of an Accelerator; origin, end (n, 3) float32; side (n,) int32 that each line leaves.
+    """
     for k in range(len(origin)):
         ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
         ex, ey, ez = end[k, 0], end[k, 1], end[k, 2]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.photons.paths import PathVertices
@@ -33,12 +34,12 @@ class Grid(NamedTuple):
 
 
 class Coarse(NamedTuple):
-    """Quantised path vertices, photon-major, padded by LANES vertices of no photon."""
+    """Quantised path vertices, photon-major, padded by LANES vertices of later photons or of none."""
 
     x: np.ndarray  # (n + LANES,) uint16
     y: np.ndarray
     z: np.ndarray
-    photon: np.ndarray  # (n + LANES,) int32, -1 in the padding
+    photon: np.ndarray  # (n + LANES,) int32, -1: none
     grid: Grid
 
 
@@ -78,7 +79,7 @@ class CoarseStore:
         self._photon[n : n + LANES] = -1
         self._count = n
 
-    def prefix(self, vertices: int) -> Coarse:
+    def subset(self, vertices: int) -> Coarse:
         """Return views of the first `vertices` vertices."""
         n = vertices + LANES
         return Coarse(*(a[:n] for a in self._levels), self._photon[:n], self.grid)
@@ -127,7 +128,7 @@ def _near(x, y, z, first, cx, cy, cz, r2):
 
 
 @kernel
-def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
+def _scan(x, y, z, first, last, centres, radii, out):
     """List the vertices first .. last - 1 whose segment to the next vertex passes near any mobile.
 
     Returns their number, which may exceed the length of `out`.
@@ -140,9 +141,8 @@ def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
                 bits | _near(x, y, z, block, centres[m, 0], centres[m, 1], centres[m, 2], radii[m] * radii[m])
             )
         while bits != 0:
-            lowest = bits ^ (bits & (bits - np.uint32(1)))
-            bits = np.uint32(bits ^ lowest)
-            k = block + lane_of_bit[lowest % np.uint32(37)]
+            k = block + lowest_bit(bits)
+            bits &= bits - np.uint32(1)
             if k < last:
                 if n < len(out):
                     out[n] = k
@@ -162,10 +162,6 @@ def _segments_only(photon, rows, photons):
         rows[n], photons[n] = k, photon[k]
         n += photon[k] == photon[k + 1]
     return n
-
-
-_LANE_OF_BIT = np.zeros(37, np.int64)
-_LANE_OF_BIT[[2**k % 37 for k in range(32)]] = np.arange(32)  # 2 is a primitive root of 37
 
 
 class ScanBuffers:
@@ -205,7 +201,7 @@ def find_near(
     def work(part, first, last):
         rows = room.part(part, 4096)
         while True:
-            n = _scan(*levels, first, last, centres, radii, _LANE_OF_BIT, rows)
+            n = _scan(*levels, first, last, centres, radii, rows)
             if n <= len(rows):
                 break
             rows = room.part(part, n * 3 // 2)

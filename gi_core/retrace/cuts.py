@@ -17,7 +17,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices, Segments, concatenate, empty_segments, segments_at, take
-from gi_core.photons.trace import Fates, add_to, emitted_rays, follow, no_flux, reflected
+from gi_core.photons.trace import Fates, add_fates_behind, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile
@@ -60,7 +60,7 @@ class PoseChange(NamedTuple):
         """Fates of all photons at these poses, minus those of the background."""
         sums, paths = np.zeros((3, len(self.new_fates.emitted)), np.int64), self.removed_suffixes.paths
         given = paths.offsets, paths.side, paths.flux, paths.lamp
-        _fates_behind(*given, self.removed_suffixes.photon, self.removed_suffixes.vertex, sums)
+        add_fates_behind(*given, self.removed_suffixes.photon, self.removed_suffixes.vertex, sums)
         fates = Fates(*(flux.copy() for flux in self.new_fates))
         add_to(fates, sums, -1)
         return fates
@@ -244,14 +244,3 @@ def split_at_cuts(segments: Segments) -> tuple[Segments, Segments]:
     np.minimum.at(first, photon[cut], segments.bounce[cut])
     kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
     return take(segments, kept_prefixes), take(segments, segments.bounce > first[photon])
-
-
-@kernel
-def _fates_behind(offsets, side, flux, lamp, photons, vertices, sums):
-    """Add the fates of background flux behind the given vertices to `sums`: flux lost per bounce, and at the end."""
-    for j in range(len(photons)):
-        end = offsets[photons[j] + 1] - 1
-        fate = 1 if side[end] < 0 else (2 if end - offsets[photons[j]] >= MAX_PATH else 0)
-        for c in range(3):
-            sums[0, 3 * lamp[photons[j]] + c] += flux[vertices[j], c] - flux[end - 1, c]
-            sums[fate, 3 * lamp[photons[j]] + c] += flux[end - 1, c]

@@ -69,12 +69,12 @@ def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, 
     paths: per receiver of a mobile, as in Solver.move_all(). setting: fields of Setting.
     """
     twin = solver.twin(fresh=True)
-    twin.configure(photons=min(PHOTONS, solver.photons), prefix_only=True, **setting)
+    twin.configure(photons=min(PHOTONS, solver.photons), subset_only=True, **setting)
     twin.solve()
-    counts = np.array(twin.frame.prefixes[-COUNTS:], np.int64)
+    counts = np.array(twin.frame.subsets[-COUNTS:], np.int64)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(samples), 2, len(counts)))
-    for kind, prefix_only in enumerate((True, False)):
-        twin.configure(prefix_only=prefix_only)
+    for kind, subset_only in enumerate((True, False)):
+        twin.configure(subset_only=subset_only)
         for n, count in enumerate(counts):
             for p, (poses, sample) in enumerate(samples):  # innermost: mobiles move in each frame
                 twin.move_all(poses, int(count), paths)
@@ -91,7 +91,7 @@ def errors_of(
 
     A frame in motion has the photon subset nearest to `frame` photons, and `paths` per receiver of mobiles.
     """
-    prefix = min(solver.frame.prefixes, key=lambda n: abs(n - frame))
+    subset = min(solver.frame.subsets, key=lambda n: abs(n - frame))
     at_rest = moving = 0.0
     seconds = []
     for poses, sample in samples:
@@ -99,8 +99,8 @@ def errors_of(
         at_rest += sample.squared_error(solver.irradiance) / len(samples)
     for _ in range(3):
         for poses, sample in samples:
-            solver.move_all(poses, prefix, paths)
+            solver.move_all(poses, subset, paths)
             seconds.append(sum(solver.frame.timings.values()))
             moving += sample.squared_error(solver.irradiance) / (3 * len(samples))
     at_rest, moving = (float(np.sqrt(max(e, 0.0))) for e in (at_rest, moving))
-    return at_rest, moving, prefix, float(np.median(seconds))
+    return at_rest, moving, subset, float(np.median(seconds))

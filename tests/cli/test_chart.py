@@ -286,7 +286,7 @@ def test_rows_of_the_report_find_theirs():
 
 
 def test_rows_of_other_machines_and_commits_stay_and_do_not_count(tmp_path):
-    setting = Choice("tangent_plane", 100, 100, 0.1, 5, True, "prefix")._asdict()
+    setting = Choice("tangent_plane", 100, 100, 0.1, 5, True, "best")._asdict()
     a = Results(tmp_path, UNDER, Choice._fields)
     a.add({**setting, "frame_ms": 1.25})
     b = Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields)

@@ -13,6 +13,7 @@ from app.draw.draw_mesh import draw_meshes
 from app.draw.false_colour import Scale
 from app.draw.shot import Shot
 from app.draw.tonemap import to_display
+from app.draw.unlit import BACKGROUND, UNLIT
 from app.draw.vertex_colours import colours
 from app.session.picture import metadata_of
 from app.settings import LampSetting, Settings, make_solver
@@ -110,7 +111,7 @@ def test_front_seen_and_its_colour_exact():
     shot = shot_of(card(), replace(SMALL, exposure=0.5), [np.pi, np.pi, np.pi])
     picture = shot.take()
     assert centre(picture) == to_display(np.array([0.5, 0.4, 0.3]), 0.5, "aces").tolist()
-    assert picture[0, 0].tolist() == bytes_of(raycast.BACKGROUND)
+    assert picture[0, 0].tolist() == bytes_of(BACKGROUND)
 
 
 def test_false_colours_of_a_known_irradiance_are_those_of_the_map():
@@ -230,8 +231,8 @@ def test_a_vertex_of_small_weight_hardly_counts():
 
 def test_backs_of_one_sided_faces_are_culled_or_shown_unlit():
     scene = behind(card())
-    assert centre(shot_of(scene, SMALL, 1.0).take()) == bytes_of(raycast.BACKGROUND)
-    assert centre(shot_of(scene, replace(SMALL, cull=False), 1.0).take()) == bytes_of(raycast.UNLIT)
+    assert centre(shot_of(scene, SMALL, 1.0).take()) == bytes_of(BACKGROUND)
+    assert centre(shot_of(scene, replace(SMALL, cull=False), 1.0).take()) == bytes_of(UNLIT)
 
 
 def test_backs_of_two_sided_faces_show_their_own_light():
@@ -262,14 +263,11 @@ def test_every_pixel_inside_a_closed_room_is_hit():
     """Seen from inside, no ray may pass between two adjacent triangles."""
     scene = replace(room(), camera=Camera((0.5, 0.5, 0.9), (0.5, 0.4, 0.0), 90.0))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), 1.0)
-    assert not (shot.take() == bytes_of(raycast.BACKGROUND)).all(axis=2).any()
+    assert not (shot.take() == bytes_of(BACKGROUND)).all(axis=2).any()
 
 
 def test_ray_cast_picture_equals_the_opengl_picture():
     """Same colours, camera, sides, tone map: all but edge pixels agree (measured: 0.24 % are 8 steps of 255 apart)."""
-    from app.draw import renderer
-
-    assert (raycast.BACKGROUND, raycast.UNLIT) == (renderer.BACKGROUND, renderer.UNLIT)
     solver = make_solver(room(), SMALL)
     solver.solve()
     shown = replace(SMALL, show="irradiance"), replace(SMALL, show="illuminance", illuminance_range=(0.0, 20.0))

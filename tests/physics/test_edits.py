@@ -69,7 +69,7 @@ def solved(scene: Scene, **changes) -> Solver:
 
 def photons_that_meet(solver: Solver, faces: np.ndarray) -> int:
     """Return how many photons of a solver meet one of the faces (F,) bool of the static part, path by path."""
-    paths = photons_of(solver).prefix(solver.photons)[0]
+    paths = photons_of(solver).subset(solver.photons)[0]
     sides = (paths.side[a:b] for a, b in zip(paths.offsets[:-1], paths.offsets[1:], strict=True))
     return sum(bool(faces[path[path != NONE] >> 1].any()) for path in sides)
 
@@ -252,11 +252,11 @@ def test_a_promoted_piece_looks_as_before_and_freezes_back():
 
 
 def test_settings_stay():
-    solver = solved(room(), light="best", gloss="list", prefix_only=True, search="brute_force")
+    solver = solved(room(), light="best", gloss="list", subset_only=True, search="brute_force")
     other = edited_solver(solver, edited(room(), [EDITS["material"]]))
     assert other.setting == solver.setting and other.light == "best" and other.photons == solver.photons
     chosen = other.frame_light.setting
-    assert chosen.gloss == "list" and chosen.prefix_only
+    assert chosen.gloss == "list" and chosen.subset_only
 
 
 def test_levels_of_lamps_stay():

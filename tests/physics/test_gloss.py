@@ -26,6 +26,7 @@ from gi_core.scene.types import Camera, Gloss, Material, Mobile, PointLight, Pos
 from gi_core.solver import Solver, edited_solver
 from tests.support.brdf_cases import COPPER
 from tests.support.brdf_tables import exact, nodes
+from tests.support.projection import projected
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -264,7 +265,7 @@ def test_a_mobile_of_every_model_in_a_furnace_shows_its_directional_albedo():
             picture = srgb_decode(shot.take() / 255)
             for k, (name, values) in enumerate(FURNACE.items()):
                 middle = np.array([*(CORNER + SIDE * (step + 0.5) for step in (k % TILES, k // TILES)), 0.0])
-                x, y = (int(160 * share) for share in shot.camera.project(R @ middle + place, 1.0))
+                x, y = (int(160 * share) for share in projected(shot.camera, R @ middle + place, 1.0))
                 seen = picture[y - 3 : y + 4, x - 3 : x + 4].mean(axis=(0, 1))
                 towards = (local - middle) / np.linalg.norm(local - middle)
                 expected = 0.5 * expected_share(lobe(name, values), towards)

@@ -223,7 +223,7 @@ def test_refined_equals_solved_at_once(estimator):
     assert np.array_equal(refined.irradiance, solved(estimator=estimator).irradiance)
 
 
-def test_a_prefix_of_more_photons_is_the_smaller_solution(estimator):
+def test_a_subset_of_more_photons_is_the_smaller_solution(estimator):
     many = solved(estimator=estimator, photons=2 * PHOTONS)
     many.configure(photons=PHOTONS)
     many.solve()

@@ -32,7 +32,7 @@ def test_no_large_lamp_is_noisier_than_chance(width, ground, height, radius):
     panel = quad((-half, -half, height), (0, width, 0), (width, 0, 0), (1, 1), 1)
     scene = Scene(merge(floor(ground, 16), panel), (BLACK, lamp(RADIANCE)), up=(0.0, 0.0, 1.0), name="panel")
     solver = Solver(scene, photons=COUNTS[-1], radius=radius)
-    solver.configure(prefix_only=True)
+    solver.configure(subset_only=True)
     solver.solve()
 
     def field(p):

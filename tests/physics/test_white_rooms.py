@@ -59,7 +59,7 @@ def test_paths_do_not_depend_on_the_memory_of_a_step(monkeypatch):
         monkeypatch.setattr(trace, "USUAL", usual)
         solver = solved(white_room(0.98, 0.9), 300, estimator="tangent_plane")
         photons, change = solver.frame.store, solver.frame.change
-        paths, _ = photons.prefix(300)
+        paths, _ = photons.subset(300)
         assert np.diff(paths.offsets).max() > 200 and change.new_suffixes.bounce.max() > 100
         found.append((*paths, *change.new_suffixes, *photons.fates, *change.fates))
     for other in found[1:]:

@@ -30,7 +30,7 @@ def middle(picture):
 
 
 def background():
-    from app.draw.renderer import BACKGROUND
+    from app.draw.unlit import BACKGROUND
 
     return np.round(255 * np.array(BACKGROUND)).astype(int)
 

@@ -22,7 +22,7 @@ from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.photons.hit_grid import OTHER_SIDE
 from gi_core.rays.structures import new_ray
-from gi_core.rays.two_level import nearest_mobile, nearest_static
+from gi_core.rays.two_level import nearest_mobile, static_end
 from gi_core.scene.pose import rotation
 from tests.support.contact_twin import regions_in_company
 
@@ -204,10 +204,10 @@ class Twin:
         return sums, area
 
 
-def _static_end(m: Model, at, *ray):
-    end, side = np.empty((1, 3), F32), np.empty(1, np.int32)
-    nearest_static(m.accelerator.scenes, new_ray(), m.world, at, *ray, end, side)
-    return end, side
+def _static_end(m: Model, at, origin, direction, side):
+    """Return the static end (1, 3) float32 of a ray (1, 3) that leaves a side (1,), and the side that it hits (1,)."""
+    x, y, z, hit = static_end(m.accelerator.scenes, new_ray(), m.world, at, *origin[0], *direction[0], side[0])
+    return np.array([[x, y, z]], F32), np.array([hit], np.int32)
 
 
 def _cut(m: Model, at, *line):

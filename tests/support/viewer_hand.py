@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 
+from tests.support.projection import projected
 from tests.support.viewer_support import PATIENCE
 
 PAUSE = 0.01  # s between frames that wait: drawing them would take the processor from the light
@@ -45,7 +46,7 @@ class Hand:
     def at(self, point) -> tuple[float, float]:
         """Return where a point of the scene is in the window."""
         v = self.viewer.viewport.view
-        x, y = v.camera.project(point, v.aspect)
+        x, y = projected(v.camera, point, v.aspect)
         return v.origin[0] + x * v.size[0], v.origin[1] + y * v.size[1]
 
     def move(self, to) -> None:

@@ -242,7 +242,7 @@ class CountingSolver:
         self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
         self.photon_seconds, self.wrong = photon_seconds, wrong
         self.frame = SimpleNamespace(
-            photons=0, paths=0, segments=0, prefixes=(), timings={}, probe_irradiance={}, search_summary="",
+            photons=0, paths=0, segments=0, subsets=(), timings={}, probe_irradiance={}, search_summary="",
             changes=Changes(0, 0, 0), control_facts=ControlFacts(0.0, 0, 0), store=SimpleNamespace(memory_full=False),
             fates={"emitted": np.zeros(3), "truncated": np.zeros(3)}, levels=np.ones((1, 3)), effective_photons=0,
             gloss=None,
@@ -263,14 +263,14 @@ class CountingSolver:
         return Setting(self.estimator, self.radius, self.neighbours)
 
     @property
-    def prefixes(self) -> tuple[int, ...]:
+    def subsets(self) -> tuple[int, ...]:
         return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
 
     def drawn(self, irradiance, poses=None) -> Drawn:
         return Drawn(irradiance, None)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
-        return self.budget.within(seconds, self.prefixes, False)
+        return self.budget.within(seconds, self.subsets, False)
 
     def move_seconds(self, photons: int) -> float:
         return 0.004 + self.photon_seconds * photons
@@ -286,13 +286,13 @@ class CountingSolver:
             picture = k % 10 == 0
             if picture:
                 self.frame.photons = self.at_rest = self.photons * k // self.steps
-                self.frame.prefixes = self.prefixes
+                self.frame.subsets = self.subsets
                 self.irradiance = np.full_like(self.irradiance, len(self.log))
                 self._learn(self.at_rest)
             yield Progress("tracing", k / self.steps, picture)
 
     def move_all(self, poses, photons: int | None = None, paths: int | None = None, stop=None) -> None:
-        assert photons is None or photons in self.prefixes
+        assert photons is None or photons in self.subsets
         photons = self.at_rest if photons is None else photons
         started = self.clock.now
         for k in range(STAGES):
@@ -311,7 +311,7 @@ class CountingSolver:
 
     def _time(self, poses, photons: int, paths: int | None) -> None:
         """A frame of the twin: the picture stays."""
-        assert not poses and photons in self.prefixes
+        assert not poses and photons in self.subsets
         self.clock.now += self.move_seconds(photons)
         self._learn(photons)
         self.log.append(("timed", photons))

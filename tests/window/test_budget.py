@@ -80,7 +80,7 @@ def test_held_mobile_shows_all_photons_then_the_same_subset():
     assert drag(s, 5, first=5) == [500] * 5
 
 
-def test_playing_uses_one_prefix():
+def test_playing_uses_one_subset():
     s = make()
     s.toggle_play()
     for _ in range(20):
@@ -171,7 +171,7 @@ def test_a_picture_of_few_photons_settles_before_refinement_goes_on():
     assert s.light._solver.moved_with[-2:] == [500, 1000] and s.light.snapshot.photons == 1000
 
 
-def test_refinement_at_rest_continues_from_the_prefix():
+def test_refinement_at_rest_continues_from_the_subset():
     """When the drag begins, only the photons of the first picture are traced; the rest follows afterwards."""
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
@@ -334,10 +334,10 @@ def test_failed_settling_is_logged_once_and_the_drag_continues():
     assert drag(s, 2, first=3) == [500, 500]
 
 
-def test_prefix_never_falls_below_the_fewest_photons(monkeypatch):
+def test_subset_never_falls_below_the_fewest_photons(monkeypatch):
     """A machine on which nothing fits: frames are late, but not below the fewest photons."""
     monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
-    for prefixes, enough in (
+    for subsets, enough in (
         ((4_096, 65_536, 131_072, 1_000_000), 65_536),
         ((8_192, 16_384, 65_536, 131_072, 1_500_000), 16_384),
         ((4_096, 8_192, 16_384, 20_000), 16_384),
@@ -345,10 +345,10 @@ def test_prefix_never_falls_below_the_fewest_photons(monkeypatch):
         ((1000,), 1000),
     ):
         budget = FrameBudget()
-        for n in prefixes:
+        for n in subsets:
             budget.record(FrameSize(n, 0), {"estimate": 1.0}, False)
         for _ in range(50):
-            assert budget.choose(0.01, prefixes, False) == (enough, None)
+            assert budget.choose(0.01, subsets, False) == (enough, None)
             budget.moved(1.0)
 
 

@@ -9,6 +9,7 @@ from app.draw.camera import Bounds, Turntable, frame_of, from_camera
 from app.window import drag
 from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import axis_angle, carried, rotation, to_world
+from tests.support.projection import projected
 
 ASPECT = 1.5
 ROOM = Bounds((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
@@ -22,7 +23,7 @@ def camera(up=(0, 1, 0), position=(3.0, 2.0, 4.0)) -> Turntable:
 
 
 def grab(mode: str, c: Turntable, half=0.1) -> drag.Grab:
-    u, v = c.project(POINT, ASPECT)
+    u, v = projected(c, POINT, ASPECT)
     return drag.Grab("block", mode, POINT, POSE, c, u, v, POINT - half, POINT + half)
 
 
@@ -51,7 +52,7 @@ def test_slide_keeps_the_height_and_follows_the_cursor(up):
     g = grab(drag.SLIDE, c)
     shift = moved(g, g.u + 0.05, g.v + 0.04)
     assert abs(shift @ frame_of(up)[2]) < 1e-12
-    assert np.allclose(c.project(POINT + shift, ASPECT), (g.u + 0.05, g.v + 0.04))
+    assert np.allclose(projected(c, POINT + shift, ASPECT), (g.u + 0.05, g.v + 0.04))
 
 
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1), (1, 0, 0)])
@@ -61,7 +62,7 @@ def test_lift_moves_along_the_vertical_only_and_up_is_up(up):
     shift = moved(g, g.u + 0.1, g.v - 0.05)
     upward = frame_of(up)[2]
     assert shift @ upward > 0 and np.allclose(shift, (shift @ upward) * upward)
-    assert c.project(POINT + moved(g, g.u, g.v - 0.05), ASPECT)[1] == pytest.approx(g.v - 0.05, abs=2e-3)
+    assert projected(c, POINT + moved(g, g.u, g.v - 0.05), ASPECT)[1] == pytest.approx(g.v - 0.05, abs=2e-3)
 
 
 def test_face_keeps_the_depth_and_follows_the_cursor():
@@ -69,7 +70,7 @@ def test_face_keeps_the_depth_and_follows_the_cursor():
     g = grab(drag.FACE, c)
     shift = moved(g, g.u - 0.08, g.v - 0.06)
     assert abs(shift @ c.basis()[2]) < 1e-12
-    assert np.allclose(c.project(POINT + shift, ASPECT), (g.u - 0.08, g.v - 0.06))
+    assert np.allclose(projected(c, POINT + shift, ASPECT), (g.u - 0.08, g.v - 0.06))
 
 
 def test_turn_spins_about_the_vertical_in_place():
@@ -111,7 +112,7 @@ def test_a_drag_over_a_nearly_edge_on_plane_moves_no_farther_than_in_the_picture
     building, point = Bounds((-20.0, 0.0, -20.0), (20.0, 3.0, 20.0)), np.array([0.0, 1.3, 0.0])
     for height in (1.31, 1.4, 1.55):
         c = from_camera(Camera((0.0, height, 3.0), (0.0, 1.2, 0.0), 60.0), (0, 1, 0), building)
-        u, v = c.project(point, ASPECT)
+        u, v = projected(c, point, ASPECT)
         g = drag.Grab("drawer", drag.SLIDE, point, Pose(tuple(point)), c, u, v, point - 0.2, point + 0.2)
         steps = [drag.dragged(g, u, v - k / 800, ASPECT, building).position[2] for k in range(181)]
         assert (np.diff(steps) < 0).all() and -steps[-1] < 2
@@ -119,7 +120,7 @@ def test_a_drag_over_a_nearly_edge_on_plane_moves_no_farther_than_in_the_picture
 
 def test_an_object_outside_may_stay_and_come_in_but_not_go_farther():
     c = camera()
-    u, v = c.project(POINT, ASPECT)
+    u, v = projected(c, POINT, ASPECT)
     g = drag.Grab("block", drag.SLIDE, POINT, POSE, c, u, v, POINT - 5, POINT + 5)
     assert np.allclose(moved(g, u + 0.2, v), 0)
 
@@ -142,7 +143,7 @@ def test_on_plane():
 
 def test_a_turn_of_several_goes_round_their_middle():
     c, middle = camera(), np.array([1.0, 5.0, -0.5])
-    u, v = c.project(POINT, ASPECT)
+    u, v = projected(c, POINT, ASPECT)
     g = grab(drag.TURN, c)._replace(pivot=middle)
     after = drag.dragged(g, u + 0.1, v, ASPECT, ROOM)
     alone = drag.dragged(grab(drag.TURN, c), u + 0.1, v, ASPECT, ROOM)

@@ -15,6 +15,7 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, rotation
 from tests.support import viewer_support as support
 from tests.support.gl_drawing import EYE, HALF_TURN, IDENTITY, SIZE, background, middle, square
+from tests.support.projection import projected
 
 pytest_plugins = ["tests.support.gl_fixtures"]
 
@@ -53,7 +54,7 @@ def test_each_side_has_its_own_light(draw):
 
 @pytest.mark.gl
 def test_backs_of_one_sided_faces_are_culled_or_grey_at_any_exposure(draw):
-    from app.draw.renderer import UNLIT
+    from app.draw.unlit import UNLIT
 
     one_sided = square((0.5, 0.5, 0.5))
     assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=True)), background())
@@ -121,7 +122,7 @@ def test_a_mobile_is_drawn_at_its_pose(draw):
     shifted[:3, 3] = (0.5, 0.2, 0.0)
     picture = draw([square((0.8, 0.8, 0.8), half=0.05)], [shifted])
     v, u = np.argwhere(picture[..., 0] > 128).mean(axis=0)
-    at = EYE.project((0.5, 0.2, 0.0), SIZE[0] / SIZE[1])
+    at = projected(EYE, (0.5, 0.2, 0.0), SIZE[0] / SIZE[1])
     assert (u + 0.5) / SIZE[0] == pytest.approx(at[0], abs=0.01)
     assert (v + 0.5) / SIZE[1] == pytest.approx(at[1], abs=0.01)
 

@@ -10,6 +10,7 @@ from app.draw.tonemap import to_display
 from gi_core.geometry.texture_filter import lookup
 from gi_core.scene import Texture
 from tests.support.gl_drawing import EYE, HALF_TURN, SIZE, square
+from tests.support.projection import projected
 
 pytest_plugins = ["tests.support.gl_fixtures"]
 
@@ -33,7 +34,7 @@ def poster(texture, uv=((0, 1), (1, 1), (1, 0), (0, 0)), tint=(1.0, 1.0, 1.0), e
 def inside(picture, step=5):
     """Return pixels (n, 3) of a poster and where they are in it (n, 2), 0..1 from its top left corner."""
     aspect = SIZE[0] / SIZE[1]
-    (left, top), (right, bottom) = (EYE.project(p, aspect)[:2] for p in ((-0.5, 0.5, 0.0), (0.5, -0.5, 0.0)))
+    (left, top), (right, bottom) = (projected(EYE, p, aspect)[:2] for p in ((-0.5, 0.5, 0.0), (0.5, -0.5, 0.0)))
     y, x = (k.reshape(-1) for k in np.mgrid[0 : SIZE[1] : step, 0 : SIZE[0] : step])
     u = ((x + 0.5) / SIZE[0] - left) / (right - left)
     v = ((y + 0.5) / SIZE[1] - top) / (bottom - top)
@@ -98,7 +99,7 @@ def test_textures_and_plain_faces_side_by_side(draw):
         models.append(M)
     drawn = draw([poster(red), square((0, 1, 0)), poster(blue)], models, tone_map="clip")
     for at, channel in zip(places, range(3), strict=True):
-        u, v = EYE.project(at, SIZE[0] / SIZE[1])
+        u, v = projected(EYE, at, SIZE[0] / SIZE[1])
         pixel = drawn[int(v * SIZE[1]), int(u * SIZE[0])].astype(int)
         assert pixel[channel] > 240 and pixel.sum() - pixel[channel] < 10
 
@@ -121,7 +122,7 @@ def test_textures_and_plain_faces_side_by_side(draw):
     colours_of = [np.concatenate([part[side] for part in parts]) for side in (1, 2)]
     one = draw([(together, *colours_of)], tone_map="clip")
     for k in range(3):
-        u, v = EYE.project((0.4 * k - 0.4, 0, 0), SIZE[0] / SIZE[1])
+        u, v = projected(EYE, (0.4 * k - 0.4, 0, 0), SIZE[0] / SIZE[1])
         pixel = one[int(v * SIZE[1]), int(u * SIZE[0])].astype(int)
         assert pixel[k] > 240 and pixel.sum() - pixel[k] < 10
 

@@ -18,6 +18,7 @@ from gi_core.model import Model
 from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import as_pose, axis_angle, quaternion_of, to_world
 from tests.support import viewer_support as support
+from tests.support.projection import projected
 from tests.support.viewer_hand import errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
@@ -31,7 +32,7 @@ def test_looking_keeps_the_eye_and_flying_moves_it():
     turn = np.arccos(looked.basis()[2] @ CAMERA.basis()[2])
     assert turn == pytest.approx(np.hypot(0.2, 0.1) * CAMERA.fov, rel=0.02), "the scene follows the cursor"
     point = CAMERA.eye() + CAMERA.ray(0.4, 0.5, 1.0)[1]
-    assert CAMERA.look(0.1, 0.0).project(point, 1.0)[0] == pytest.approx(0.5, abs=0.01)
+    assert projected(CAMERA.look(0.1, 0.0), point, 1.0)[0] == pytest.approx(0.5, abs=0.01)
     right, _, forward = CAMERA.basis()
     moved = CAMERA.fly(0.1, 0.2, 0.3)
     assert moved.eye() - CAMERA.eye() == pytest.approx(0.1 * right + np.array([0, 0.2, 0]) + 0.3 * forward)
@@ -46,8 +47,8 @@ def test_a_parallel_view_keeps_sizes_at_the_pivot_and_parallels_parallel():
     across = CAMERA.basis()[0]
     for x in (-0.4, 0.3):
         at = np.array(CAMERA.pivot) + x * across
-        assert flat.project(at, 1.3) == pytest.approx(CAMERA.project(at, 1.3), abs=1e-6)
-    ends = [[flat.project((x, 0.2, z), 1.0)[0] for z in (0.0, 1.0)] for x in (0.1, 0.9)]
+        assert projected(flat, at, 1.3) == pytest.approx(projected(CAMERA, at, 1.3), abs=1e-6)
+    ends = [[projected(flat, (x, 0.2, z), 1.0)[0] for z in (0.0, 1.0)] for x in (0.1, 0.9)]
     assert np.ptp(ends, axis=1) == pytest.approx(0, abs=0.01) and ends[1][0] - ends[0][0] > 0.4
     for camera in (flat, flat.with_fov(CAMERA.fov)):
         assert camera.dolly(0.0).distance == pytest.approx(camera.distance), "within the limits of the wheel"

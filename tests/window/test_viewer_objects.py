@@ -22,6 +22,7 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
+from tests.support.projection import projected
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
@@ -116,9 +117,9 @@ def test_an_object_is_selected_and_moved_by_numbers(play):
         hand.press(K.f)
         hand.wait(lambda: viewport.control.flight is None)
         centre = session.poses["block"].position
-        assert viewport.view.camera.project(centre, viewport.view.aspect) == pytest.approx((0.5, 0.5), abs=1e-6)
+        assert projected(viewport.view.camera, centre, viewport.view.aspect) == pytest.approx((0.5, 0.5), abs=1e-6)
         view = viewport.view
-        above, below = (view.camera.project((centre[0], y, centre[2]), view.aspect)[1] for y in (0.42, 0.18))
+        above, below = (projected(view.camera, (centre[0], y, centre[2]), view.aspect)[1] for y in (0.42, 0.18))
         assert 0.3 < below - above < 0.8
         viewer._do("top")
         hand.wait(lambda: viewport.control.flight is None)

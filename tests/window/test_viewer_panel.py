@@ -86,7 +86,7 @@ def test_panel_controls(play):
         ctx.yield_(2)
         s = session.settings
         assert (s.tone_map, s.show, s.cull) == ("clip", "irradiance", False)
-        from app.draw.renderer import UNLIT
+        from app.draw.unlit import UNLIT
 
         grey = np.round(255 * np.array(UNLIT)).astype(int)
         middle = hand.pixels()[viewer.painter.renderer.size[1] // 2, viewer.painter.renderer.size[0] // 2]
@@ -258,8 +258,8 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         ctx.yield_(2)
         assert session.settings.budget == 20 and session.light.budget == 0.02
         solver = session.light._solver
-        few = solver.frame.prefixes[-2]
-        assert few < support.SETTINGS.photons == solver.frame.prefixes[-1]
+        few = solver.frame.subsets[-2]
+        assert few < support.SETTINGS.photons == solver.frame.subsets[-1]
         solver.budget.within = lambda *_: (few, None)
 
         at = hand.at(BLOCK_FRONT)

@@ -198,7 +198,7 @@ def shading_normals() -> AtlasRow:
         rays = _rays_of(solver)
         angles = np.radians(np.arange(0.0, 40.0, 0.25))
         seen = [float(_seen(solver, *rays, _eye(angle))[:, 1].sum()) for angle in angles]
-        paths, _ = solver.frame.store.prefix(solver.frame.photons)
+        paths, _ = solver.frame.store.subset(solver.frame.photons)
         found = segments_of(paths, solver.model.eps, 0, solver.frame.photons)
         bounced = found.bounce == 1
         way = (found.end - found.origin)[bounced].astype(float)

@@ -23,9 +23,9 @@ def tuned_choice(solver: Solver, traced: int, bar) -> Choice:
     """
     found = tune(solver, 1e-3 * BUDGET, bar)
     setting = found.choice.setting
-    prefixes = [n for n in solver.frame.prefixes if n <= max(found.choice.frame, solver.frame.prefixes[0])]
+    subsets = [n for n in solver.frame.subsets if n <= max(found.choice.frame, solver.frame.subsets[0])]
     return Choice(
-        setting.estimator, prefixes[-1], traced, setting.radius, setting.neighbours, setting.control, "best",
+        setting.estimator, subsets[-1], traced, setting.radius, setting.neighbours, setting.control, "best",
         setting.border_correction, setting.textbook, found.paths or 0, True,
     )  # fmt: skip
 

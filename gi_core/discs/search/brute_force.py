@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import kernel
 from gi_core.base.vec import row
 from gi_core.discs.search.accumulate import record
@@ -18,7 +19,6 @@ from gi_core.discs.search.predicate import (
     accepts,
     blocks,
     discs_crossed,
-    lane_of,
     receiver,
     share,
     to_list,
@@ -64,7 +64,7 @@ def _accumulate(blocks, discs, pretest, lines, first, last, sign, sums):
             if pretest is not None:
                 bits &= left
             while bits != 0:
-                i, centre, normal = receiver(blocks, block * LANES + lane_of(bits), direction)
+                i, centre, normal = receiver(blocks, block * LANES + lowest_bit(bits), direction)
                 bits &= bits - np.uint32(1)
                 if i >= 0 and accepts(discs, i, centre, normal, lines, k):
                     total += 1

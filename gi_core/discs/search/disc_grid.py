@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import row
 from gi_core.discs.search.accumulate import ROOM, add_accepted
-from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, discs_crossed, lane_of, share
+from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, discs_crossed, share
 from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
 
@@ -228,7 +229,7 @@ def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
             if pretest is not None:
                 bits &= left
             while bits != 0:
-                visits.candidates[n, 0], visits.candidates[n, 1] = k, block * LANES + lane_of(bits)
+                visits.candidates[n, 0], visits.candidates[n, 1] = k, block * LANES + lowest_bit(bits)
                 bits &= bits - np.uint32(1)
                 n += 1
             if n > ROOM - LANES:

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot
-from gi_core.discs.search.predicate import LANES, LINE_FIELDS, lane_of, offset, three
+from gi_core.discs.search.predicate import LANES, LINE_FIELDS, offset, three
 
 _BLOCK = LINE_FIELDS * LANES
 
@@ -83,7 +84,7 @@ def push(lists, height, centre, r2):
     for b in range(first, onto):
         bits = _lines_inside(data, b, centre, r2)
         while bits != 0:
-            lane = lane_of(bits)
+            lane = lowest_bit(bits)
             bits &= bits - np.uint32(1)
             i, j = b * _BLOCK + lane, (onto + n // LANES) * _BLOCK + n % LANES
             for field in range(LINE_FIELDS):

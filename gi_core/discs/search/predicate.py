@@ -179,18 +179,6 @@ def lines_crossing(data, block, centre, normal, limit, r2):
     return bits
 
 
-_DE_BRUIJN = np.uint64(0x077CB531)
-_LANE = np.zeros(32, np.int64)
-_LANE[[(0x077CB531 << k & 0xFFFFFFFF) >> 27 for k in range(32)]] = np.arange(32)
-
-
-@inlined
-def lane_of(bits):
-    """Return the index of the lowest bit set (Leiserson et al. 1998)."""
-    lowest = np.uint64(bits ^ (bits & (bits - np.uint32(1))))
-    return _LANE[(np.uint32(lowest * _DE_BRUIJN)) >> np.uint32(27)]
-
-
 @inlined
 def receiver(blocks, e, direction):
     """Return the receiver of a line's intersection with the disc of entry e, or NONE; its position; its normal."""

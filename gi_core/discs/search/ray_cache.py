@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating
 from gi_core.base.vec import row
@@ -21,12 +22,11 @@ from gi_core.discs.search.predicate import (
     Discs,
     Lines,
     blocks,
-    lane_of,
     lines_crossing,
     to_list,
 )
 from gi_core.discs.search.pretest import lines_left, triangles
-from gi_core.discs.search.sphere_stack import LEAST_RADII, stack_spheres
+from gi_core.discs.search.sphere_stack import stack_spheres
 from gi_core.photons.flux_sums import Sums
 
 BATCH = 1 << 15  # lines that go through all spheres together: a list of them is 1 MB
@@ -40,13 +40,13 @@ class RayCache:
 
     parts_share_lines = True  # a part is some of the discs, with every line
 
-    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True, least_radii: float = LEAST_RADII):
+    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True):
         """ordered: visit the discs along a Hilbert curve, not in the order of the mesh."""
         self.discs = discs
         rows = np.flatnonzero(to_list(discs))
         if ordered:
             rows = rows[hilbert_order(discs.positions[rows])]
-        self.spheres = stack_spheres(discs.positions[rows], float(discs.radius), least_radii)
+        self.spheres = stack_spheres(discs.positions[rows], float(discs.radius))
         filled = np.full(-(-len(rows) // LANES) * LANES, -1)
         filled[: len(rows)] = rows
         self.blocks, self.pretest = blocks(discs, filled), triangles(pretest, discs, filled)
@@ -132,7 +132,7 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest,
                     if pretest is not None:
                         bits &= left
                     while bits != 0:
-                        candidates[n, 0], candidates[n, 1] = number[b * LANES + lane_of(bits)], e
+                        candidates[n, 0], candidates[n, 1] = number[b * LANES + lowest_bit(bits)], e
                         bits &= bits - np.uint32(1)
                         n += 1
                     if n > ROOM - LANES:

@@ -32,12 +32,12 @@ class Spheres(NamedTuple):
     radius: np.ndarray  # (K,) float32 [m]
 
 
-def stack_spheres(points: np.ndarray, reach: float, least_radii: float = LEAST_RADII) -> Spheres:
+def stack_spheres(points: np.ndarray, reach: float) -> Spheres:
     """Return the spheres over discs of radius `reach` [m] around points (n, 3), in the given order."""
     points = np.ascontiguousarray(points, np.float64)
     whole = 0.5 * float(np.sqrt((np.ptp(points, axis=0) ** 2).sum())) + 2 * reach if len(points) else 0.0
-    count = max(0, int(np.ceil(np.log(max(whole / (least_radii * reach), 1.0)) / -np.log(SHRINK))))
-    radii = least_radii * reach * SHRINK ** -np.arange(count - 1.0, -1.0, -1.0)
+    count = max(0, int(np.ceil(np.log(max(whole / (LEAST_RADII * reach), 1.0)) / -np.log(SHRINK))))
+    radii = LEAST_RADII * reach * SHRINK ** -np.arange(count - 1.0, -1.0, -1.0)
     room = len(points) * (count + 1) + 1
     first, last, parent = (np.empty(room, np.int32) for _ in range(3))
     n = _push_and_pop(points, reach, radii, first, last, parent)

@@ -96,15 +96,13 @@ class Table:
             self._fail(key, "must be three numbers that are not all 0", list(value))
         return value
 
-    def vectors(self, key: str, n: int, count: int | None = None, default=REQUIRED):
+    def vectors(self, key: str, n: int, count: int):
         """Return a list of `count` vectors of n finite numbers."""
-        value = self._get(key, default)
-        if value is default:
-            return value
-        if not isinstance(value, list) or not value or (count is not None and len(value) != count):
+        value = self._get(key, REQUIRED)
+        if not isinstance(value, list) or len(value) != count:
             found = f"a list of {len(value)}" if isinstance(value, list) else shown(value)
-            want = f"{count} entries" if count is not None else "at least one entry"
-            raise SceneError(f"{self.where}: {key} must be a list with {want} of {_word(n)} numbers, got {found}")
+            want = f"a list with {count} entries of {_word(n)} numbers"
+            raise SceneError(f"{self.where}: {key} must be {want}, got {found}")
         return [self._vector(f"{key}[{i}]", v, n, None, None) for i, v in enumerate(value)]
 
     def numbers(self, key: str) -> list[float]:

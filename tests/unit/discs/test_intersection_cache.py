@@ -11,7 +11,7 @@ from gi_core.discs import intersection_cache
 from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.search import SEARCHES
 from gi_core.frames import background
-from gi_core.photons.prefixes import LOWEST
+from gi_core.photons.subsets import LOWEST
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver
@@ -23,7 +23,7 @@ PHOTONS = 2 * LOWEST + 900
 
 def solver_of(photons: int = PHOTONS, **settings) -> Solver:
     solver = Solver(SCENE, photons=photons, radius=0.15, neighbours=20, **settings)
-    solver.configure(prefix_only=True)
+    solver.configure(subset_only=True)
     return solver
 
 
@@ -53,24 +53,24 @@ def test_photons_are_merged_in_steps_that_may_be_abandoned(monkeypatch):
             break
         broken.move("box", standing(0.3 + 0.01 * (steps % 8)))
         assert broken.frame.background is None or np.array_equal(broken.irradiance, broken.from_scratch())
-    assert steps > 8 and broken.frame.prefixes == whole.frame.prefixes
+    assert steps > 8 and broken.frame.subsets == whole.frame.subsets
     for solver in (broken, whole):
         solver.move("box", standing(0.4))
     assert np.array_equal(broken.irradiance, whole.irradiance)
 
 
 @pytest.mark.parametrize("control", [False, True])
-def test_a_walk_through_poses_prefixes_and_estimators_equals_from_scratch(control):
+def test_a_walk_through_poses_subsets_and_estimators_equals_from_scratch(control):
     solver, known = solver_of(control=control), {}
     for _ in solver.solve_steps():
         pass
-    assert len(solver.frame.prefixes) == 3
+    assert len(solver.frame.subsets) == 3
     cut, stale = 0, 0
     for k, pose in enumerate(walk()):
         if k in (4, 12):
             solver.configure(estimator="impact_count" if k == 4 else "tangent_plane")
             solver.solve()
-        photons = solver.frame.prefixes[(k * 2) % 3]
+        photons = solver.frame.subsets[(k * 2) % 3]
         solver.move_all({"box": pose}, photons=photons)
         cut, stale = max(cut, solver.frame.changes.photons_cut), max(stale, solver.frame.control_facts.stale)
         key = photons, solver.setting.estimator
@@ -125,11 +125,11 @@ def test_full_log_is_recorded_again(monkeypatch):
 def test_threads_and_parts_do_not_change_bits(monkeypatch):
     def frames(threads):
         solver = solver_of(threads=threads)
-        for _ in solver.solve_steps():  # small parts, put in order when a prefix is prepared
+        for _ in solver.solve_steps():  # small parts, put in order when a subset is prepared
             pass
         out = []
         for pose in walk()[::6]:
-            solver.move_all({"box": pose}, photons=solver.frame.prefixes[1])
+            solver.move_all({"box": pose}, photons=solver.frame.subsets[1])
             out.append(solver.irradiance)
         return out
 

@@ -18,6 +18,7 @@ from gi_core.display.dilation import Drawn
 from gi_core.scene import Camera, Material, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.scene.pose import axis_angle
 from tests.support import closed_form
+from tests.support.projection import projected
 from tests.support.scene_builders import quad
 
 SETTINGS = Settings(photons=2000, radius=0.1, size=(161, 121), tone_map="clip", exposure=0.0)
@@ -51,7 +52,7 @@ def shot_of(scene: Scene, irradiance=None) -> Shot:
 
 def reading_at(shot: Shot, point=None, uv=None, weights=None, cull=True) -> Reading | None:
     width, height = SETTINGS.size
-    u, v = shot.camera.project(point, width / height) if uv is None else uv
+    u, v = projected(shot.camera, point, width / height) if uv is None else uv
     solver = shot.solver
     origin, direction = shot.camera.ray(u, v, width / height)
     poses = [solver.poses[m.name] for m in solver.scene.mobiles]

@@ -21,7 +21,7 @@ from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import SubsetStore
+from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
 from tests.support.viewer_hand import errors, keys
@@ -41,7 +41,7 @@ class Toy:
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.area = model, 3 * model.object_receivers.areas
-        self.photons, self.prefixes = 0, SubsetStore()
+        self.photons, self.subsets = 0, SubsetStore()
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.searches: list[Search] = []
         self._parts = [self._sums_of()]
@@ -58,19 +58,19 @@ class Toy:
 
     def prepare(self, photons: int) -> Iterator[None]:
         self._parts = [sum(self._parts)]
-        self.prefixes[photons] = self._parts[0][self.model.surfaces.receiver_range(0)]
+        self.subsets[photons] = self._parts[0][self.model.surfaces.receiver_range(0)]
         self.photons = photons
         return iter(())
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.prefixes[photons], self.area[self.model.surfaces.receiver_range(0)]
+        return self.subsets[photons], self.area[self.model.surfaces.receiver_range(0)]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
-        sums[self.model.surfaces.receiver_range(0)] += self.prefixes[frame.photons]
+        sums[self.model.surfaces.receiver_range(0)] += self.subsets[frame.photons]
         return self._read(sums)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:

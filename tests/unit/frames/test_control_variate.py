@@ -9,7 +9,7 @@ from gi_core.frames.control_variate import frame_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.photons.flux_sums import CHUNK, NOT_ADDITIVE, CutFlux, Evaluated
-from gi_core.photons.prefixes import LOWEST
+from gi_core.photons.subsets import LOWEST
 from gi_core.scene import Pose, SceneError
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
@@ -25,8 +25,8 @@ def frames() -> dict:
     solver = Solver(SCENE, photons=PHOTONS, radius=0.06)
     solver.solve()
     out = {"solver": solver, "own": {n: solver.frame.background.irradiance(n) for n in (LOWEST, PHOTONS)}}
-    for kind in ("all", "prefix"):
-        solver.configure(prefix_only=kind == "prefix")
+    for kind in ("all", "subset"):
+        solver.configure(subset_only=kind == "subset")
         solver.move_all({"box": POSE}, photons=LOWEST)
         out[kind] = solver.irradiance
         solver.move("box", POSE)
@@ -35,17 +35,17 @@ def frames() -> dict:
 
 
 def test_all_photons_show_no_difference(frames):
-    assert np.array_equal(frames["all photons, all"], frames["all photons, prefix"])
+    assert np.array_equal(frames["all photons, all"], frames["all photons, subset"])
     assert np.array_equal(frames["all photons, all"], frames["solver"].from_scratch())
 
 
 def test_unaffected_receivers_keep_the_light_of_all_photons(frames):
     few, many = frames["own"][LOWEST], frames["own"][PHOTONS]
     static = len(few)
-    unchanged = (frames["prefix"][:static] == few).all(axis=1)
+    unchanged = (frames["subset"][:static] == few).all(axis=1)
     assert 0.05 < unchanged.mean() < 1
     assert np.array_equal(frames["all"][:static][unchanged], many[unchanged])
-    assert np.array_equal(frames["all"][static:], frames["prefix"][static:])  # on the mobile there is nothing to keep
+    assert np.array_equal(frames["all"][static:], frames["subset"][static:])  # on the mobile there is nothing to keep
 
 
 def test_noise_of_the_few_cancels(frames):
@@ -55,9 +55,9 @@ def test_noise_of_the_few_cancels(frames):
     assert changed.sum() > 20
     weights = frames["solver"].receivers.areas[:static]
     off = {
-        kind: relative_error(frames[kind][:static], truth[:static], weights, changed).l1 for kind in ("all", "prefix")
+        kind: relative_error(frames[kind][:static], truth[:static], weights, changed).l1 for kind in ("all", "subset")
     }
-    assert off["all"] < 0.6 * off["prefix"]
+    assert off["all"] < 0.6 * off["subset"]
 
 
 @pytest.mark.parametrize(

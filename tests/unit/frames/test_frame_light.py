@@ -34,10 +34,10 @@ def gathered(model: Model) -> StaticGather:
 
 def test_a_bad_choice_changes_nothing():
     setting = LightSetting(np.ones((1, 3)))
-    for bad in ({"light": "dark"}, {"prefix_only": 2}, {"gloss": "none"}):
+    for bad in ({"light": "dark"}, {"subset_only": 2}, {"gloss": "none"}):
         with pytest.raises(SceneError):
-            setting.choose(**{"light": None, "prefix_only": None} | bad)
-    assert (setting.light, setting.prefix_only, setting.gloss) == ("photons", False, QUADTREE)
+            setting.choose(**{"light": None, "subset_only": None} | bad)
+    assert (setting.light, setting.subset_only, setting.gloss) == ("photons", False, QUADTREE)
 
 
 def test_single_rays_and_subsets_take_no_gathered_gloss():

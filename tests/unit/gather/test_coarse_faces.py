@@ -43,7 +43,7 @@ def test_a_block_in_a_room_of_few_triangles(divisions, bulb):
 def test_reflectance_changes_only_on_coarse_faces_with_enough_photons():
     solver = Solver(furnace_scene(1.0, 0.5, 2), photons=20_000, radius=0.1, estimator="impact_count")
     solver.solve()
-    model, (paths, _) = solver.model, solver.frame.store.prefix(20_000)
+    model, (paths, _) = solver.model, solver.frame.store.subset(20_000)
     own, light = model.surfaces.reflectance, solver.irradiance
     full = solver.levels
     assert CoarseFaces.of(model, paths, 1.0).reflectance(model, light, full) is own
@@ -53,7 +53,7 @@ def test_reflectance_changes_only_on_coarse_faces_with_enough_photons():
     assert found == pytest.approx(own, rel=0.2)
     assert coarse.reflectance(model, 2 * light, full) == pytest.approx(found / 2)
     assert coarse.reflectance(model, light, 0.5 * full) == pytest.approx(found / 2)
-    few, _ = solver.frame.store.prefix(100)
+    few, _ = solver.frame.store.subset(100)
     assert np.array_equal(CoarseFaces.of(model, few, 0.1).reflectance(model, light, full), own)
 
 
@@ -65,7 +65,7 @@ def test_two_sided_faces_share_one_scale():
     solver = Solver(scene, photons=50_000, radius=0.5, estimator="impact_count")
     solver.solve()
     light = solver.irradiance[: solver.surfaces.receiver_range(0).stop]
-    coarse = CoarseFaces.of(solver.model, solver.frame.store.prefix(50_000)[0], 1.0)
+    coarse = CoarseFaces.of(solver.model, solver.frame.store.subset(50_000)[0], 1.0)
     found = coarse.reflectance(solver.model, light, solver.levels)
     two_sided = np.flatnonzero(solver.surfaces.two_sided)
     assert len(two_sided) == 2 and found[two_sided].mean() == pytest.approx(0.5, rel=0.1)

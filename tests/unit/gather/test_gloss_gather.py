@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gi_core.frames.gathered_gloss import STAGE
-from gi_core.gather.gloss_gather import RAYS, ROUNDS, GlossGather, known_light
+from gi_core.gather.gloss_gather import RAYS, ROUNDS, GlossGather
+from gi_core.gather.path_tracer import known_light
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, centres, direction_of, even_light

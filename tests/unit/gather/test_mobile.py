@@ -122,8 +122,8 @@ def test_a_frame_of_fewer_photons_and_paths():
     assert solver.frame.paths == 8 and np.array_equal(solver.irradiance[:first], whole[:first])
     assert not np.array_equal(solver.irradiance[first:], whole[first:])
     assert np.array_equal(solver.irradiance, solver.from_scratch())
-    solver.move_all({}, solver.frame.prefixes[0], 4)
-    assert (solver.frame.photons, solver.frame.paths) == (solver.frame.prefixes[0], 4)
+    solver.move_all({}, solver.frame.subsets[0], 4)
+    assert (solver.frame.photons, solver.frame.paths) == (solver.frame.subsets[0], 4)
     for _ in solver.solve_steps():
         pass
     assert np.array_equal(solver.irradiance, whole), "at rest all there is"

@@ -197,7 +197,7 @@ def test_mobile_moved_by_pose_equals_one_built_there():
     assert np.abs(a[0] - away).max() > 1e-3
 
 
-# -- determinism, prefixes, errors ------------------------------------------------------------------
+# -- determinism, subsets, errors ------------------------------------------------------------------
 
 
 def test_same_seed_same_answer_and_points_do_not_depend_on_each_other():

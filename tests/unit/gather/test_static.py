@@ -66,10 +66,10 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
 def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
     gathered.move("box", POSE)
     mean, photons = gathered.frame_light.static.gathered.mean, gathered.frame.background.irradiance(gathered.photons)
-    gathered.configure(prefix_only=True)
+    gathered.configure(subset_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
-    gathered.configure(prefix_only=False)
+    gathered.configure(subset_only=False)
     gathered.move_all({})
     untouched = (plain == photons).all(axis=1)
     assert 0.05 < untouched.mean() < 1
@@ -104,7 +104,7 @@ def test_photons_are_shown_while_they_have_less_error(monkeypatch):
     """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards; they have no bias."""
     photons = [0.001]
     monkeypatch.setattr(static, "ENOUGH", 0.01)
-    monkeypatch.setattr("gi_core.frames.static_light.noise_from_prefix", lambda *given: photons[0])
+    monkeypatch.setattr("gi_core.frames.static_light.noise_from_subset", lambda *given: photons[0])
     monkeypatch.setattr(static.StaticGather, "error_of", lambda self, E: 0.0)
     solver, seen = solved(20_000), set()
     before = solver.irradiance
@@ -191,7 +191,7 @@ def test_a_state_of_another_scene_is_refused(gathered):
 def test_settings_of_a_twin_are_separate(gathered):
     gathered.configure(light="best")
     twin = gathered.twin()
-    twin.configure(prefix_only=True)
+    twin.configure(subset_only=True)
     assert gathered.light == "best" and twin.frame_light.static.gathered is gathered.frame_light.static.gathered
 
 

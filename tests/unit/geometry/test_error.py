@@ -11,11 +11,11 @@ from gi_core.geometry.error import (
     bias_left,
     error_parts,
     luminance,
-    noise_from_prefix,
+    noise_from_subset,
     noise_of_truth,
-    prefix_to_compare,
     relative_error,
     signed_error,
+    subset_to_compare,
 )
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
@@ -58,25 +58,25 @@ def test_noise_of_truth_equals_the_error_of_a_noisy_reference():
     assert noise_of_truth(s, T, np.ones(4000)) == pytest.approx(relative_error(noisy, T, np.ones(4000)).l1, rel=0.03)
 
 
-@pytest.mark.parametrize("prefix", [1000, 5000, 7500])
-def test_noise_from_a_prefix_equals_that_of_independent_photons(prefix):
-    """10,000 photons of 1 +- 20 each: the mean has an error of 0.2 sqrt(2 / pi), estimated from any prefix."""
+@pytest.mark.parametrize("subset", [1000, 5000, 7500])
+def test_noise_from_a_subset_equals_that_of_independent_photons(subset):
+    """10,000 photons of 1 +- 20 each: the mean has an error of 0.2 sqrt(2 / pi), estimated from any subset."""
     rng = np.random.default_rng(3)
-    first = 1 + 20 * rng.normal(size=20_000) / math.sqrt(prefix)
-    rest = 1 + 20 * rng.normal(size=20_000) / math.sqrt(10_000 - prefix)
-    both = (prefix * first + (10_000 - prefix) * rest) / 10_000
+    first = 1 + 20 * rng.normal(size=20_000) / math.sqrt(subset)
+    rest = 1 + 20 * rng.normal(size=20_000) / math.sqrt(10_000 - subset)
+    both = (subset * first + (10_000 - subset) * rest) / 10_000
     w = np.ones(20_000)
-    noise = noise_from_prefix(grey(*both), grey(*first), 10_000, prefix, w)
+    noise = noise_from_subset(grey(*both), grey(*first), 10_000, subset, w)
     assert noise == pytest.approx(0.2 * math.sqrt(2 / math.pi), rel=0.03)
 
 
-def test_noise_needs_a_prefix():
-    for prefix in (0, 10, 11):
-        with pytest.raises(ValueError, match="prefix must be in 1 .. 9"):
-            noise_from_prefix(grey(1), grey(1), 10, prefix, np.ones(1))
-    assert prefix_to_compare(()) is None and prefix_to_compare((4096,)) is None
-    assert prefix_to_compare((4096, 8192, 16384, 20_000)) == 8192
-    assert prefix_to_compare((4096, 8192, 16384)) == 8192
+def test_noise_needs_a_subset():
+    for subset in (0, 10, 11):
+        with pytest.raises(ValueError, match="subset must be in 1 .. 9"):
+            noise_from_subset(grey(1), grey(1), 10, subset, np.ones(1))
+    assert subset_to_compare(()) is None and subset_to_compare((4096,)) is None
+    assert subset_to_compare((4096, 8192, 16384, 20_000)) == 8192
+    assert subset_to_compare((4096, 8192, 16384)) == 8192
 
 
 @pytest.mark.slow
@@ -86,16 +86,16 @@ def test_estimated_noise_and_bias_equal_those_against_the_limit():
     few = Solver(support.room(), photons=16_384, radius=0.06, seed=1)
     few.solve()
     E = few.irradiance
-    few.configure(prefix_only=True)
-    prefix = prefix_to_compare(few.frame.prefixes)
-    few.move_all({}, prefix)
+    few.configure(subset_only=True)
+    subset = subset_to_compare(few.frame.subsets)
+    few.move_all({}, subset)
     fewer = few.irradiance
     many = Solver(support.room(), photons=524_288, radius=0.06, seed=2)
     many.solve()
     limit, w = many.irradiance, many.receivers.areas
     bump = 1 + 0.3 * np.sin(40 * many.receivers.positions.sum(axis=1))[:, None]
     parts = error_parts(E, limit, limit * bump, w)
-    noise = noise_from_prefix(E, fewer, 16_384, prefix, w)
+    noise = noise_from_subset(E, fewer, 16_384, subset, w)
     assert parts.noise.l1 <= 1.05 * noise <= 1.6 * parts.noise.l1, "rather more than less"
     assert bias_left(parts.total.l1, parts.noise.l1) == pytest.approx(parts.bias.l1, rel=0.1)
 

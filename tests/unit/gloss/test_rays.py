@@ -66,7 +66,7 @@ def test_lists_equal_those_from_scratch_after_many_moves(estimator):
 def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
     solver = solved(photons=20_000)
     lists, rest = solver.frame_light.gloss.source.lists(solver.setting.radius), solver.frame.gloss.tree
-    few = solver.frame.prefixes[0]
+    few = solver.frame.subsets[0]
     solver.move_all({"ball": Pose((0.4, 0.5, 0.3))}, photons=few)
     found = solver.frame.gloss.tree
     fresh = solved(photons=20_000)

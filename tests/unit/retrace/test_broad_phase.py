@@ -25,7 +25,7 @@ def solved():
 def test_near_segments_are_found_in_order_with_few_others(solved, place, photons):
     model = solved.model
     at = model.transforms({"one": Pose(place), "two": Pose((0.8, 0.2, 0.7))})
-    paths, coarse = solved.frame.store.prefix(photons)
+    paths, coarse = solved.frame.store.subset(photons)
     found_photon, found = find_near(model.world, coarse, at, MARGIN, ScanBuffers(), threads=1)
 
     first = np.setdiff1d(np.arange(len(paths.side)), paths.offsets[1:] - 1)  # vertices that start a segment
@@ -47,7 +47,7 @@ def test_near_segments_are_found_in_order_with_few_others(solved, place, photons
 
 
 def test_buffers_grow_with_the_results(solved):
-    paths, coarse = solved.frame.store.prefix(4000)
+    paths, coarse = solved.frame.store.subset(4000)
     at = solved.model.transforms({"one": Pose((0.5, 0.5, 0.5)), "two": Pose((0.5, 0.5, 0.5))})
     _, all_of_them = find_near(solved.model.world, coarse, at, 10.0, ScanBuffers(), threads=1)
     assert len(all_of_them) == len(paths.side) - 4000 > 4096

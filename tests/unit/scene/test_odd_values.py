@@ -41,7 +41,7 @@ LAMPS = (
     DirectionalLight("sun", (0.1, 0.2, -1), (1, 1, 1)),
     SkyLight("sky", (1, 1, 1)),
 )
-FLAGS = ("two_sided", "control", "border_correction", "textbook", "prefix_only")
+FLAGS = ("two_sided", "control", "border_correction", "textbook", "subset_only")
 
 
 def plane(**changes) -> Scene:
@@ -188,7 +188,7 @@ def test_settings(name):
     solver = Solver(plane(), photons=200, radius=0.1)
     solver.solve()
     for value in [*NEVER, *PERHAPS]:
-        wrong = name != "prefix_only" and refused(lambda v=value: solved(plane(), **{name: v}), name)
+        wrong = name != "subset_only" and refused(lambda v=value: solved(plane(), **{name: v}), name)
         if name not in ("seed", "threads"):
             before = solver.setting, solver.photons, solver.light
             wrong = refused(lambda v=value: solver.configure(**{name: v}) or solver.irradiance, name)

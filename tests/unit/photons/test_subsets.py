@@ -1,4 +1,4 @@
-"""Prefixes of the photons: each is a smaller solution, stored with its background and chosen by time."""
+"""Subsets of the photons: each is a smaller solution, stored with its background and chosen by time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.frames.frame_budget import FrameTimes
-from gi_core.photons.prefixes import LOWEST, SubsetStore, next_level
+from gi_core.photons.subsets import LOWEST, SubsetStore, next_level
 from gi_core.scene import Pose, SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver
@@ -20,19 +20,19 @@ POSE = Pose((0.5, 0.45, 0.4), axis_angle((0, 0, 1), 20.0))
 
 def solver_of(photons: int, estimator: str) -> Solver:
     solver = Solver(SCENE, estimator, photons=photons, radius=0.15, neighbours=20)
-    solver.configure(prefix_only=True)
+    solver.configure(subset_only=True)
     return solver
 
 
-def test_frame_of_a_prefix_equals_a_solver_of_that_many_photons(estimator):
+def test_frame_of_a_subset_equals_a_solver_of_that_many_photons(estimator):
     many = solver_of(PHOTONS, estimator)
-    for _ in many.solve_steps():  # as the window refines: photon_map prepares no prefix otherwise
+    for _ in many.solve_steps():  # as the window refines: photon_map prepares no subset otherwise
         pass
     if estimator == "photon_map":
-        assert many.frame.prefixes[-1] == PHOTONS
+        assert many.frame.subsets[-1] == PHOTONS
     else:
-        assert many.frame.prefixes == (LOWEST, 2 * LOWEST, PHOTONS)
-    for n in many.frame.prefixes:
+        assert many.frame.subsets == (LOWEST, 2 * LOWEST, PHOTONS)
+    for n in many.frame.subsets:
         few = solver_of(n, estimator)
         few.solve()
         few.move("box", POSE)
@@ -67,7 +67,7 @@ def test_other_counts_are_refused():
         s.move_all({"box": POSE}, photons=999)
 
 
-def test_largest_prefix_within_the_time():
+def test_largest_subset_within_the_time():
     times = FrameTimes()
     assert times.largest_within(0.010, (4096, 8192, 10_000)) == 4096  # nothing known yet
     times.add(10_000, 0.020)
