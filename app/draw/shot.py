@@ -18,7 +18,7 @@ from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
 from app.draw.unlit import BACKGROUND
 from app.draw.vertex_colours import colours, gloss_towards, weights
-from app.draw.white_balance import NEUTRAL, Gains, gains_at
+from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import FALSE_COLOURS, Settings
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ class Shot:
         model = solver.model
         self._meshes = draw_meshes(solver.surfaces, model.lamp_of_face, model.object_receivers.normals)
         self.camera = home_camera(solver)
+        flux = solver.model.emitters.total_flux
+        self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
         self.scale: Scale | None = None  # of false colours
         self.exposure = settings.exposure
         if self.exposure is None:
@@ -42,12 +44,6 @@ class Shot:
     def meshes(self) -> tuple[DrawMesh, ...]:
         """Draw meshes, the static part first; lamps emit at the solver's levels."""
         return dimmed(self._meshes, self.solver.levels)
-
-    @property
-    def gains(self) -> Gains:
-        """Gains of the white balance, at the solver's levels."""
-        flux, levels = self.solver.model.emitters.flux_of_lamps, self.solver.levels
-        return gains_at(flux, levels) if self.settings.white_balance else NEUTRAL
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance of front and back (D, 3) of object o."""

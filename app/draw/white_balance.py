@@ -1,4 +1,4 @@
-"""White balance: gains per channel that turn the light of the lamps at their levels neutral, as in a camera.
+"""White balance: gains per channel that turn the light of a scene's lamps neutral, as a camera's white balance does.
 
 The gains keep the luminance of white surfaces, so that exposure does not depend on them. False colours, errors and
 numbers show the light itself.
@@ -13,11 +13,6 @@ from gi_core.geometry.error import luminance
 Gains = tuple[float, float, float]
 NEUTRAL: Gains = (1.0, 1.0, 1.0)
 MOST = 4.0  # largest gain: stage light of one colour keeps its colour
-
-
-def gains_at(flux: np.ndarray, levels: np.ndarray) -> Gains:
-    """Return gains for lamps of fluxes (G, 3) [W] at levels (G, 3); NEUTRAL without light."""
-    return gains_for((flux * levels).sum(axis=0))
 
 
 def gains_for(flux: np.ndarray) -> Gains:

@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.camera import Turntable, from_camera, matrices, scene_bounds
-from app.draw.white_balance import NEUTRAL, Gains, gains_at
+from app.draw.white_balance import NEUTRAL, Gains, gains_for
 from app.settings import Settings, UsageError, open_scene
 from gi_core.instruments import child
 from gi_core.scene.errors import SceneError
@@ -77,7 +77,7 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     names = model.emitters.lamps.names
     levels = np.array(list(settings.levels(names).values()), np.float64).reshape(-1, 3)[: len(names)]
     exposure = scene.defaults.exposure if settings.exposure is None else settings.exposure
-    gains = gains_at(model.emitters.flux_of_lamps, levels)
+    gains = gains_for(model.emitters.total_flux)
     for light in first_looks(scene, model, levels, settings.seed):
         if exposure is None:
             both = [colours(mesh, light.drawn.irradiance, with_reflectance=True) for mesh in meshes]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.camera import Turntable, matrices
-from app.draw.white_balance import NEUTRAL, Gains, gains_at
+from app.draw.white_balance import NEUTRAL, Gains, gains_for
 from app.session.opening import Opened
 from app.session.solver_thread import SolverThread
 from app.settings import Settings
@@ -46,12 +46,12 @@ class OpenScene:
         self._scene: Scene  # that, in other units
         self.model: Model
         self.chosen: Chosen
+        self.gains: Gains = NEUTRAL  # of the white balance
         self.picker: Picker | None = None
         self.light: SolverThread | None = None
         self.receiver = -1  # under the cursor; -1: none
         self.edits = settings.edits  # those on show, and those asked for
         self._meshes: tuple[DrawMesh, ...] = ()
-        self._balance: tuple[np.ndarray | None, Gains] = None, NEUTRAL  # levels, and the gains for these
         self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
         self._finishes: dict[tuple[str, bool, str], Finished] = {}
         self._parts: dict[str, tuple[str, ...]] = {}
@@ -65,6 +65,7 @@ class OpenScene:
         self._meshes, self.picker = opened.meshes, opened.picker
         self._opened = self._scene = solver.scene
         self.model, self.chosen = solver.model, solver.chosen
+        self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
 
@@ -85,14 +86,6 @@ class OpenScene:
         if self._lit[0] is not levels:
             self._lit = levels, dimmed(self._meshes, levels)
         return self._lit[1]
-
-    @property
-    def gains(self) -> Gains:
-        """Gains of the white balance, at the levels of the light on show."""
-        levels = self.light.snapshot.levels
-        if self._balance[0] is not levels:
-            self._balance = levels, gains_at(self.model.emitters.flux_of_lamps, levels)
-        return self._balance[1]
 
     @cached_property
     def level(self) -> Level:

@@ -16,10 +16,10 @@ from app.draw.tonemap import to_display
 from app.draw.unlit import BACKGROUND, UNLIT
 from app.draw.vertex_colours import colours
 from app.session.picture import metadata_of
-from app.settings import LampSetting, Settings, make_solver
+from app.settings import Settings, make_solver
 from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import flatten
-from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
+from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
 from tests.support.gl_drawing import gl_picture
 from tests.support.scene_builders import merge, quad
 from tests.support.viewer_support import room
@@ -52,13 +52,6 @@ def behind(scene: Scene) -> Scene:
 
 def bytes_of(display) -> list[int]:
     return np.round(np.array(display) * 255).astype(int).tolist()
-
-
-def test_white_balance_follows_the_levels_of_lamps():
-    scene = replace(room(), lights=(PointLight("bulb", (0.8, 0.2, 0.8), (4.0, 9.0, 40.0)),))
-    solver = make_solver(scene, replace(SMALL, lamps=(LampSetting("bulb", on=False),)))
-    lit = solver.model.emitters.flux_of_lamps[0]
-    assert np.ptp(lit * Shot(solver, SMALL).gains) == pytest.approx(0, abs=1e-9 * lit.max())
 
 
 # Vertex colours -------------------------------------------------------------------------------------

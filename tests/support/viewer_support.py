@@ -232,7 +232,7 @@ class CountingSolver:
         self.model = SimpleNamespace(
             scene=scene,
             surfaces=self.surfaces,
-            emitters=SimpleNamespace(flux_of_lamps=np.ones((1, 3)), lamps=Lamps(("lamp",), {"lamp": 0})),
+            emitters=SimpleNamespace(total_flux=np.ones(3), lamps=Lamps(("lamp",), {"lamp": 0})),
             object_receivers=self.receivers,
             receivers_at=lambda poses: self.receivers,
         )

@@ -29,7 +29,8 @@ AUTOMATIC = "Automatic"
 SWITCHES = {
     "white_balance": (
         "White balance",
-        "Draw the light of the lamps at their levels neutral, as a camera does. Off: coloured lamps look coloured.",
+        "Draw the light of all lamps of the scene file together neutral, as a camera set to it does. A lamp that is "
+        "coloured here, or alone, keeps its colour beside that. Off: all light has its own colour.",
     ),
     "cull": (
         "Back-face culling",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.draw.tonemap import to_display
-from app.draw.white_balance import MOST, NEUTRAL, gains_at, gains_for
+from app.draw.white_balance import MOST, NEUTRAL, gains_for
 from gi_core.geometry.error import luminance
 
 
@@ -29,13 +29,3 @@ def test_light_of_one_colour_keeps_it():
     gains = np.array(gains_for(np.array([1.0, 0.0, 0.0])))
     assert np.isfinite(gains).all() and gains.max() / gains.min() <= MOST / 0.2126 + 1e-9
     assert np.argmax(gains * [1.0, 0.0, 0.0]) == 0
-
-
-def test_lamps_count_at_their_levels():
-    """The gains were those of all lamps at full level, whichever were on: a warm lamp beside a sky stayed orange."""
-    flux = np.array([[20.0, 13.0, 5.0], [50.0, 60.0, 70.0]])
-    off, coloured = np.array([(0.5,) * 3, (0.0,) * 3]), np.array([(0.0,) * 3, (1.0, 0.5, 0.25)])
-    for levels, lit in ((off, flux[0]), (coloured, flux[1] * coloured[1])):
-        balanced = np.array(gains_at(flux, levels)) * lit
-        assert balanced == pytest.approx([balanced[0]] * 3)
-    assert gains_at(flux, np.zeros((2, 3))) == NEUTRAL
