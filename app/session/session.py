@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.measured_points import MeasuredPoints
+from app.session.lamp_changes import LampChanges, changes_exposure
 from app.session.log import WARNING, Log
 from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
@@ -26,7 +27,6 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.files.edits import Edit
 
 BUDGET = 0.008  # s per frame for refinement
-FADE = 1.0  # s of a cross-fade between light scenes
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
 # Settings that change uploaded colours, or read-outs
 OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed", "units"
@@ -36,7 +36,6 @@ KEPT_BY_RESET = (
     "fallback", "pins", "cameras", "plane",
 )  # fmt: skip
 OF_LAMPS = "lamps", "solo", "light_scenes"  # settings of the panel whose changes are steps of undo
-MUCH = 4.0  # times the flux of the lamps: two stops
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -64,8 +63,7 @@ class Session(OpenScene):
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
         self.problem: BaseException | None = None  # of the opening
-        self._fade: tuple[dict, float] | None = None  # levels at the start of a cross-fade, and its time
-        self._dimmed = settings.lamps, settings.solo  # in the light on show, or asked for
+        self.lamp_changes = LampChanges(settings, clock)
         self.dragging = False
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False
@@ -126,22 +124,15 @@ class Session(OpenScene):
 
     def _dim(self) -> None:
         """Follow the settings of the lamps, at once or in a cross-fade."""
-        names, asked = self.model.emitters.lamps.names, (self.settings.lamps, self.settings.solo)
-        if self._fade is None and asked == self._dimmed:
-            return
-        levels = self.settings.levels(names)
-        self._dimmed, self._moved_at = asked, self.clock()
-        if self._fade is not None:
-            start, since = self._fade
-            t = min((self.clock() - since) / FADE, 1.0)
-            levels = {n: tuple((1 - t) * a + t * b for a, b in zip(start[n], levels[n], strict=True)) for n in names}
-            self._fade = self._fade if t < 1 else None
-        self.light.dim(levels)
+        levels = self.lamp_changes.due(self.settings, self.model.emitters.lamps.names)
+        if levels is not None:
+            self._moved_at = self.clock()
+            self.light.dim(levels)
 
     def fade(self) -> None:
-        """Change to the levels asked for within FADE, from those on show."""
+        """Change to the levels asked for in a cross-fade, from those on show."""
         shown = self.light.snapshot.levels.tolist()
-        self._fade = dict(zip(self.model.emitters.lamps.names, shown, strict=True)), self.clock()
+        self.lamp_changes.fade(dict(zip(self.model.emitters.lamps.names, shown, strict=True)))
 
     def want(self, settings: Settings) -> None:
         """Request settings; they apply once they rest."""
@@ -163,18 +154,9 @@ class Session(OpenScene):
         self.want(settings)
 
     def _hint_at_exposure(self, held: bool) -> None:
-        """Log how to meter the exposure where an edit of lamps has ended in other light: solo, or MUCH of the flux."""
-        if held:
-            return
-        from gi_core.geometry.error import luminance
-
-        emitters, now = self.model.emitters, self.settings
-        was = replace(now, **{key.name: value for key, value in self._before_edit.items()})
-        fluxes = []
-        for levels in (was.levels(emitters.lamps.names), now.levels(emitters.lamps.names)):
-            lit = [flux * levels[name] for name, flux in zip(emitters.lamps.names, emitters.flux_of_lamps, strict=True)]
-            fluxes.append(float(luminance(sum(lit))))
-        if now.solo != was.solo or max(fluxes) > MUCH * min(fluxes) > 0:
+        """Log how to meter the exposure where an edit of lamps has ended in other light."""
+        was = replace(self.settings, **{key.name: value for key, value in self._before_edit.items()})
+        if not held and changes_exposure(self.model.emitters, was, self.settings):
             self.log("the exposure stays as it was: key A meters it", WARNING)
 
     def reset_settings(self, exposure: float) -> None:
@@ -208,7 +190,7 @@ class Session(OpenScene):
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
-        self._dimmed = opened.settings.lamps, ""  # the solver knows no solo
+        self.lamp_changes.adopt(opened.settings)
         self._show(opened, SolverThread(opened.solver, self.log, self.clock, self._worker))
         known = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
         for note in self.scene.notes:

@@ -8,12 +8,14 @@ sampled besides, and both ways are weighted by the balance heuristic (Veach 1997
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 
 import numpy as np
 
 from gi_core.base import strata
 from gi_core.base.jit import kernel
+from gi_core.base.pace import STEP, Pace
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
@@ -29,7 +31,6 @@ from gi_core.gather.path_tracer import (
     starts,
 )
 from gi_core.gather.pose_gather import KEPT, key_of
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, direction_of
@@ -46,8 +47,9 @@ LOG2_RAYS = 8  # of a receiver and round: four per cell
 RAYS = 1 << LOG2_RAYS
 ROUNDS = 4  # of the static part without mobiles: its light is then averaged over discs
 ROUNDS_AT_POSES = 8  # light on mobiles is not
-PART = 16  # receivers per thread and call: 4,096 rays
-RECEIVERS_PER_STEP = 64  # some 30 ms
+PART, GRAIN = 16, 4  # receivers per call, 4,096 rays; and per thread at least
+FIRST_SECONDS = 5e-4  # per receiver, before measurements
+LEAST, MOST = 8, 1 << 10  # receivers per step
 MOST_DELTA = 64  # delta lights that a receiver samples per round
 
 
@@ -65,9 +67,10 @@ class GlossGather:
         self._at, self._lights, self._known = at, lights, known
         receivers = model.object_receivers
         self.most = ROUNDS if len(at.position) == 1 else ROUNDS_AT_POSES
+        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
         self._object = np.searchsorted(model.surfaces.first_receiver[1:], rows, side="right")
         self._normals = receivers.normals[rows]
-        points, normals = (a[rows] for a in evaluation_points(model.surfaces, receivers))
+        points, normals = (a[rows] for a in model.evaluation_points)
         R, p = at.rotation[self._object], at.position[self._object]
         self._points = to_world_at(R, p, points + ORIGIN_LIFT * model.world.size * normals)
         self._up = to_world_at(R, 0 * p, normals)  # 0: black
@@ -78,21 +81,23 @@ class GlossGather:
         return self.rounds >= self.most or not len(self.rows)
 
     def steps(self) -> Iterator[bool]:
-        """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new, an array of its own.
+        """Gather until it is enough, in steps of some 10 ms; yields True where `mean` is new, an array of its own.
 
         The generator may be dropped and restarted: an unfinished round is then gathered again.
         """
         while not self.enough:
-            found = np.empty_like(self.mean)
-            for first in range(0, len(self.rows), RECEIVERS_PER_STEP):
-                last = min(first + RECEIVERS_PER_STEP, len(self.rows))
+            found, first = np.empty_like(self.mean), 0
+            while first < len(self.rows):
+                began, last = time.perf_counter(), min(first + self._pace.fit(STEP), len(self.rows))
 
                 def work(_, a, b, first=first, found=found):
                     for i in range(first + a, first + b, PART):
                         part = slice(i, min(i + PART, first + b))
                         found[part] = self._round(part)
 
-                run_ranges(work, last - first, self._model.threads, PART)
+                run_ranges(work, last - first, self._model.threads, GRAIN)
+                self._pace.took(last - first, time.perf_counter() - began)
+                first = last
                 yield False
             self.mean = (self.mean * self.rounds + found) / (self.rounds + 1)
             self.rounds += 1

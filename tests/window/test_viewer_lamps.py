@@ -143,7 +143,7 @@ def test_every_entry_of_the_light_scenes_can_be_chosen(play):
         dim = (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))
         for entry, lamps in (("dim", dim), (OF_FILE, ()), ("dim", dim)):
             ctx.combo_click(f"##Light scene/{entry}")
-            hand.wait(lambda: session._fade is None)
+            hand.wait(lambda: session.lamp_changes._start is None)
             assert session.settings.lamps == lamps
             hand.wait_for_light()
             level = 0.5 if lamps else 1.0

@@ -92,7 +92,8 @@ def fields(
 
 def unsigned_zero(value: float, digits: str) -> float:
     """Return a number, 0 if it would be shown as a negative zero."""
-    return 0.0 if float(digits % value) == 0 else value
+    number = (digits % value).split()[0]  # a unit may follow
+    return value if set(number) & set("123456789") else 0.0
 
 
 def write_over(text: str) -> None:
