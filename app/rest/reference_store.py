@@ -24,7 +24,7 @@ from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
 
-FORMAT = "gi-viewer reference 2"  # raise the number when paths change: old files are then ignored
+FORMAT = "gi-viewer reference 3"  # raise the number when paths change: old files are then ignored
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 REFERENCE_SEED = 0
 SAVE_SECONDS = 20.0

@@ -162,7 +162,7 @@ def test_few_rays_find_more_of_the_light(monkeypatch):
 
 
 def test_a_lamp_too_small_for_the_sum_of_shares_leaves_no_nan():
-    """Its share is below 1e-16 of the others, so its size cannot be told from their sum."""
+    """The lamp's share is below 1e-16 of the others: their cumulative sum does not hold its size."""
     model = room(downward(0.1, 0.1, 0.9, 0.4, 1), downward(0.6, 0.6, 0.8, 1e-9, 2))
     assert (model.lights.area.density > 0).all()
     dimmed = at_levels(model.lights, np.full((model.lights.lamps, 3), 0.5)).area
