@@ -39,9 +39,9 @@ def source_hash() -> str:
 
 
 def cache_folder() -> Path:
-    """Return the folder that holds compiled kernels."""
-    if "NUMBA_CACHE_DIR" in os.environ:
-        return Path(os.environ["NUMBA_CACHE_DIR"])
+    """Return the folder that holds compiled kernels: NUMBA_CACHE_DIR, or one of the user if that is unset or empty."""
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(folder)
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / f"kernels-{source_hash()}"
 
 

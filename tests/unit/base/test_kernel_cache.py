@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from gi_core.base.jit import cache_folder, source_hash
+
 ROOT = Path(__file__).resolve().parents[3]
 RUN = """
 import json, os, resource, sys
@@ -85,6 +87,14 @@ def folder(filled, tmp_path) -> Path:
 
 def test_folder_is_private_and_files_are_reused(run, folder):
     assert run() == (ALL, folder, [])
+
+
+def test_an_empty_variable_is_as_none(monkeypatch, tmp_path):
+    """An empty path is the current folder: kernels of the checkout would lie among its files."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    assert cache_folder().is_absolute() and cache_folder().name == f"kernels-{source_hash()}"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert cache_folder() == tmp_path
 
 
 def trap(file: Path) -> Path:
