@@ -32,8 +32,8 @@ SAVE_SECONDS = 20.0
 
 def reference_folder() -> Path:
     """Return the folder of the files."""
-    if FOLDER_VARIABLE in os.environ:
-        return Path(os.environ[FOLDER_VARIABLE])
+    if folder := os.environ.get(FOLDER_VARIABLE):  # an empty path would be the current folder
+        return Path(folder)
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / "reference"
 
 

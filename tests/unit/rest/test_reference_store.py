@@ -40,6 +40,12 @@ def test_saved_reference_is_loaded(folder):
     assert len(list(room().gather(0.2))) == 1  # nothing to do
 
 
+def test_an_empty_variable_is_as_none(monkeypatch):
+    """An empty path is the current folder: references would lie among its files."""
+    monkeypatch.setenv(reference_store.FOLDER_VARIABLE, "")
+    assert reference_folder().is_absolute() and reference_folder().name == "reference"
+
+
 def test_other_questions_have_other_names():
     from dataclasses import replace
 
