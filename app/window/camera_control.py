@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 
 from app.draw.camera import MAX_PITCH, PARALLEL, WIDE, Bounds, Turntable, from_camera, scene_bounds
 from app.session.readouts import free_name
+from app.window.view import CLICK_PIXELS
 from gi_core.scene import Camera
 from gi_core.scene.pose import three
 
@@ -35,6 +36,8 @@ class CameraControl:
         self.bounds: Bounds | None = None  # of everything
         self.flight: tuple[Turntable, Turntable, float] | None = None  # start, end, share of the way
         self._motion: tuple[str, int] | None = None  # ORBIT, PAN or LOOK, and the button that is held
+        self._mouse = (0.0, 0.0)  # place of the mouse that the camera has followed
+        self._is_click = False  # no motion yet
 
     def adopt(self, session: Session, keep_view: bool) -> None:
         """Show a session through its scene's camera; `keep_view`: through the user's, if it was moved."""
@@ -68,17 +71,23 @@ class CameraControl:
     def begin(self, motion: str, button: int) -> None:
         """Steer until the button is released."""
         self.flight, self._motion = None, (motion, button)
+        self._mouse, self._is_click = tuple(imgui.get_mouse_pos()), True
 
     def steer(self, io, seconds: float) -> bool:
-        """Follow mouse and letters for a frame; return False in the frame in which the button is released."""
+        """Follow mouse and letters for a frame; return False in the frame in which the button is released.
+
+        That frame has the motion up to the release: a quick one is in no other. A click leaves the camera as it is.
+        """
         motion, button = self._motion
+        view, (x, y) = self.view, self._mouse
+        dx, dy = io.mouse_pos.x - x, io.mouse_pos.y - y
+        self._is_click &= math.hypot(dx, dy) < CLICK_PIXELS
+        if imgui.is_mouse_pos_valid() and not self._is_click and (dx or dy):
+            view.camera = getattr(view.camera, motion)(dx / view.size[1], dy / view.size[1])
+            self._mouse = tuple(io.mouse_pos)
         if not imgui.is_mouse_down(button):
             self._motion = None
             return False
-        view = self.view
-        dx, dy = io.mouse_delta.x / view.size[1], io.mouse_delta.y / view.size[1]
-        if dx or dy:
-            view.camera = getattr(view.camera, motion)(dx, dy)
         if self.is_looking and not io.want_text_input:
             speed = FLY_SPEED * self._lit.radius * (FLY_FASTER if io.key_shift else 1.0) * seconds
             lengths = [speed * (imgui.is_key_down(a) - imgui.is_key_down(b)) for a, b in FLY_KEYS]

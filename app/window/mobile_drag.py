@@ -1,12 +1,17 @@
-"""A drag on mobiles: the mouse moves them until the button is released."""
+"""A drag on mobiles: the mouse moves them until the button is released, and to its place then.
+
+Press, motion and release may come between two frames. Dear ImGui then shows the release in the frame after the press.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
 from app.window import drag
+from app.window.view import CLICK_PIXELS
 from gi_core.scene.pose import carried
 
 if TYPE_CHECKING:
@@ -16,7 +21,6 @@ if TYPE_CHECKING:
     from app.window.view import View
     from gi_core.scene import Pose
 
-THRESHOLD_PIXELS = 2.0  # shorter motions are a click
 LEFT, RIGHT = 0, 1  # buttons that drag
 
 
@@ -41,17 +45,18 @@ class MobileDrag:
 
     def follow(self, session: Session, view: View) -> None:
         """Move the mobiles to the cursor; end when the button is released."""
-        button = LEFT if imgui.is_mouse_down(LEFT) else RIGHT
-        if not imgui.is_mouse_down(button):
-            self.grab = None
-            session.end_drag()
-            return
-        if imgui.is_mouse_dragging(button, THRESHOLD_PIXELS) or session.poses != session.before_drag:
+        u, v = view.uv(imgui.get_io().mouse_pos)
+        way = math.hypot((u - self.grab.u) * view.size[0], (v - self.grab.v) * view.size[1])
+        # A cursor that leaves the window has no place for a moment.
+        if imgui.is_mouse_pos_valid() and (way >= CLICK_PIXELS or session.poses != session.before_drag):
             # The camera may have dollied since the press: the ray is of the current camera.
             grab = self.grab._replace(camera=view.camera)
-            pose = drag.dragged(grab, *view.uv(imgui.get_io().mouse_pos), view.aspect, self.room)
+            pose = drag.dragged(grab, u, v, view.aspect, self.room)
             if pose != session.poses[grab.mobile]:
                 session.move({grab.mobile: pose, **carried(self.others, grab.pose, pose)})
+        if not (imgui.is_mouse_down(LEFT) or imgui.is_mouse_down(RIGHT)):
+            self.grab = None
+            session.end_drag()
 
     def cancel(self, session: Session) -> bool:
         """Restore the poses; return False without a drag."""

@@ -9,6 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from app.draw.camera import Turntable
 
+CLICK_PIXELS = 2.0  # shorter motions of the mouse are a click
+
 
 class View:
     """`origin` and `size` [points] of the picture in the window; `camera`: None before the first scene."""

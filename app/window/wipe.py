@@ -26,12 +26,13 @@ class Wipe:
         near = hovered and self.is_near(io.mouse_pos.x, left, width)
         if near and imgui.is_mouse_clicked(0):
             self.held = True
-        self.held &= imgui.is_mouse_down(0)
-        if self.held:
+        takes = near or self.held
+        if self.held and imgui.is_mouse_pos_valid():
             self.at = min(max((io.mouse_pos.x - left) / max(width, 1.0), EDGE_MARGIN), 1 - EDGE_MARGIN)
-        if near or self.held:
+        self.held &= imgui.is_mouse_down(0)
+        if takes:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-        return near or self.held
+        return takes
 
     def draw(self, area: tuple[float, float, float, float], names: tuple[str, str]) -> None:
         """Draw the line and both labels into an area (x, y, width, height)."""

@@ -15,7 +15,7 @@ from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SPEED = 1e-3  # of the scene size per pixel of a drag
-ROWS = 5  # of the list; more objects scroll
+ROWS = 12  # of the list; more objects scroll
 UPRIGHT = 1e-6  # cosine of the angle about y at which those about x and z are one
 Angles = tuple[float, float, float]
 
