@@ -2,8 +2,8 @@
 
     python -m studies.gloss_cost [--photons N] [--frames N] [--light photons|best]
 
-The gallery of studies.mitsuba_gallery with a finer floor: floor and ball are glossy, or diffuse with the same base.
-Both move the ball along the same path, frame by frame in turn.
+The gallery of studies.mitsuba_gallery with a finer floor: floor and ball are glossy, or diffuse with the same
+hemispherical albedo, so that both reflect as much light. Both move the ball along the same path, frame by frame in turn.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from gi_core.geometry.surfaces import glossy_receivers
+from gi_core.model import Model
+from gi_core.scene.pose import three
 from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver
 from studies.mitsuba_gallery import BALL, gallery
@@ -25,11 +27,13 @@ RADIUS = 0.11  # of discs [m], which studies.mitsuba_gallery has
 
 
 def diffuse(scene: Scene) -> Scene:
-    """Return the scene without gloss."""
-    kept = (
-        m._replace(gloss=None, brdf=(), reflectance=m.brdf[0].values()["kd"] if m.brdf else m.reflectance)
-        for m in scene.materials
-    )
+    """Return the scene without gloss, its materials with the same hemispherical albedo."""
+    model = Model(scene)
+    albedo, of = model.world.bsdfs.albedo, [o.face_material for o in (scene.static, *(m.mesh for m in scene.mobiles))]
+    material = np.concatenate(of)
+    faces = [np.flatnonzero(material == k)[:1] for k in range(len(scene.materials))]
+    parts = zip(scene.materials, faces, strict=True)
+    kept = (m._replace(gloss=None, brdf=(), reflectance=three(albedo[f[0]])) if len(f) else m for m, f in parts)
     return replace(scene, materials=tuple(kept))
 
 

@@ -21,7 +21,7 @@ from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
 from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import GRAZING
-from gi_core.lights.candidates import CANDIDATES, Candidates, unoccluded
+from gi_core.lights.candidates import CANDIDATES, Candidates, thinned, unoccluded
 from gi_core.lights.light_sampling import AreaLights
 from gi_core.lights.next_event import Shadows
 
@@ -39,7 +39,7 @@ class DirectLight(NamedTuple):
     rotation: np.ndarray  # (3, 3) float64, of their mobile
     positions: np.ndarray  # (n, 3) float64 [m], in the world
     lights: AreaLights
-    candidates: Candidates
+    candidates: Candidates  # all where they are few, at last one of each stratum: more in a cell add time alone
     first: np.ndarray  # (n + 1,) int64 into `ray`
     ray: np.ndarray  # (k,) int32 into the next three, in the order of receivers
     stratum: np.ndarray  # (s,) int64 of the candidates, or -1
@@ -88,9 +88,8 @@ def direct_light(
     first = np.zeros(rows.stop - rows.start + 1, np.int64)
     ray = np.empty(len(blocked), np.int32)
     _order(rays.row, blocked, first, ray)
-    return DirectLight(
-        rows, rotation, positions, lights, candidates, first, ray, rays.stratum, rays.direction, rays.value
-    )
+    some = thinned(candidates, min(max(len(candidates.face) // ROOM, 1), CANDIDATES))
+    return DirectLight(rows, rotation, positions, lights, some, first, ray, rays.stratum, rays.direction, rays.value)
 
 
 @kernel
@@ -176,14 +175,12 @@ def _write(
                 n = 0
         _add(ready, n, cell, sums)
         if some:
-            # All candidates where they are few, at last one of each stratum: more in a cell add time alone.
-            step = min(max(len(light) // ROOM, 1), CANDIDATES)
-            at, scale = row(positions, i - start), total * np.float32(step * paths / len(light))
+            at, scale = row(positions, i - start), total * np.float32(paths / len(light))
             unoccluded(candidates, np.uint64(0), at, turned[2], lights, light)
             _forget_unreached(reached, light)
-            for begin in range(0, len(light), ROOM * step):
-                n = min(ROOM, (len(light) - begin) // step)
-                _put_candidates(turned, at, candidates, scale, light, begin, step, n, ready)
+            for begin in range(0, len(light), ROOM):
+                n = min(ROOM, len(light) - begin)
+                _put_candidates(turned, at, candidates, scale, light, begin, n, ready)
                 _add(ready, n, cell, sums)
         _normalise(sums, frame, resting[place[r]], out[r])
 
@@ -232,10 +229,10 @@ def _put(frame, direction, share, light, n, ready):
 
 
 @inlined
-def _put_candidates(frame, position, of, share, light, first, step, n, ready):
-    """Write n candidates, each step-th from `first` on, with share times their light."""
+def _put_candidates(frame, position, of, share, light, first, n, ready):
+    """Write n candidates, from `first` on, with share times their light."""
     for k in range(np.uint64(n)):
-        i = np.uint64(first) + np.uint64(step) * k
+        i = np.uint64(first) + k
         x, y, z = of.point[0, i] - position[0], of.point[1, i] - position[1], of.point[2, i] - position[2]
         scale, bright = 1.0 / math.sqrt(max(x * x + y * y + z * z, 1e-300)), share * light[i]
         colour = of.colour[0, i], of.colour[1, i], of.colour[2, i]
@@ -245,9 +242,10 @@ def _put_candidates(frame, position, of, share, light, first, step, n, ready):
 @kernel
 def _forget_unreached(reached, light):
     """Set the light of the candidates of strata that no ray reached to 0, and forget those that are."""
+    size = len(light) // len(reached)
     for j in range(len(reached)):
         if not reached[j]:
-            light[j * CANDIDATES : (j + 1) * CANDIDATES] = 0.0
+            light[j * size : (j + 1) * size] = 0.0
         reached[j] = False
 
 

@@ -53,6 +53,12 @@ class Candidates(NamedTuple):
         return len(self.pick) // self.sets
 
 
+def thinned(of: Candidates, step: int) -> Candidates:
+    """Return each step-th candidate, in the same strata; step: 1, 2, 4 or CANDIDATES."""
+    point, normal, density, power, colour, face = (np.ascontiguousarray(a[..., ::step]) for a in of[:6])
+    return Candidates(point, normal, density, power, colour, face, of.pick, of.sets)
+
+
 def candidates(seed: int, m: int, lights: AreaLights, sets: int = 1) -> Candidates:
     """Draw candidates for 2^m paths per receiver, in strata of equal probability; none without area lights."""
     n = max((1 << m) // PATHS_PER_SHADOW, 1) * CANDIDATES * sets if len(lights.cdf) else 0
