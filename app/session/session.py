@@ -91,6 +91,11 @@ class Session(OpenScene):
         return self.light.busy or self._to_apply
 
     @property
+    def refined(self) -> float:
+        """Share of the photons at the settings asked for; below 1 the picture may be that of earlier settings."""
+        return 0.0 if self._to_apply else self.light.refined
+
+    @property
     def version(self) -> int:
         """A number that grows with each new picture."""
         return self.light.version + self._refreshed

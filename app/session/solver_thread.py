@@ -78,6 +78,12 @@ class SolverThread:
         return self._stage is Stage.REFINING or job or self._is_asked or self.partial
 
     @property
+    def refined(self) -> float:
+        """Share of the photons at the present settings; 1: all are in the picture, below it another may be on show."""
+        done = self._stage is Stage.REFINED
+        return 1.0 if done else min(self.progress.fraction, 0.99) if self.progress is not None else 0.0
+
+    @property
     def _is_asked(self) -> bool:
         """Whether a move or levels of lamps wait for their turn."""
         return bool(self._pending) or self._levels is not None
@@ -167,6 +173,7 @@ class SolverThread:
 
     def _begin_refinement(self) -> None:
         """Start refining at the present state; photons already traced stay."""
+        self.progress = None
         self._stage, self._steps = Stage.REFINING, _steps(self._solver, self._waits.is_set)
 
     # -- jobs -------------------------------------------------------------------------------------

@@ -95,12 +95,13 @@ def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.
     level = level / length
     low, high = _room(grab, bounds)
     s = _distance(float((grab.point - origin) @ up), float(np.linalg.norm(grab.point - origin)), float(direction @ up))
-    # Clip on the track itself: clipping a far point axis by axis would slide it along a wall into a corner.
-    entry, leave = _track_in_box(foot, level, low, high)
+    # Clip the far end on the track: clipping a far point axis by axis would slide it along a wall into a corner. Of the
+    # near end it would push a wide group, whose room is small and may begin behind the eye's foot, away from the eye.
+    leave = _end_in_box(foot, level, low, high)
     if leave is None:
         s = min(s, 2 * bounds.radius + float(np.linalg.norm(grab.point - foot)))
     else:
-        s = min(max(s, entry), leave)
+        s = min(s, leave)
     target = foot + s * level
     return target + float((grab.point - target) @ up) * up  # the height exactly as it was
 
@@ -151,14 +152,14 @@ def _room(grab: Grab, bounds: Bounds) -> tuple[np.ndarray, np.ndarray]:
     return np.minimum(low, grab.point), np.maximum(high, grab.point)
 
 
-def _track_in_box(origin, direction, low, high) -> tuple[float, float | None]:
-    """Return entry and exit of a line through a box, (0, None) for a miss."""
+def _end_in_box(origin, direction, low, high) -> float | None:
+    """Return the distance at which a ray leaves a box, None for a miss."""
     entry, leave = 0.0, np.inf
     for k in range(3):
         if abs(direction[k]) < 1e-12:
             if not low[k] - 1e-9 <= origin[k] <= high[k] + 1e-9:
-                return 0.0, None
+                return None
             continue
         a, b = sorted(((low[k] - origin[k]) / direction[k], (high[k] - origin[k]) / direction[k]))
         entry, leave = max(entry, a), min(leave, b)
-    return (entry, leave) if entry <= leave else (0.0, None)
+    return leave if entry <= leave else None

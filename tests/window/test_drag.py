@@ -125,6 +125,18 @@ def test_an_object_outside_may_stay_and_come_in_but_not_go_farther():
     assert np.allclose(moved(g, u + 0.2, v), 0)
 
 
+@pytest.mark.parametrize("way", [(0.5, 0, 0), (0.6, 0, -0.1), (0.1, 0, 0.6), (0.3, 0, -0.2), (0.5, 0, 0.5)])
+def test_a_wide_group_slides_along_walls(way):
+    """Its room is small and may begin behind the point below the eye: it goes where the cursor goes, or stays."""
+    c = camera(position=(1.5, 1.2, 1.9))
+    u, v = projected(c, POINT, ASPECT)
+    half = np.array([1.4, 0.1, 1.3])
+    g = drag.Grab("block", drag.SLIDE, POINT, POSE, c, u, v, POINT - half, POINT + half)
+    shift = moved(g, *projected(c, POINT + way, ASPECT))
+    allowed = np.clip(way, np.array(ROOM.low) - (POINT - half), np.array(ROOM.high) - (POINT + half))
+    assert np.allclose(shift, allowed, atol=1e-9) and np.linalg.norm(shift) > 0.05
+
+
 def test_a_flat_scene_has_headroom():
     room = drag.room_for(Bounds((0, 0, 0), (4, 0, 3)), (0, 1, 0))
     assert np.allclose(room.low, (0, 0, 0)) and np.allclose(room.high, (4, 2.5, 3))

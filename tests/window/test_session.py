@@ -105,6 +105,21 @@ def test_old_picture_stays_until_the_new_one_is_ready(session):
     assert frames > 3 and session.irradiance is not old
 
 
+def test_light_has_converged_only_at_the_settings_asked_for(session):
+    """The picture of the old radius has all photons while those of the new one are computed."""
+    while session.refining:
+        frame(session)
+    assert session.refined == 1
+    session.want(replace(session.settings, radius=0.08))
+    assert session.refined == 0
+    shares = []
+    while session.refining:
+        frame(session)
+        shares.append(session.refined)
+    assert shares == sorted(shares) and shares[-1] == 1 and all(share < 1 for share in shares[:-1])
+    assert any(0 < share < 0.9 for share in shares)
+
+
 def test_refused_setting_is_logged_and_reverted(session):
     session.want(replace(session.settings, estimator="unknown", tone_map="clip"))
     frame(session)

@@ -48,6 +48,7 @@ class Facts:
     selection: tuple[str, ...]  # names of objects, the last selected one last
     playing: bool
     moving: bool  # objects are in motion, or their light is
+    refined: float  # share of the photons at the settings asked for; below 1 the picture may be that of earlier ones
     all_done: bool  # no work is left at rest
     metered: float  # EV at load
     lamps: tuple[str, ...]  # names
@@ -131,6 +132,7 @@ def facts_of(
         selection=selection,
         playing=session.playing,
         moving=session.playing or session.dragging or session.light.is_moving or session.light.partial,
+        refined=session.refined,
         all_done=session.light.all_done and not session.refining,
         metered=metered,
         lamps=emitters.lamps.names,

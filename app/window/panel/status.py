@@ -25,7 +25,7 @@ def status_of(facts: Facts) -> Status:
     """Return the state of the light on show."""
     if facts.moving:
         return Status("in motion", 0.0)
-    photons, paths = min(facts.photons_traced / max(facts.photons_goal, 1), 1.0), []
+    photons, paths = min(facts.photons_traced / max(facts.photons_goal, 1), facts.refined), []
     if facts.gathered is not None:
         paths.append(facts.gathered.fraction)
         if facts.mobiles:
