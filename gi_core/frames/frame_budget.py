@@ -2,7 +2,8 @@
 
 A photon subset is a valid smaller solution with more noise. The noise differs between subsets, so switching between
 them flickers. The size is therefore chosen when a motion begins. It becomes smaller only after several late frames in
-a row, and larger with the next motion. Mobiles that gather their light use a share of the budget.
+a row, and larger with the next motion. Mobiles that gather their light come first: up to ENOUGH paths in a share of the
+budget, then photons, then more paths in the time that is left.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from gi_core.frames.frame_size import PATHS, PATHS_AT_REST, FrameSize
 
 REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
-GATHERING = 0.5  # share of the budget, if mobiles gather their light
+GATHERING = 0.7  # share of the budget for up to ...
+ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off, docs/decisions 48
 LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 FAR = 1.5  # times the budget: longer frames are late
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
@@ -94,13 +96,17 @@ class FrameBudget:
 
         subsets: photon subsets, ascending; gathers: whether mobiles gather their light.
         """
-        paths = None
-        if gathers:
-            paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= PATHS_AT_REST])
-            seconds -= self._path_times.expected(paths) or 0.0
+        if not gathers:
+            return (self._photon_times.largest_within(seconds, good_enough(subsets)) if subsets else None), None
+        paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= ENOUGH])
         if not subsets:
             return None, paths
-        return self._photon_times.largest_within(seconds, good_enough(subsets)), paths
+        left = seconds - (self._path_times.expected(paths) or 0.0)
+        photons = self._photon_times.largest_within(left, good_enough(subsets))
+        if (spent := self._photon_times.expected(photons)) is not None:
+            more = self._path_times.largest_within(seconds - spent, [n for n in PATHS if n <= PATHS_AT_REST])
+            paths = max(paths, more)
+        return photons, paths
 
     def begin(self) -> None:
         """Begin a motion: the next frame chooses the size."""

@@ -356,6 +356,28 @@ def test_without_photons_there_is_nothing_to_choose():
     assert FrameBudget().choose(0.01, (), False) == (None, None)
 
 
+@pytest.mark.parametrize(
+    "budget, chosen",
+    [
+        (0.016, (16_384, 32)),  # half of the budget would buy 16 paths
+        (0.018, (65_536, 32)),  # photons before more paths ...
+        (0.026, (65_536, 64)),  # ... and these in the time that is left
+        (0.012, (16_384, 16)),
+        (0.004, (16_384, 8)),  # nothing fits: paths have their share
+        (1.0, (1_000_000, 64)),
+    ],
+)
+def test_mobiles_have_paths_first(monkeypatch, budget, chosen):
+    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
+    subsets, paths = {16_384: 0.005, 65_536: 0.007, 1_000_000: 0.1}, {8: 0.0025, 16: 0.006, 32: 0.0105, 64: 0.0185}
+    known = FrameBudget()
+    for photons, seconds in subsets.items():
+        known.record(FrameSize(photons, 0), {"estimate": seconds}, False)
+    for count, seconds in paths.items():
+        known.record(FrameSize(16_384, count), {"gather": seconds, "estimate": subsets[16_384]}, True)
+    assert known.within(budget, tuple(subsets), True) == chosen
+
+
 def test_unknown_costs_are_guessed_high(monkeypatch):
     monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
     assert FrameBudget().within(0.016, (16_384, 65_536, 131_072), True) == (16_384, 4)
