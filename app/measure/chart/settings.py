@@ -7,6 +7,8 @@ from typing import NamedTuple
 from app.settings import Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting
+from gi_core.frames.frame_budget import ENOUGH
+from gi_core.frames.frame_size import PATHS, PATHS_AT_REST
 from gi_core.solver import Solver
 
 TUNED = "tune's choice"
@@ -50,6 +52,9 @@ QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.1, 0.0
 
 def effort(quick: bool) -> Effort:
     return QUICK if quick else FULL
+
+
+LEAST_PATHS = 8  # of a frame with gathered light
 
 
 class Choice(NamedTuple):
@@ -158,9 +163,9 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
 
 
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Return photons and paths of frames with gathered light: 8 to 64 paths, as the root of the photons."""
-    pairs = [(n, max(p for p in (8, 16, 32, 64) if p == 8 or 256 * p * p <= n)) for n in counts]
-    return [*pairs[:1], (counts[0], 2 * pairs[0][1]), *pairs[1:]]
+    """Return photons and paths of frames with gathered light, in the order in which a budget takes them."""
+    few = [(counts[0], paths) for paths in PATHS if LEAST_PATHS <= paths < ENOUGH]
+    return [*few, *((n, ENOUGH) for n in counts[:-1]), (counts[-1], PATHS_AT_REST)]
 
 
 def _round(x: float) -> float:
