@@ -3,7 +3,8 @@
     python -m studies.gloss_cost [--photons N] [--frames N] [--light photons|best]
 
 The gallery of studies.mitsuba_gallery with a finer floor: floor and ball are glossy, or diffuse with the same
-hemispherical albedo, so that both reflect as much light. Both move the ball along the same path, frame by frame in turn.
+hemispherical albedo, so that both reflect as much light. Both move the ball along the same path, frame by frame in
+turn.
 """
 
 from __future__ import annotations

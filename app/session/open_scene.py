@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.rest.measuring_plane import Level
     from app.session.method_view import MethodParts
     from gi_core.defaults.choose import Chosen
-    from gi_core.files.edits import Values
+    from gi_core.files.edits import Edit, Values
     from gi_core.model import Model
     from gi_core.scene import Scene
 
@@ -145,15 +145,18 @@ class OpenScene:
             values = finish_of(self.scene, self.model.surfaces, *key)
             self._finishes[key] = Finished(values, is_textured(self.scene, *key))
         found = self._finishes[key]
-        for edit in reversed(self.edits):
-            if isinstance(edit, Finish) and (edit.name, edit.part) == (name, part):
-                given = dict(edit.material)
-                if "reflectance" in given:
-                    return Finished(edit.material, False)
-                if "brdf" not in given:
-                    given = {"reflectance": dict(found.values).get("reflectance", GREY), **given}
-                comes = self.edits != self.settings.edits  # an undo may bring the texture back
-                return Finished(tuple(given.items()), found.textured or comes)
+
+        def given(edits: Iterable[Edit]) -> list[Values]:
+            return [e.material for e in edits if isinstance(e, Finish) and (e.name, e.part) == (name, part)]
+
+        if asked := given(self.edits):
+            newest: dict[str, Any] = dict(asked[-1])
+            if "reflectance" in newest:
+                return Finished(asked[-1], False)
+            if "brdf" not in newest:
+                newest = {"reflectance": dict(found.values).get("reflectance", GREY), **newest}
+            comes = any("reflectance" in dict(shown) for shown in given(self.settings.edits))  # back, by an undo
+            return Finished(tuple(newest.items()), found.textured or comes)
         return found
 
     def parts_of(self, name: str) -> tuple[str, ...]:

@@ -89,14 +89,24 @@ class Reload:
         if self.coming is None:
             return None
         opening = self.coming.opening
-        compiles = opening is not None and opening.phase in COMPILING.values()
-        if self.is_editing and not compiles and self.coming.clock() - self._begun < QUIET:
+        if self.is_editing and not self._compiles and self.coming.clock() - self._begun < QUIET:
             return None
         return ("ready", 1.0) if opening is None else opening.progress
 
+    @property
+    def _compiles(self) -> bool:
+        """Whether the opening compiles kernels."""
+        opening = self.coming.opening if self.coming is not None else None
+        return opening is not None and opening.phase in COMPILING.values()
+
     def tick(self, now: Session) -> Session | None:
-        """Return the new session to show; None before it is ready and during a drag."""
-        if now.asked is not None and now.ready and not (now.asked.follows and self.is_editing):
+        """Return the new session to show; None before it is ready and during a drag.
+
+        An edit breaks off the one before it, but for the values of a held slider, and while kernels compile: each
+        compiler would begin with ten seconds of imports.
+        """
+        goes_on = self.is_editing and now.asked is not None and (now.asked.follows or self._compiles)
+        if now.asked is not None and now.ready and not goes_on:
             asked, now.asked = now.asked, None
             self._edit(now, asked)
         coming = self.coming

@@ -290,6 +290,8 @@ class Session(OpenScene):
         before = self.edits
         for edit in edits:
             self.edits = with_edit(self.edits, edit)
+        if self.edits == before:
+            return
         if first:
             poses: dict[Any, Any] = dict(self.poses)
             self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})

@@ -121,6 +121,40 @@ def test_a_held_slider_is_followed_and_undone_as_one_step(play):
     assert set(shown) <= {(), (Finish("white", values[0]),)}
 
 
+def test_copies_in_quick_succession_stand_apart(play):
+    """Those asked for while others are still being prepared, and more than there are sides."""
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer.viewport.select(("block",))
+        for _ in range(6):
+            viewer._do("duplicate")
+        hand.wait(lambda: len(viewer.session.poses) == 7 and viewer.reload.coming is None)
+        low, high = map(np.array, zip(*(viewer.session.box_of((name,)) for name in viewer.session.poses), strict=True))
+        for k in range(7):
+            others = np.arange(7) != k
+            assert not ((low[others] < high[k] - 0.02) & (high[others] > low[k] + 0.02)).all(axis=1).any()
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_an_edit_that_changes_nothing_is_no_step_of_undo(play):
+    """A press on a slider's knob may change a value by less than it is rounded to."""
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        change(hand, viewer, lambda: viewer._do(Refinish("white", (("reflectance", RED),))))
+        edits, asked = viewer.session.edits, viewer.session.asked
+        viewer._do(Refinish("white", (("reflectance", RED),)))
+        assert viewer.session.asked is asked
+        viewer._do(Refinish("white", (("reflectance", (0.2, 0.4, 0.6)),), first=False))
+        hand.wait(lambda: viewer.session.asked is None and viewer.reload.coming is None)
+        change(hand, viewer, lambda: viewer._do("undo"))
+        assert viewer.session.settings.edits in ((), edits)
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
 def test_objects_are_copied_removed_frozen_and_made_movable(play):
     def script(hand, viewer):
         hand.wait_for_light()

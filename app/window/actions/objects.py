@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from imgui_bundle import imgui
 
 from app.session.log import WARNING
 from app.window import dialogs
@@ -135,13 +136,21 @@ def reset_poses(window: Window) -> None:
 
 
 def undo(window: Window) -> None:
-    window.viewport.cancel_drag()
-    window.session.undo()
+    if not _holds_a_field(window):
+        window.viewport.cancel_drag()
+        window.session.undo()
 
 
 def redo(window: Window) -> None:
-    window.viewport.cancel_drag()
-    window.session.redo()
+    if not _holds_a_field(window):
+        window.viewport.cancel_drag()
+        window.session.redo()
+
+
+def _holds_a_field(window: Window) -> bool:
+    """Whether the mouse holds a field of the panel: its next value would follow an undo as part of another step."""
+    in_picture = window.viewport.mobile_drag.grab is not None or window.viewport.control.is_steering
+    return imgui.is_any_item_active() and imgui.is_mouse_down(imgui.MouseButton_.left) and not in_picture
 
 
 def _free_name(window: Window, name: str, taken: Iterable[str] = ()) -> str:

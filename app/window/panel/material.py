@@ -135,7 +135,11 @@ def _title(name: str) -> str:
 
 
 def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
-    """Draw a parameter; return its value and whether it has been changed."""
+    """Draw a parameter; return its value and whether it has been changed.
+
+    The field has float32: a click on a knob may be a change that rounding takes back.
+    """
+    given = value
     shown = name.capitalize() if len(name) > 3 else {"ior": "IOR"}.get(name, name)
     if p.colour and p.high <= 1:
         rgb = list(value) if isinstance(value, tuple) else [value] * 3
@@ -150,4 +154,4 @@ def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
         changed, number = ui.float_slider(shown, value, p.low, p.high, f"{value:.3g}", p.high > 10)
         value = min(max(float(f"{number:.4g}"), p.low), p.high)
     ui.tip(f"{p.meaning[:1].upper()}{p.meaning[1:]}.")
-    return value, changed
+    return value, changed and value != given
