@@ -51,14 +51,13 @@ def frame_of(normal: np.ndarray) -> np.ndarray:
 
 def of_stratum(d: DirectLight, r: int, e: int, paths: int, normal: np.ndarray) -> list[tuple]:
     """Return direction in the object's space and light of the candidates that ray e of receiver r stands for."""
-    of, first = d.candidates, d.stratum[e] * CANDIDATES
-    found = np.empty(len(of.face))
+    of, found = d.candidates, np.empty(len(d.candidates.face))
     unoccluded(of, np.uint64(0), d.positions[r], d.rotation @ normal, d.lights, found)
-    step = min(max(len(of.face) // ROOM_OF_RAYS, 1), CANDIDATES)
-    rays = []
-    for c in range(first, first + CANDIDATES, step):
+    assert len(of.face) == min(len(of.pick) * CANDIDATES, max(len(of.pick), ROOM_OF_RAYS))  # while there is room
+    size, rays = len(of.face) // len(of.pick), []
+    for c in range(d.stratum[e] * size, (d.stratum[e] + 1) * size):
         way = of.point[:, c] - d.positions[r]
-        light = of.colour[:, c] * (step * paths * found[c] / len(of.face))
+        light = of.colour[:, c] * (paths * found[c] / len(of.face))
         rays.append((way / np.linalg.norm(way) @ d.rotation, light))
     return rays
 
