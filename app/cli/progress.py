@@ -86,7 +86,9 @@ def opened(settings: Settings, open_scene: Callable[[Settings], Scene]) -> Itera
 
 
 def solve(solver: Solver, bar: Bar) -> None:
-    """Trace all requested photons, showing progress, and warn where memory does not hold them."""
+    """Trace all requested photons, showing progress; print the scene's notes before, warnings after."""
+    for note in solver.scene.notes:
+        bar.say(f"gi-viewer: {note}")
     for progress in solver.solve_steps(pictures=False):
         bar(progress.stage, progress.fraction)
     for text in warnings_of(solver).values():

@@ -158,13 +158,15 @@ def write(path: Path, settings: Settings) -> None:
     """Save settings, as of with_view(). Raises UsageError if the file may not name the scene's files; OSError."""
     import tomli_w
 
-    scene, *mobiles = (_relative(name, path, settings.allow_outside) for name in (settings.scene, *settings.mobiles))
+    _check_place(path, settings)
+
+    scene, *mobiles = (_relative(name, path) for name in (settings.scene, *settings.mobiles))
     saved = {field: getattr(settings, field) for field in SAVED}
     changed = {field: v for field, v in saved.items() if v != getattr(Settings, field)}
     document: dict[str, Any] = {"scene": scene, "mobiles": mobiles} if mobiles else {"scene": scene}
     document["settings"] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
     if settings.edits:
-        document["edits"] = [_table_of(edit, path, settings.allow_outside) for edit in settings.edits]
+        document["edits"] = [_table_of(edit, path) for edit in settings.edits]
     if settings.camera is not None:
         document["camera"] = _camera_table(settings.camera)
     if settings.poses:
@@ -205,12 +207,12 @@ def _key(name: str) -> str:
     return tomli_w.dumps({name: 0}).removesuffix(" = 0\n")
 
 
-def _table_of(edit: Edit, document: Path, allow_outside: bool) -> dict[str, Any]:
+def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
     """Return an edit of the scene as a table of a saved scene."""
     table: dict[str, Any] = {"kind": type(edit).__name__.lower()}
     for field, value in edit._asdict().items():
         if field == "file":
-            table[field] = _relative(value, document, allow_outside)
+            table[field] = _relative(value, document)
         elif field == "material":
             table[field] = {key: list(v) if isinstance(v, tuple) else v for key, v in value}
         elif field == "pose" and value is not None:
@@ -286,15 +288,36 @@ def _found(name: str, file: Path, boundary, where: str) -> str:
     return os.path.normpath(path)
 
 
-def _relative(name: str, document: Path, allow_outside: bool) -> str:
-    """Return how a saved scene names a file: relative to its own folder."""
+def home_of(settings: Settings) -> Path | None:
+    """Return the folder, in which or above which a saved scene may lie; None for any."""
+    from gi_core.files.edits import Insert
+
+    inserted = (edit.file for edit in settings.edits if isinstance(edit, Insert))
+    files = filter(os.path.isfile, (settings.scene, *settings.mobiles, *inserted))
+    folders = [Path(name).resolve().parent for name in files]
+    try:
+        return Path(os.path.commonpath(folders)) if folders else None
+    except ValueError:  # several drives
+        return folders[0]
+
+
+def _check_place(document: Path, settings: Settings) -> None:
+    """Raise UsageError for a place from which the scene's files lie outside of the saved scene's folder."""
     from app.settings import UsageError
 
+    home, folder = home_of(settings), document.resolve().parent
+    if home is not None and not settings.allow_outside and not home.is_relative_to(folder):
+        raise UsageError(
+            f"{document.name} must be saved in {home} or above, where the scene's files are; with --allow-outside, "
+            "anywhere"
+        )
+
+
+def _relative(name: str, document: Path) -> str:
+    """Return how a saved scene names a file: relative to its own folder."""
     if not os.path.isfile(name):
         return name  # a shipped scene
     folder, real = document.resolve().parent, Path(name).resolve()
-    if not (allow_outside or real.is_relative_to(folder)):
-        raise UsageError(f"{document.name} must be saved in {real.parent} or above, because it names {real.name} there")
     try:
         return Path(os.path.relpath(real, folder)).as_posix()
     except ValueError:  # another drive

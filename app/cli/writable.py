@@ -24,6 +24,14 @@ def check_writable(option: str, file: Path) -> None:
         ) from None
 
 
+def check_no_input(option: str, file: Path) -> None:
+    """Raise UsageError, one sentence naming the option, if a file belongs to a scene that has been read."""
+    from gi_core.files.formats.boundary import files_read
+
+    if os.path.realpath(file) in files_read:
+        raise UsageError(f"{option} {file} is a file of the scene, which stays as it is; name another file")
+
+
 def check_folder(variable: str, folder: Path) -> None:
     """Raise UsageError, one sentence naming an environment variable, if a folder cannot be made or written to."""
     try:
@@ -47,6 +55,8 @@ def write_whole(file: Path, content: str | bytes) -> None:
     try:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
         os.replace(part, file)
-    except BaseException:
+    except BaseException as problem:
         part.unlink(missing_ok=True)
+        if isinstance(problem, OSError) and problem.filename is None:  # a full disk
+            problem.filename = str(file)
         raise

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +12,7 @@ from app.cli.extras import need
 from app.cli.option_tables import LIGHT
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
-from app.cli.writable import check_writable, write_whole
+from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
@@ -33,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.picture(parser, "white_balance")
     add = parser.add_argument_group("file").add_argument
     add("--out", type=Path, default=Path(DEFAULT), metavar="FILE.glb", help=f"the file ({DEFAULT})")
-    add("--exposure", type=values.exposure, default=None, metavar="EV",
+    add("--exposure", dest="of_colours", type=values.exposure, metavar="EV",
         help="of COLOR_0 [stops]; values above 1 are cut off (the highest at which lamps alone are)")  # fmt: skip
     options.seconds(add)
     add("--error", type=values.positive, metavar="PCT",
@@ -46,20 +44,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
     with cluster.opened(a.workers, a.scheduler) as machines:
-        for path in bake(settings_of(a), a.out, a.seconds, a.error and a.error / 100, machines, a.light_map):
+        error = a.error and a.error / 100
+        for path in bake(settings_of(a), a.out, a.seconds, error, machines, a.light_map, a.of_colours):
             print(path)
     return OK
 
 
 def bake(
     settings: Settings, out: Path, seconds: float | None = None, error: float | None = None,
-    machines: Machines | None = None, pixels: int | None = None,
+    machines: Machines | None = None, pixels: int | None = None, exposure: float | None = None,
 ) -> list[Path]:  # fmt: skip
     """Write the scene with its light to a GLB file, and its light map beside it; return their full paths.
 
     seconds: for gathering light before, see `gather`; error: of the reference [relative l1], to be baked instead;
-    machines: trace its paths; pixels: per side of the light map, about, None: without. Raises SceneError, UsageError,
-    OSError.
+    machines: trace its paths; pixels: per side of the light map, about, None: without; exposure [EV]: of the colours,
+    None: by default. Raises SceneError, UsageError, OSError.
     """
     from app.draw.baking import baked
     from app.draw.exr import write_channels
@@ -76,6 +75,8 @@ def bake(
         need("OpenEXR", "writes .exr files")
         check_writable("--out", image)
     with opened(settings, open_scene) as (bar, scene):
+        for file in (out, image):
+            check_no_input("--out", file)
         solver = make_solver(scene, settings)
         solve(solver, bar)
         if error is None:
@@ -83,24 +84,24 @@ def bake(
         else:
             solver.frame = solver.frame._replace(irradiance=_reference(solver, scene, settings, error, machines, bar))
         bar("writing", 1.0)
-        shot = Shot(solver, replace(settings, exposure=None))
+        shot, written = Shot(solver, settings), []
         shot.expose()
-        light = shot.meshes, solver.irradiance, shot.camera, settings.exposure, shot.gains, shot.exposure
+        light = shot.meshes, solver.irradiance, shot.camera, exposure, shot.gains, shot.exposure
         found = baked(solver, *light, None if pixels is None else (pixels, image.name))
+        if found.light_map is not None:  # first: the other file names it
+            E, coverage = found.light_map
+            channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
+            about = {"content": f"irradiance [{units_of(scene.units).per_area}]", "glb": out.name}
+            written = [write_channels(image, channels, about)]
         write_whole(out, found.glb)
         if note := _left_out(scene):
-            print(f"gi-viewer: {note}", file=sys.stderr)
-        if found.light_map is None:
-            return [out.resolve()]
-        E, coverage = found.light_map
-        channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
-        unit = units_of(scene.units).per_area
-        return [out.resolve(), write_channels(image, channels, {"content": f"irradiance [{unit}]", "glb": out.name})]
+            bar.say(f"gi-viewer: {note}")
+        return [out.resolve(), *written]
 
 
 def _left_out(scene: Scene) -> str:
     """Return a sentence about the materials whose gloss is not in the file; empty: there are none."""
-    names = [f'"{m.name}"' for m in scene.materials if m.gloss is not None or m.brdf]
+    names = dict.fromkeys(f'"{m.name}"' for m in scene.materials if m.gloss is not None or m.brdf)
     if not names:
         return ""
     return (f"gloss depends on the view and is not baked: {', '.join(names)} have their diffuse light; metallic, "

@@ -10,7 +10,7 @@ from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
 from app.cli.terminal import say
-from app.cli.writable import check_writable, write_whole
+from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 
 
@@ -45,6 +45,8 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
             raise UsageError(f"--csv must name a .csv file, got {file}")
         check_writable("--csv", file)
     with opened(settings, open_scene) as (bar, scene):
+        if file is not None:
+            check_no_input("--csv", file)
         solver = make_solver(scene, settings)
         level, units = level_of(solver.chosen.low, solver.chosen.high, scene.up), units_of(scene.units)
         plane, started = settings.plane or default_plane(level), time.monotonic()

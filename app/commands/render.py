@@ -14,7 +14,7 @@ from app.cli.exit_codes import OK
 from app.cli.extras import need
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve, time_left
-from app.cli.writable import check_writable
+from app.cli.writable import check_no_input, check_writable
 from app.settings import MOST_PIXELS, Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def render(
     linear = out.suffix.lower() == ".exr"
     _check(settings, out, frames)
     with opened(settings, open_scene) as (bar, scene):
+        check_no_input("--out", out)
         solver = make_solver(scene, settings)
         solve(solver, bar)
         gather(solver, seconds, bar, at_poses=frames is None)

@@ -30,6 +30,7 @@ from gi_core.solver import Solver
 
 LINEAR, LINEAR_MIPMAPS = 9729, 9987
 CODES = {name: code for code, name in WRAPS.items()}
+TINT = 1e-6  # reflectances this close are one: paint has float32
 CUTOFF = 0.5  # of the alpha of a texture with holes
 UNLIT = "KHR_materials_unlit"
 UP = np.array([0.0, 1.0, 0.0])  # of a glTF file
@@ -172,11 +173,11 @@ class _Baking:
         paint, surfaces = mesh.paint, self.model.surfaces
         texture = np.full(len(mesh.faces), -1) if paint is None else paint.face_texture
         materials = self.model.scene.materials
-        tinted = paint is not None or mesh.face_reflectance is not None
         kinds = np.unique(np.stack([mesh.face_material, texture], axis=1), axis=0)
         two_sided = surfaces.two_sided[surfaces.face_range(o)]
         for m, t in kinds:
             faces = np.flatnonzero((mesh.face_material == m) & (texture == t))
+            tinted = bool(t >= 0 or _is_painted(mesh, faces, materials[m]))
             lit = any(materials[m].emission)
             yield Side(int(m), -1 if lit else int(t), tinted or lit, lit, False, faces)
             if len(backs := faces[two_sided[faces]]):
@@ -258,6 +259,13 @@ class _Baking:
             self.textures.append({"source": self.out.image(data.getvalue()), "sampler": len(self.samplers) - 1})
             self.of_texture[texture] = len(self.textures) - 1
         return self.of_texture[texture]
+
+
+def _is_painted(mesh: Mesh, faces: np.ndarray, material: Material) -> bool:
+    """Return whether the colours of faces (n,) differ from that of their material."""
+    flat = None if mesh.face_reflectance is None else mesh.face_reflectance[faces]
+    at_corners = None if mesh.paint is None else mesh.paint.corner_colour[faces]
+    return any(c is not None and not np.allclose(c, material.reflectance, atol=TINT) for c in (flat, at_corners))
 
 
 def _turn(up: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from app.cli.progress import opened
 from app.cli.version import version
+from app.cli.warnings import warnings_of
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 from gi_core.gloss.sharp import BY_CELLS, PLANAR, PROBE, ways
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 PILOT = 20_000  # photons: the escaped share has an error of a third of a percent
-ESCAPES = 0.8  # of the photons at their first flight: info warns above it
 LISTED = 12  # materials with a line each
 HEAD = ("materials", "reflectance", "triangles", "area", "")
 LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
@@ -172,15 +172,8 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
 
 
 def _notes(scene, solver: Solver) -> list[str]:
-    from gi_core.files.completion.default_lights import lit_by_stand_ins
-
-    lines = [f"note: {note}" for note in scene.notes]
-    if solver.chosen.escaped_first > ESCAPES and not lit_by_stand_ins(scene):  # added lights cannot be turned
-        lines.append(
-            f"warning: {100 * solver.chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; "
-            "close it, or turn its lights inwards: most photons are wasted and the picture is noisier than necessary"
-        )
-    return lines
+    notes = [f"note: {note}" for note in scene.notes]
+    return notes + [f"warning: {text}" for text in warnings_of(solver).values()]
 
 
 def _machine(solver: Solver) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from collections.abc import Callable, Sequence
@@ -31,6 +32,8 @@ class FileDialog:
         self._native: native.open_file | native.save_file | None = None
         self._then: Callable[[str], None] | None = None
         self._title, self._path, self._appears = "", "", False
+        self._suffix = ""  # that `then` appends to a path without it; "": the file is read
+        self._sure = ""  # path of a file that may be replaced
 
     @property
     def is_open(self) -> bool:
@@ -43,13 +46,15 @@ class FileDialog:
             self._native = native.open_file(title, folder, list(filters))
 
     def save(self, title: str, path: str, filters: Sequence[str], then: Callable[[str], None]) -> None:
-        """Ask for a file to write; `then` receives its path."""
+        """Ask for a file to write, and again where it exists; `then` receives its path."""
         self._begin(title, path, then)
+        self._suffix = filters[1].removeprefix("*")
         if has_native():
             self._native = native.save_file(title, path, list(filters))
 
     def _begin(self, title: str, path: str, then: Callable[[str], None]) -> None:
         self._native, self._then, self._title, self._path, self._appears = None, then, title, path, True
+        self._suffix = self._sure = ""
 
     def _end(self, path: str) -> None:
         then, self._then, self._native = self._then, None, None
@@ -81,14 +86,29 @@ class FileDialog:
             imgui.set_keyboard_focus_here()
         self._appears = False
         entered, self._path = imgui.input_text("##path", self._path, imgui.InputTextFlags_.enter_returns_true)
+        replaced = self._replaced
+        if replaced and self._sure == self._path:
+            imgui.text_wrapped(f"{replaced} exists. OK replaces it.")
         done = entered or imgui.button("OK")
         imgui.same_line()
-        cancelled = imgui.button("Cancel")
+        # The first Esc would only leave the field.
+        cancelled = imgui.button("Cancel") or imgui.is_key_pressed(imgui.Key.escape, repeat=False)
+        if done and not cancelled and replaced and self._sure != self._path:
+            done, self._sure = False, self._path
+            if entered:
+                imgui.set_keyboard_focus_here(-1)  # Return answers too
         if done or cancelled:
             imgui.close_current_popup()
         imgui.end_popup()
         if done or cancelled:  # last, as it may raise
             self._end(self._path.strip() if done else "")
+
+    @property
+    def _replaced(self) -> str:
+        """Name of the file that the answer would replace; "": none."""
+        path = os.path.expanduser(self._path.strip())
+        names = (path, path + self._suffix) if self._suffix and path else ()
+        return next((os.path.basename(name) for name in names if os.path.isfile(name)), "")
 
 
 class Question:
@@ -129,5 +149,5 @@ class Question:
 
 
 def _centre() -> None:
-    """Put the next window in the middle of the screen."""
-    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.appearing, (0.5, 0.5))
+    """Put the next window in the middle of the screen, whose size may change."""
+    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))

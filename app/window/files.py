@@ -85,7 +85,10 @@ class Files:
         s = session.settings
         if s.document:
             return s.document
-        folder = Path(s.scene).parent if os.path.isfile(s.scene) else Path.cwd()
+        home = saved_scene.home_of(replace(s, edits=session.edits))
+        folder = Path.cwd() if home is None else Path(s.scene).parent
+        if home is not None and not (s.allow_outside or home.is_relative_to(folder.resolve())):
+            folder = home
         return str(folder / f"{Path(s.scene).stem}-saved.toml")
 
     def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:

@@ -49,6 +49,7 @@ class Chosen(NamedTuple):
     neighbours: int
     scene_size: float  # [m]
     escaped_first: float  # share of pilot photons that hit nothing
+    behind_first: float  # share of pilot photons that first hit the back of a one-sided face, which absorbs them
     low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
     predicted: Predicted | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
@@ -94,7 +95,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or NEIGHBOURS),
         size,
-        first_flight,
+        *first_flight,
         low + model.origins[0],
         high + model.origins[0],
         predicted,
@@ -127,17 +128,18 @@ def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
     )
 
 
-def _pilot(model: Model) -> tuple[predict_error.Pilot, float]:
-    """Return a pilot trace and the share of its photons that hit nothing."""
+def _pilot(model: Model) -> tuple[predict_error.Pilot, tuple[float, float]]:
+    """Return a pilot trace, and the shares of its photons that hit nothing, and that first hit a one-sided back."""
     m, store = model, PathStore()
     while store.photons < PILOT_PHOTONS and len(store.subset(store.photons).side) < PILOT_VERTICES:
         part = PILOT_SEED, store.photons, PILOT_PART
         store.append([trace_background(m.accelerator, m.world, m.static, m.emitters, *part)[0]], 1)
     paths = store.subset(store.photons)
     if not len(m.emitters.kind):
-        return predict_error.Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), 0.0
-    missed = (np.diff(paths.offsets) == 2) & (paths.side[paths.offsets[1:] - 1] == NONE)
-    return predict_error.pilot_of(m, paths), float(missed.mean())
+        return predict_error.Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), (0.0, 0.0)
+    first = paths.side[paths.offsets[:-1] + 1]
+    behind = (first != NONE) & (first & 1 == 1) & ~m.world.two_sided[first >> 1]
+    return predict_error.pilot_of(m, paths), (float((first == NONE).mean()), float(behind.mean()))
 
 
 def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

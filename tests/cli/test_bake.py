@@ -24,7 +24,7 @@ from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.scene import Material, Mobile, Pose, Scene
 from gi_core.scene.origin import translated
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Gloss
+from gi_core.scene.types import Gloss, Mesh, Paint
 from tests.cli.test_render import checkered_room
 from tests.support.cli_support import FAST, one_line
 from tests.support.scene_builders import quad
@@ -138,6 +138,37 @@ def test_textures_and_materials_stay(shot):
     assert wraps == {(10497, 10497), (33648, 33071)}
 
 
+def test_plain_materials_beside_a_texture_keep_their_base_colours(tmp_path):
+    """One texture in a mesh put the base colours of all its materials into COLOR_0."""
+    room, plain = checkered_room(), Material("plain", (0.6, 0.1, 0.08))
+    static, more = room.static, quad((0.2, 0.1, 0.2), (0.2, 0, 0), (0, 0, 0.2), (2, 2), material=len(room.materials))
+    add, paint = len(more.faces), static.paint
+    assert static.face_reflectance is None and (paint.face_texture >= 0).any()
+    colour = np.broadcast_to(np.float32(plain.reflectance), (add, 3, 3))
+    longer = Paint(
+        paint.textures,
+        np.concatenate([paint.face_texture, np.full(add, -1, np.int32)]),
+        np.concatenate([paint.corner_uv, np.zeros((add, 3, 2), np.float32)]),
+        np.concatenate([paint.corner_colour, colour]),
+    )
+    mesh = Mesh(
+        np.concatenate([static.vertices, more.vertices]),
+        np.concatenate([static.faces, more.faces + len(static.vertices)]),
+        np.concatenate([static.face_material, more.face_material]),
+        paint=longer,
+    )
+    shot = solved(replace(room, materials=(*room.materials, plain), static=mesh))
+    glb = glb_of(shot, 0.0)
+    file = Document(tmp_path / "a.glb", glb, "a.glb", Boundary(tmp_path))
+    (k,) = (k for k, m in enumerate(file.json["materials"]) if m["name"] == "plain")
+    factor = file.json["materials"][k]["pbrMetallicRoughness"]["baseColorFactor"]
+    assert factor == pytest.approx([*plain.reflectance, 1.0])
+    (part,) = (p for m in file.json["meshes"] for p in m["primitives"] if p["material"] == k)
+    E, light = (file.accessor(part["attributes"][a]) for a in ("_IRRADIANCE", "COLOR_0"))
+    assert E.any()
+    np.testing.assert_allclose(light, np.clip(E / np.pi * shot.gains, 0, 1), rtol=1e-5)
+
+
 def test_glossy_materials_keep_their_factors(tmp_path):
     """Base colour times COLOR_0 is the diffuse radiance; base colour, metallic and roughness are those given."""
     room = checkered_room()
@@ -234,6 +265,9 @@ def test_the_command_writes_a_file_and_refuses_others(tmp_path, capsys, monkeypa
     document = described(again)
     pawn = next(n for n in document["nodes"] if n["name"] == "pawn")
     assert pawn["translation"] == [0.3, 0.05, 0.2] and sorted(p.name for p in tmp_path.iterdir()) == ["a.glb"]
+    assert cli.main([*command, "a.glb", "--exposure", "-1.5"]) == 0
+    notes, before = (described(f)["scenes"][0]["extras"] for f in ((tmp_path / "a.glb").read_bytes(), again))
+    assert notes["exposure"] == -1.5 and notes["picture_exposure"] == before["picture_exposure"]
     capsys.readouterr()
     assert cli.main([*command, "a.obj"]) == 2
     assert one_line(capsys.readouterr().err) == "gi-viewer: --out must name a .glb file, got a.obj\n"

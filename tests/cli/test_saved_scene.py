@@ -264,7 +264,7 @@ def test_a_scene_may_not_be_saved_where_it_could_not_name_its_files(tmp_path, mo
     monkeypatch.chdir(tmp_path)
     bring("room.glb")
     (tmp_path / "below").mkdir()
-    with pytest.raises(UsageError, match="must be saved in .* or above, because it names room.glb there"):
+    with pytest.raises(UsageError, match="a.toml must be saved in .* or above, where the scene's files are; with"):
         saved_scene.write(tmp_path / "below" / "a.toml", Settings(scene="room.glb"))
     assert not list((tmp_path / "below").iterdir())
 

@@ -53,6 +53,40 @@ def enter(hand, title: str, path) -> None:
     hand.ctx.yield_(3)
 
 
+def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(play, folder):
+    K, other = keys(), folder / "project.toml"
+    other.write_text("[project]\n")
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        save = int(K.mod_ctrl) | int(K.mod_shift) | int(K.s)
+        hand.press(save)
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.yield_(3)
+        hand.press(K.escape)
+        hand.ctx.yield_(3)
+        assert not viewer.files.dialog.is_open
+        for path in (other, folder / "project"):  # the suffix is added
+            hand.press(save)
+            hand.wait(lambda: viewer.files.dialog.is_open)
+            hand.ctx.set_ref("//Save the scene###File")
+            hand.ctx.item_input_value("##path", str(path))
+            hand.ctx.yield_(5)
+            assert viewer.files.dialog.is_open and other.read_text() == "[project]\n"
+            hand.ctx.item_click("Cancel")
+            hand.ctx.yield_(3)
+        hand.press(save)
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.set_ref("//Save the scene###File")
+        hand.ctx.item_input_value("##path", str(other))
+        hand.ctx.yield_(5)
+        hand.ctx.item_click("OK")
+        hand.wait(lambda: not viewer.files.dialog.is_open)
+        assert saved_scene.is_saved(other)
+
+    assert errors(play(script)) == []
+
+
 def close_by_button(hand) -> None:
     import glfw
 
