@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PILOT = 20_000  # photons: the escaped share has an error of a third of a percent
 LISTED = 12  # materials with a line each
-HEAD = ("materials", "reflectance", "triangles", "area", "")
+HEAD = ("materials", "diffuse reflectance", "triangles", "area", "")
 LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
 
 

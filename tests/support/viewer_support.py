@@ -236,9 +236,8 @@ class CountingSolver:
             object_receivers=self.receivers,
             receivers_at=lambda poses: self.receivers,
         )
-        self.chosen = SimpleNamespace(
-            **dict(zip(("low", "high"), vectors.box(self.receivers.positions), strict=True)), scene_size=1.0
-        )
+        corners = dict(zip(("low", "high"), vectors.box(self.receivers.positions), strict=True))
+        self.chosen = SimpleNamespace(**corners, scene_size=1.0, escaped_first=0.0, behind_first=0.0)
         self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
         self.photon_seconds, self.wrong = photon_seconds, wrong
         self.frame = SimpleNamespace(
