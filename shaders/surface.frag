@@ -46,6 +46,12 @@ uniform vec3 centre;        // of the probe
 uniform vec3 albedo[17];    // of the lobe by the cosine of the view
 uniform vec3 taps[16];      // slopes of half vectors along the grain and across it; width that the ray stands for
 uniform int count;          // of taps
+uniform vec4 lobe;          // F0 red, green, blue; F90
+uniform float alpha;        // < 0: a table
+uniform vec4 lamp_at[16];   // lights without a surface: position, 1; or direction towards the light, 0
+uniform vec3 lamp_value[16];
+uniform int lamp_count;
+in vec4 arriving[4];        // strength of each light, 0 in its shadow
 vec3 looks[4];              // of a pixel into a probe, in place of the samples that other edges have
 bool has_looks = false;
 
@@ -79,6 +85,41 @@ vec3 leaving(vec3 r, vec3 d) {
         }
     }
     return r + mix(low, high, clamp(inside / (inside - outside), 0.0, 1.0)) * d;
+}
+
+float smith(float cosine) {
+    float tan2 = max(0.0, 1.0 - cosine * cosine) / (cosine * cosine);
+    return 0.5 * (sqrt(1.0 + alpha * alpha * tan2) - 1.0);
+}
+
+// Gloss f cos for light from d; axes: tangent, bitangent, normal. Tables: the taps, each as wide as it stands for.
+vec3 sent_from(vec3 d, mat3 axes, vec3 to_eye, vec3 share) {
+    float at_light = dot(d, axes[2]), at_eye = max(dot(to_eye, axes[2]), 1e-3);
+    if (alpha >= 0.0) {
+        vec3 h = normalize(d + to_eye);
+        float cos_h = dot(h, axes[2]), a2 = alpha * alpha, t = cos_h * cos_h * (a2 - 1.0) + 1.0;
+        float f = a2 / (3.14159265 * t * t) / (4.0 * at_eye * (1.0 + smith(at_eye) + smith(at_light)));
+        return f * (lobe.rgb + (lobe.a - lobe.rgb) * pow(max(0.0, 1.0 - dot(d, h)), 5.0));
+    }
+    float sum = 0.0;
+    for (int j = 0; j < count; ++j) {
+        vec3 h = normalize(axes * vec3(taps[j].xy, 1.0)), off = d - reflect(-to_eye, h);
+        float wide2 = taps[j].z * taps[j].z * max(dot(to_eye, h), 0.1);
+        sum += exp(-3.14159265 * dot(off, off) / wide2) / wide2;
+    }
+    return share * sum / float(count);
+}
+
+vec3 highlights(mat3 axes, vec3 flat_normal, vec3 to_eye, vec3 share) {
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < lamp_count; ++k) {
+        vec3 way = lamp_at[k].xyz - lamp_at[k].w * point;
+        float far2 = dot(way, way), strength = arriving[k / 4][k % 4] / far2;
+        vec3 d = way * inversesqrt(far2);
+        if (strength > 0.0 && dot(d, axes[2]) > 0.0 && dot(d, flat_normal) > 0.0)
+            sum += strength * lamp_value[k] * sent_from(d, axes, to_eye, share);
+    }
+    return sum;
 }
 
 vec3 reflected(vec3 flat_normal) {
@@ -137,7 +178,7 @@ vec3 reflected(vec3 flat_normal) {
             sum += textureLod(surroundings, r + around * d, lod).rgb;
         }
     }
-    return share * sum / float(count);
+    return share * sum / float(count) + exposure * highlights(mat3(t, s, n), flat_normal, to_eye, share);
 }
 #endif
 

@@ -116,6 +116,11 @@ in vec3 along;  // the tangent
 out vec3 point;  // of the world, like the next two
 out vec3 shading;
 out vec3 grain;
+in vec4 lit_a;  // strength of 16 lights without a surface
+in vec4 lit_b;
+in vec4 lit_c;
+in vec4 lit_d;
+out vec4 arriving[4];
 #endif
 #ifdef TEXTURED
 in vec2 place;  // in the texture
@@ -131,6 +136,10 @@ void main() {
     point = (model * vec4(position, 1.0)).xyz;
     shading = mat3(model) * normal;
     grain = mat3(model) * along;
+    arriving[0] = lit_a;
+    arriving[1] = lit_b;
+    arriving[2] = lit_c;
+    arriving[3] = lit_d;
 #else
     front_gloss = weights.x * gloss(glossy.x, normal, front_lit, front_sent);
     back_gloss = weights.y * gloss(glossy.y, -normal, back_lit, back_sent);

@@ -39,7 +39,8 @@ class View(NamedTuple):
     front_face: str
     mirrors: tuple[str, ...]  # ways of sharp gloss that are shown in it
     gloss: float  # 0: seen from this eye; 1: in a plane, tables as diffuse surfaces; 2: in a probe, all gloss so
-    skipped: int  # number of the probe whose own faces are left out, -1: none
+    size: tuple[int, int]  # pixels of the image
+    skipped: int = -1  # number of the probe whose own faces are left out, -1: none
     compressed: bool = False  # the image holds c / (1 + max c): edges of lamps are then as smooth as in the picture
 
 
@@ -98,7 +99,7 @@ class GLMirrors:
         """
         self._draw_probes(draw, models, (*key, *(m.tobytes() for m in models)))
         self._images = self._planes
-        self._draw_planes(draw, View(view_projection, eye, "cw", (PROBE,), 1.0, -1), models, size, samples)
+        self._draw_planes(draw, View(view_projection, eye, "cw", (PROBE,), 1.0, size), models, size, samples)
 
     def _draw_probes(self, draw: Callable[[View], None], models: Sequence[np.ndarray], key: tuple) -> None:
         probes = {p.reflector.number: p for p in self._placed if p.reflector.way != PLANAR}
@@ -119,9 +120,9 @@ class GLMirrors:
                 near = INSIDE * float(np.abs(np.array(forward) @ half).max())
                 view = _quarter_view(centre, forward, up, max(near, NEAR * self.size), 2 * FAR * self.size)
                 self._images = self._planes_in_probes
-                self._draw_planes(draw, View(view, centre, "cw", (), 2.0, -1), models, (SIDE, SIDE), 1)
+                self._draw_planes(draw, View(view, centre, "cw", (), 2.0, (SIDE, SIDE)), models, (SIDE, SIDE), 1)
                 self._face.begin()
-                draw(View(view, centre, "ccw", (PLANAR,), 2.0, number))
+                draw(View(view, centre, "ccw", (PLANAR,), 2.0, (SIDE, SIDE), number))
                 self._face.texture.read_into(room)
                 cube.write(face, room)
             if blurs:
@@ -191,6 +192,7 @@ class GLMirrors:
         program["taps"].write(taps.tobytes())
         program["count"] = len(lobe.taps)
         program["albedo"].write(lobe.albedo.astype(np.float32).tobytes())
+        program["lobe"], program["alpha"] = tuple(map(float, lobe.lobe[:4])), float(lobe.lobe[4])
 
     def release(self) -> None:
         planes = *self._planes.values(), *self._planes_in_probes.values()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
+from app.draw.bare_lights import MOST
 from app.draw.diagonals import Turning, other_diagonals
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
@@ -110,7 +111,8 @@ class DrawnObject:
             self._owned.append(self._places)
         self._gloss, self._mesh = None, mesh
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
-        self._along = None
+        self._along = self._strength = None
+        self._shines = False  # whether any strength is not 0
         # Vertices of tables that show light at vertices; the rest is seen in reflections.
         self._tabulated = np.zeros(0, np.int64)
         if mesh.lobe is not None:
@@ -123,6 +125,9 @@ class DrawnObject:
         if mesh.reflectors and mesh.tangent is not None:
             self._along = ctx.buffer(np.ascontiguousarray(mesh.tangent, np.float32).tobytes())
             self._owned.append(self._along)
+        if mesh.reflectors:
+            self._strength = ctx.buffer(bytes(4 * MOST * self._vertices), dynamic=True)
+            self._owned.append(self._strength)
         self.has_holes = any(call.texture is not None and call.texture.cover is not None for call in self._calls)
         self._layers: dict[int, Layer] = {}
         self._layer(0)
@@ -152,6 +157,8 @@ class DrawnObject:
                 attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
             if self._along is not None:
                 sharp_attributes.append((self._along, "3f", "along"))
+            if self._strength is not None:
+                sharp_attributes.append((self._strength, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
             lit = self.ctx.vertex_array(programs.surface, attributes, triangles)
             painted = holed = sharp = sharp_painted = None
             if self._mesh.reflectors:
@@ -193,6 +200,12 @@ class DrawnObject:
         lit = np.c_[np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back])].astype(np.float32)
         self._light[layer] = irradiance
         self._layer(layer).irradiance.write(lit)
+
+    def shine(self, strength: np.ndarray | None) -> None:
+        """Upload the strength (D, MOST) float32 of lights without a surface; None: all 0."""
+        if self._strength is not None and (strength is not None or self._shines):
+            self._strength.write(np.zeros((self._vertices, MOST), np.float32) if strength is None else strength)
+            self._shines = strength is not None
 
     @property
     def has_tables(self) -> bool:

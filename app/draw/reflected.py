@@ -1,4 +1,7 @@
-"""Sharp gloss in pictures without OpenGL: reflection rays, drawn from the lobe and traced through the scene."""
+"""Sharp gloss in pictures without OpenGL: reflection rays, drawn from the lobe and traced through the scene.
+
+Highlights of lights without a surface are added with shadow rays. Rays that leave the scene bring the light of the sky.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,18 @@ from app.draw.draw_mesh import DrawMesh
 from app.draw.raycast import above_textures, seen_radiance
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
 from gi_core.base.vectors import dot
-from gi_core.bsdf.table import join
+from gi_core.bsdf.table import Tables, join
+from gi_core.gloss.highlights import OFFSET, arriving, highlights, without_surface
 from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.gloss.sharp import PLANAR, Reflector
+from gi_core.lights.light_sampling import Lights
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 BOUNCES = 3  # between sharp surfaces; the last one shows cells
 RAYS = 32  # per ray of the picture, at the first bounce; a mirror has one
-OFFSET = 2e-5  # of the scene size: a reflected ray starts so far above its face
 _STEPS = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])  # of the R3 sequence (Roberts 2018)
 
+Views = tuple[np.ndarray, Tables, np.ndarray, np.ndarray, np.ndarray]  # lobes, tables, to the eye, normals, tangents
 Above = tuple[np.ndarray, np.ndarray] | None  # of raycast.above_textures()
 
 
@@ -38,11 +43,13 @@ class Mirrors:
         pixel: float | None,
         cull: bool,
         background: np.ndarray,
+        lights: Lights,
     ) -> None:
         """gloss(eye) as Shot.gloss(); weights as for raycast.picture(); eye (3,); pixel: tangent of a pixel's angle,
-        None without textures; background (3,): radiance around the scene."""
+        None without textures; background (3,): radiance around a scene without a sky; lights: as one lamp."""
         self._accelerator, self._at, self._eye = accelerator, at, eye
         self._pixel, self._cull, self._background = pixel, cull, background
+        self._delta, self._sky = without_surface(lights), lights.sky
         self._tables = next((m.tables for m in meshes if m.tables is not None), join([]))
         self._reflectors: list[Reflector] = []
         self._above: list[Above] = []
@@ -85,10 +92,12 @@ class Mirrors:
             seen = self._along(world, front, back, face[many], u[many], v[many], d[many], eyes[many], keys[many],
                                bounce, int(k), numbers)  # fmt: skip
             out[rows] = seen.reshape(len(rows), count, 3).mean(axis=1)
+            if len(self._delta.kind) and len(self._reflectors[k].lobe.taps) > 1:  # mirrors have none
+                out[rows] += self._highlights(world, face[rows], u[rows], v[rows], d[rows], int(k))
         return out
 
-    def _along(self, world, front, back, face, u, v, d, eyes, keys, bounce, k, numbers) -> np.ndarray:
-        """Draw a ray per hit on faces of reflector k and return the radiance (n, 3) that it brings."""
+    def _views(self, world, face, u, v, d, k) -> tuple[np.ndarray, np.ndarray, Views]:
+        """Return points (n, 3) of hits on faces of reflector k, normals of the faces, and views as for draw_lobe()."""
         share = np.stack([1.0 - u - v, u, v], axis=1)[:, :, None]
         point = (world.corners[face] * share).sum(axis=1)
         normal = (self._normals[world.draw[face]] * share).sum(axis=1)
@@ -100,8 +109,19 @@ class Mirrors:
         along = self._tangents[world.draw[face, 0]]
         along = along - normal * dot(normal, along)[:, None]
         along /= np.maximum(np.sqrt(dot(along, along)), 1e-30)[:, None]
-        lobes = np.broadcast_to(self._lobes[k], (len(face), 5))
-        new, factors, _ = draw_lobe(lobes, self._tables, -d, normal, along, numbers)
+        return point, flat, (np.broadcast_to(self._lobes[k], (len(face), 5)), self._tables, -d, normal, along)
+
+    def _highlights(self, world, face, u, v, d, k) -> np.ndarray:
+        """Return the radiance (n, 3) of lights without a surface in gloss, at hits on faces of reflector k."""
+        point, flat, views = self._views(world, face, u, v, d, k)
+        light = arriving(self._accelerator, self._at, point, flat, self._delta, world.size)
+        light.strength[(light.direction * flat[:, None]).sum(axis=2) <= 0] = 0.0
+        return highlights(*views, light, self._delta.value)
+
+    def _along(self, world, front, back, face, u, v, d, eyes, keys, bounce, k, numbers) -> np.ndarray:
+        """Draw a ray per hit on faces of reflector k and return the radiance (n, 3) that it brings."""
+        point, flat, views = self._views(world, face, u, v, d, k)
+        new, factors, _ = draw_lobe(*views, numbers)
         below = np.minimum(dot(new, flat), 0.0)
         new = new - 2 * below[:, None] * flat  # a normal between faces may send it below its own
         travelled = np.sqrt(dot(point - eyes, point - eyes))[:, None]
@@ -113,6 +133,8 @@ class Mirrors:
         narrow = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(d, np.float32)
         face, u, v = visible_faces(self._accelerator, self._at, lambda hit: (world, hit), *narrow, self._cull)
         out = np.tile(self._background, (len(face), 1))
+        if self._sky.radiance.any():
+            out = np.where((d @ self._sky.up > 0)[:, None], self._sky.radiance, 0.0)
         hit = np.flatnonzero(face >= 0)
         if not len(hit):
             return out

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from app.draw.bare_lights import MOST
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_gloss import GlossTexture
-from app.draw.gl_mirrors import GLMirrors, View
+from app.draw.gl_mirrors import FAR, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GLTextures
 from app.draw.unlit import BACKGROUND, UNLIT
@@ -27,6 +28,7 @@ from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.sharp import PLANAR, PROBE, Reflector
 
 if TYPE_CHECKING:
+    from app.draw.bare_lights import BareLights
     from app.draw.draw_mesh import DrawMesh
     from gi_core.gloss.light import GlossLight
     from gi_core.gloss.radiance import Directions
@@ -85,6 +87,9 @@ class Renderer:
         self._mirrors = GLMirrors(ctx, ())
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
+        self._sky = _program(ctx, "screen.vert", "sky.frag")
+        self._sky_screen = ctx.vertex_array(self._sky, [])
+        self._lights: BareLights | None = None
         self._objects: list[DrawnObject] = []
         self._used_textures: list[Texture] = []
         self._targets: _Targets | None = None
@@ -132,6 +137,13 @@ class Renderer:
         self._gloss.upload(light)
         self._mirrors.forget()
 
+    def set_lights(self, lights: BareLights | None) -> None:
+        """Show lights without a surface, and the sky, in sharp gloss; None: no mesh has any."""
+        self._lights = lights
+        for k, o in enumerate(self._objects):
+            o.shine(None if lights is None else lights.strength[k])
+        self._mirrors.forget()
+
     def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
         if self._objects[o].is_glossy:
@@ -171,7 +183,7 @@ class Renderer:
             self._state()
             targets.drawn.use()
             targets.drawn.scissor = area
-            self._draw_layer(look, layer, View(look.view_projection, look.eye, "ccw", mirrors, 0.0, -1))
+            self._draw_layer(look, layer, View(look.view_projection, look.eye, "ccw", mirrors, 0.0, targets.size))
         targets.drawn.scissor = None  # it would clip the copy too
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
@@ -214,6 +226,28 @@ class Renderer:
         for program in (self._programs.sharp, self._programs.sharp_textured):
             if program is not None and look.eye is not None:
                 self._mirrors.set_up(program)
+                self._set_up_lights(program)
+
+    def _set_up_lights(self, program) -> None:
+        at, value = np.zeros((MOST, 4), np.float32), np.zeros((MOST, 3), np.float32)
+        program["lamp_count"] = count = 0 if self._lights is None else len(self._lights.at)
+        if self._lights is not None:
+            at[:count], value[:count] = self._lights.at, self._lights.value
+        program["lamp_at"].write(at.tobytes())
+        program["lamp_value"].write(value.tobytes())
+
+    def _draw_sky(self, look: Look, view: View) -> None:
+        """Fill the image of a reflection with the sky."""
+        if self._lights is None or not self._lights.sky.any():
+            return
+        sky, lights = self._sky, self._lights
+        sky["direction_of"].write(np.linalg.inv(view.view_projection[[0, 1, 3], :3]).T.astype(np.float32).tobytes())
+        sky["pixels"], sky["up"] = tuple(map(float, view.size)), tuple(lights.up)
+        sky["light"] = tuple(2.0**look.exposure * np.array(look.gains) * lights.sky)
+        sky["compressed"], sky["far"] = view.compressed, FAR
+        self.ctx.disable(self.ctx.DEPTH_TEST | self.ctx.CULL_FACE)
+        self._sky_screen.render(moderngl.TRIANGLES, vertices=3)
+        self.ctx.enable(self.ctx.DEPTH_TEST)
 
     def _draw_mirrors(self, look: Look, layer: int) -> bool:
         """Draw what sharp gloss reflects; return whether the picture shows it."""
@@ -234,6 +268,8 @@ class Renderer:
     def _draw_layer(self, look: Look, layer: int, view: View) -> None:
         """Draw all objects as a view sees them."""
         mirrored = view.gloss > 0
+        if mirrored:
+            self._draw_sky(look, view)
         self.ctx.front_face = view.front_face
         mode = AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
         for program in self._programs.of_surfaces:
@@ -336,7 +372,8 @@ class Renderer:
         self._textures.keep(())
         self._gloss.release()
         self._mirrors.release()
-        for thing in (self._screen, self._outline, self._programs.mask, *self._programs.of_surfaces):
+        screens = self._screen, self._outline, self._sky_screen, self._sky
+        for thing in (*screens, self._programs.mask, *self._programs.of_surfaces):
             thing.release()
 
 

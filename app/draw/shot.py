@@ -69,7 +69,8 @@ class Shot:
         weights = [self.weights(o) for o in range(len(meshes))]
         around = srgb_decode(np.array(BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
         pixel = 2 * math.tan(camera.fov / 2) / self.settings.size[1] if any(m.textures for m in meshes) else None
-        given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around
+        lights = s.model.lights_at(s.levels)
+        given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around, lights
         return Mirrors(s.model.accelerator, s.model.transforms(s.poses), *given).reflected
 
     def weights(self, o: int) -> np.ndarray | None:

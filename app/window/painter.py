@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.draw.bare_lights import bare_lights
 from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.window import view_content, window
@@ -80,7 +81,9 @@ class Painter:
         """Upload the colours, one layer per side of a wipe."""
         viewport.shown = shown = view_content.shown(session)
         self.renderer.dim(session.meshes)
-        self.renderer.set_gloss(session.light.snapshot.gloss)
+        snapshot = session.light.snapshot
+        self.renderer.set_gloss(snapshot.gloss)
+        self.renderer.set_lights(bare_lights(session.model, session.meshes, snapshot.poses, snapshot.levels))
         for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
                 painted = view_content.paint(

@@ -8,7 +8,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
-from gi_core.base.vec import cross, dot, weighted
+from gi_core.base.vec import cross, dot, row, weighted
 from gi_core.bsdf import ggx, table
 from gi_core.bsdf.table import Tables
 
@@ -33,20 +33,24 @@ def draw_lobe(
 
 
 @kernel
+def local_view(lobe, to_eye, normals, tangents, k):
+    """Return the axes of view k in the world, and its direction to the eye in these, above the surface."""
+    n, d = row(normals, k), row(to_eye, k)
+    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+    a, b = (ax, ay, az), (bx, by, bz)
+    if lobe[k, 4] < 0.0:
+        a = row(tangents, k)
+        b = cross(n, a)
+    ix, iy, iz = dot(d, a), dot(d, b), max(dot(d, n), GRAZING)
+    size = math.sqrt(ix * ix + iy * iy + iz * iz)
+    return (a, b, n), (ix / size, iy / size, iz / size)
+
+
+@kernel
 def _draw(lobe, tables, to_eye, normals, tangents, numbers, directions, factors, values):
     for k in range(len(lobe)):
-        n = normals[k, 0], normals[k, 1], normals[k, 2]
-        d = to_eye[k, 0], to_eye[k, 1], to_eye[k, 2]
         u, v, w = numbers[k, 0], numbers[k, 1], numbers[k, 2]
-        if lobe[k, 4] < 0.0:
-            a = tangents[k, 0], tangents[k, 1], tangents[k, 2]
-            b = cross(n, a)
-        else:
-            ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-            a, b = (ax, ay, az), (bx, by, bz)
-        ix, iy, iz = dot(d, a), dot(d, b), max(dot(d, n), GRAZING)
-        size = math.sqrt(ix * ix + iy * iy + iz * iz)
-        ix, iy, iz = ix / size, iy / size, iz / size
+        (a, b, n), (ix, iy, iz) = local_view(lobe, to_eye, normals, tangents, k)
         f = math.inf
         if lobe[k, 4] < 0.0:
             m = -1 - int(lobe[k, 4])

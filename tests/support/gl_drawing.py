@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.draw.bare_lights import bare_lights
 from app.draw.camera import Bounds, from_camera
 from app.draw.draw_mesh import DrawMesh
 from gi_core.scene import Camera
@@ -63,6 +64,7 @@ def upload(drawing, shot) -> None:
         drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
         drawing.set_irradiance(o, shot.solver.drawn(shot.solver.irradiance).irradiance)
     drawing.set_gloss(shot.solver.frame.gloss)
+    drawing.set_lights(bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels))
 
 
 def look_of(shot):

@@ -69,21 +69,28 @@ def test_background_compiler_ends_with_its_parent(option):
 
 SHONE = """
 import numpy as np
+from app.draw.bare_lights import bare_lights
 from gi_core.gather import gloss_gather, mobile_gloss, path_tracer
+from gi_core.gloss import highlights
 from gi_core.instruments import compile_ahead
 from gi_core.model import Model
 from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM
 from tests.unit.gather.test_gloss_gather import gathered
+from tests.window.test_highlights import LIGHTS, scene, shot_of
 
 kernels = [gloss_gather._aim, gloss_gather._add_lit, gloss_gather._add_rays, path_tracer.arrive, path_tracer.scatter]
 kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.take_bounces, mobile_gloss.add_exchanged]
+kernels += [highlights._aim, highlights._add]
 compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(compile_ahead.TABLES), None))
 before = [k.signatures for k in kernels]
 assert all(before), before
 model = Model(ROOM)
 gathered(model, np.ones((len(model.object_receivers.areas), 3)), rounds=1)
 Solver(ROOM, **GIVEN, light="best").solve()
+shot = shot_of(scene(LIGHTS["point"]), size=(16, 12))
+assert bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels).strength[0].any()
+shot.take()
 assert [k.signatures for k in kernels] == before
 """
 

@@ -1,0 +1,125 @@
+"""Highlights: lights without a surface seen in gloss, as no reflected ray meets them.
+
+L = sum over lights of f(i, o) cos i E, with E on a plane that faces the light; a shadow ray says whether it arrives.
+Mirrors have none, since a light without a size has no image. Luminaires with a size count as points: a lobe is wider.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.base.vec import dot, row
+from gi_core.base.vectors import dot as dots
+from gi_core.bsdf import ggx, table
+from gi_core.bsdf.table import Tables
+from gi_core.gloss.lobe_rays import local_view
+from gi_core.lights.light_sampling import PHOTOMETRIC, DeltaLights, Lights, triangle_area
+from gi_core.lights.next_event import delta_light_at
+from gi_core.rays.accelerator import FAR, Accelerator, Transforms
+from gi_core.rays.all_objects import occluded_in_world
+
+OFFSET = 2e-5  # of the scene size: rays start so far from their face
+
+
+def without_surface(lights: Lights) -> DeltaLights:
+    """Return the delta lights, and each half of a luminaire's rectangle as a point in its middle."""
+    area, delta = lights.area, lights.delta
+    rows = np.flatnonzero(area.table >= 0)
+    if not len(rows):
+        return delta
+    corners = area.corners[rows]
+    flux = math.pi * np.array([triangle_area(c) for c in corners])[:, None] * area.radiance[rows]
+    middle, table = corners.reshape(-1, 3, 3).mean(axis=1), area.table[rows, None] + len(delta.tables)
+    return DeltaLights(
+        np.append(delta.kind, np.full(len(rows), PHOTOMETRIC)),
+        np.concatenate([delta.parameters, np.concatenate([middle, area.normal[rows], area.c0[rows], table], axis=1)]),
+        np.concatenate([delta.value, flux]),
+        np.append(delta.lamp, area.lamp[rows]),
+        np.append(delta.tables, area.tables),
+    )
+
+
+class Arriving(NamedTuple):
+    """Light of L lights without a surface at n points."""
+
+    direction: np.ndarray  # (n, L, 3) float64 unit, towards the light
+    strength: np.ndarray  # (n, L) float64, irradiance of a plane that faces the light per unit of its value, 0: hidden
+    distance: np.ndarray  # (n, L) float64 [m]
+
+
+def arriving(
+    accelerator: Accelerator, at: Transforms, points: np.ndarray, normals: np.ndarray, lights: DeltaLights, size: float
+) -> Arriving:
+    """Return what arrives at points (n, 3), by a shadow ray each to each light.
+
+    normals (n, 3): flat or smooth; rays start on the light's side of the surface; size [m]: of the scene.
+    """
+    out = unoccluded(points, lights, size)
+    rows, e = np.nonzero(out.strength)
+    way, normal = out.direction[rows, e], normals[rows]
+    side = np.where(dots(way, normal) < 0, -OFFSET, OFFSET)[:, None]
+    limits = np.maximum(out.distance[rows, e] - 2 * OFFSET * size, 0.0)
+    blocked = occluded_in_world(accelerator, at, points[rows] + side * size * normal, way, limits)
+    out.strength[rows[blocked], e[blocked]] = 0.0
+    return out
+
+
+def unoccluded(points: np.ndarray, lights: DeltaLights, size: float) -> Arriving:
+    """Return what would arrive without anything in between; arguments as for arriving()."""
+    n, count = len(points), len(lights.kind)
+    out = Arriving(np.empty((n, count, 3)), np.empty((n, count)), np.empty((n, count)))
+    _aim(np.ascontiguousarray(points, np.float64), lights, FAR * size, *out)
+    return out
+
+
+@kernel
+def _aim(points, lights, far, direction, strength, distance):
+    for k in range(len(points)):
+        p = row(points, k)
+        for e in range(len(lights.kind)):
+            # Once for the direction, once for a plane that faces it.
+            kind, parameters = lights.kind[e], lights.parameters[e]
+            way = delta_light_at(kind, parameters, lights.tables, p, (0.0, 0.0, 0.0), far)[1:4]
+            strength[k, e], x, y, z, distance[k, e] = delta_light_at(kind, parameters, lights.tables, p, way, far)
+            direction[k, e, 0], direction[k, e, 1], direction[k, e, 2] = x, y, z
+
+
+def highlights(
+    lobe: np.ndarray, tables: Tables, to_eye: np.ndarray, normals: np.ndarray, tangents: np.ndarray,
+    light: Arriving, values: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Return the radiance (n, 3) float64 [W/m2/sr] towards the eye.
+
+    lobe (n, 5), to_eye, normals, tangents (n, 3): as for draw_lobe(); values (L, 3): of the lights.
+    """
+    out = np.zeros((len(to_eye), 3))
+    views = (np.ascontiguousarray(a, np.float64) for a in (lobe, to_eye, normals, tangents))
+    _add(tables, *views, *light, np.ascontiguousarray(values, np.float64), out)
+    return out
+
+
+@kernel
+def _add(tables, lobe, to_eye, normals, tangents, direction, strength, distance, values, out):
+    for k in range(len(lobe)):
+        axes, i = local_view(lobe, to_eye, normals, tangents, k)
+        for e in range(len(values)):
+            o = direction[k, e]
+            x, y, z = dot(o, axes[0]), dot(o, axes[1]), dot(o, axes[2])
+            if not (strength[k, e] > 0.0 and z > 0.0):
+                continue
+            if lobe[k, 4] < 0.0:
+                red, green, blue = table.value(tables, -1 - int(lobe[k, 4]), i[0], i[1], i[2], x, y, z)
+            elif lobe[k, 4] < ggx.SMOOTH:
+                continue
+            else:
+                g, c = ggx.gloss(lobe[k, 4], i[0], i[1], i[2], x, y, z)
+                red, green, blue = ggx.fresnels(lobe[k], c)
+                red, green, blue = g * red, g * green, g * blue
+            E = strength[k, e] * z
+            out[k, 0] += E * red * values[e, 0]
+            out[k, 1] += E * green * values[e, 1]
+            out[k, 2] += E * blue * values[e, 2]
