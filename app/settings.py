@@ -123,7 +123,7 @@ class Settings:
     measure_errors: bool = True  # measure errors at rest
     cells: str = ""  # draw leaf cells of the structure of rays, and those on a ray: POINTED, CLICKED; "": none
     show_paths: bool = False  # draw paths of some photons
-    show_disc: bool = False  # draw the disc of the receiver under the cursor, and the segments that cross it
+    show_disc: bool = False  # draw what the estimator counts at the receiver under the cursor
     show_recomputed: bool = False  # colour receivers by what the last frame computed again
     pins: tuple[Pin, ...] = ()  # read-outs
     cameras: tuple[tuple[str, tuple[float, ...]], ...] = ()  # bookmarks by name; numbers as of `camera`

@@ -23,8 +23,7 @@ class MeasuredPoint(NamedTuple):
     def label(self) -> str:
         """Return the setting, one line per field."""
         s = self.setting
-        photons = f"{self.photons:,} photons".replace(",", " ")
-        lines = [s.estimator.replace("_", " "), photons, f"radius {s.radius:.3g} m"]
+        lines = [s.estimator.replace("_", " "), f"{self.photons:,} photons", f"radius {s.radius:.3g} m"]
         for name, value in s._asdict().items():
             if name not in ("estimator", "radius") and value not in (False, None):
                 lines.append(name if value is True else f"{name} {value}")

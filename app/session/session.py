@@ -93,7 +93,7 @@ class Session(OpenScene):
     @property
     def refined(self) -> float:
         """Share of the photons at the settings asked for; below 1 the picture may be that of earlier settings."""
-        return 0.0 if self._to_apply else self.light.refined
+        return 0.0 if self._to_apply or self.is_editing else self.light.refined
 
     @property
     def version(self) -> int:

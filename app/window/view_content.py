@@ -73,15 +73,16 @@ def shown(session: Session) -> Shown:
     sides = (left,) if right is None else (left, right)
     method = session.light.method
     recomputed = method.recomputed if s.show_recomputed and errors is None and method is not None else None
-    return Shown(sides, _coming(s, right, reference), errors, s.reference or errors is not None, recomputed)
+    moves = session.dragging or session.playing
+    return Shown(sides, _coming(s, right, reference, moves), errors, s.reference or errors is not None, recomputed)
 
 
-def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None) -> str:
+def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None, moves: bool) -> str:
     """Return the sentence about parts still to be computed."""
     names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
     if REFERENCE in s.beside_estimate and (reference is None or reference.seen < 1):
         names.append(REFERENCE if reference is None else f"{REFERENCE} ({100 * reference.seen:.0f} % of receivers)")
-    return f"{' and '.join(names)}: computed at rest" if names else ""
+    return f"{' and '.join(names)}: computed {'at rest' if moves else 'now'}" if names else ""
 
 
 def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
@@ -133,18 +134,14 @@ def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Er
 
 
 def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:
-    return Side(f"{_title(estimator)}, {_thousands(photons)} photons", *drawn)
+    return Side(f"{_title(estimator)}, {photons:,} photons", *drawn)
 
 
 def _label_of(reference: ReferencePicture) -> str:
     if not np.isfinite(reference.noise):
         return "Reference, noise unknown"
-    return f"Reference, {_thousands(round(reference.paths))} paths per receiver, ±{100 * reference.noise:.2g} %"
+    return f"Reference, {round(reference.paths):,} paths per receiver, ±{100 * reference.noise:.2g} %"
 
 
 def _title(name: str) -> str:
     return name.replace("_", " ").capitalize()
-
-
-def _thousands(n: int) -> str:
-    return f"{n:,}".replace(",", " ")

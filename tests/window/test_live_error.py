@@ -67,7 +67,7 @@ def test_live_error_equals_that_against_another_reference(solver):
     assert r.reference_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
     point = live_error.point
     assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
-    assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
+    assert "tangent plane\n20,000 photons\nradius 0.06 m" in point.label and "control" in point.label
 
 
 @pytest.mark.parametrize("light, compare", [("photons", ""), ("photons", "impact_count"), ("best", "")])
@@ -182,7 +182,8 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
     )
     light, meshes = SimpleNamespace(snapshot=snapshot, method=None), draw_meshes(solver.surfaces)
     for chosen in ({"compare": "reference"}, {"show": "error"}, {"reference": True}):
-        session = SimpleNamespace(settings=Settings(**chosen), light=light, model=solver.model)
+        known = {"light": light, "model": solver.model, "dragging": False, "playing": False}
+        session = SimpleNamespace(settings=Settings(**chosen), **known)
         shown = view_content.shown(session)
         assert len(shown.sides) == 1 + ("compare" in chosen) and (shown.errors is None) == ("show" not in chosen)
         for mesh, side in itertools.product(meshes, shown.sides):
@@ -317,7 +318,7 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     s = session
     rest(s, lambda: not s.refining)
     plain = view_content.shown(s)
-    assert [side.label for side in plain.sides] == ["Tangent plane, 8 192 photons"] and not plain.named
+    assert [side.label for side in plain.sides] == ["Tangent plane, 8,192 photons"] and not plain.named
     s.want(replace(s.settings, compare="reference", show="error"))
     s.tick(FRAME)
     now = view_content.shown(s)

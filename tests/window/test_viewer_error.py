@@ -99,8 +99,8 @@ def test_reference_key_and_wipe_between_two_pictures(play):
         hand.ctx.combo_click("##Compare with/Photon map")
         hand.wait(lambda: len(shown(viewer).sides) == 2)
         assert [side.label for side in shown(viewer).sides] == [
-            "Tangent plane, 20 000 photons",
-            "Photon map, 20 000 photons",
+            "Tangent plane, 20,000 photons",
+            "Photon map, 20,000 photons",
         ]
         camera, pose = viewport.view.camera, viewer.session.poses["block"]
         w, h = viewport.view.size
@@ -166,7 +166,7 @@ def test_caption_and_limits_of_a_point():
     from gi_core.estimators.setting import Setting
 
     text = caption(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
-    assert text.startswith("photon map\n20 000 photons\nradius 0.05 m\nneighbours 40")
+    assert text.startswith("photon map\n20,000 photons\nradius 0.05 m\nneighbours 40")
     assert text.endswith("error 4.6 % (reference noise ±0.4 %)\nGI frame 12.3 ms")
     low, high = limits([2.0, 50.0])
     assert 0 < low < 2 and high > 50

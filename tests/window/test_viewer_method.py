@@ -37,10 +37,10 @@ def test_paths_disc_and_colours_follow_keys_cursor_and_drags(play, monkeypatch):
         hand.press(K.n)
         for place in ((0.5, 0.0, 0.75), (0.3, 0.0, 0.8)):
             hand.move(hand.at(place))
-            hand.wait(lambda: light.method is not None and light.method.disc is not None
+            hand.wait(lambda: light.method is not None and light.method.counted is not None
                       and light.method.parts.receiver == viewer.session.receiver >= 0)  # fmt: skip
-            assert np.linalg.norm(light.method.disc.position - place) < 0.13, "the receiver under the cursor"
-            assert light.method.disc.normal == pytest.approx((0, 1, 0))
+            assert np.linalg.norm(light.method.counted.position - place) < 0.13, "the receiver under the cursor"
+            assert light.method.counted.normal == pytest.approx((0, 1, 0))
         hand.press(K.n)
 
         hand.press(K.c)

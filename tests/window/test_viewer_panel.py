@@ -282,7 +282,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         assert hand.light_is_that_from_scratch()
         rows.clear()
         ctx.yield_(2)
-        assert ("Photons shown", "20 000 of 20 000") in rows
+        assert ("Photons shown", "20,000 of 20,000") in rows
 
         # Off: all photons, for any prediction.
         ctx.item_input_value("##Time budget", 101)

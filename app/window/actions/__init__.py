@@ -126,8 +126,8 @@ ACTIONS = {
         partial(picture.toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"
     ),
     "show disc": Action(
-        partial(picture.toggle, "show_disc"), (K.n,), "N", "draw the disc under the cursor and its segments",
-        label="Disc",
+        partial(picture.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts under the cursor",
+        label="What counts",
     ),
     "show recomputed": Action(
         partial(picture.toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed",

@@ -136,7 +136,7 @@ def title(key: str) -> str:
 
 
 def thousands(n: int) -> str:
-    return f"{int(n):,}".replace(",", " ")  # thin spaces would need another font
+    return f"{int(n):,}"
 
 
 def ms(seconds: float) -> str:
