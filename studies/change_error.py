@@ -36,7 +36,7 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     flux_unit = solver.model.emitters.unit_flux / photons
     near = solver.frame_light.static.around(AROUND * solver.setting.radius)
     given = sums, flux_unit, estimate.background(photons)[0], own, better, solver.levels, near, 1
-    return frame_irradiance(*given)[: len(better)]
+    return frame_irradiance(*given).irradiance[: len(better)]
 
 
 def rows_of(name: str) -> Iterator[str]:

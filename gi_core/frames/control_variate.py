@@ -23,9 +23,14 @@ Then a change d is shrunk by the variance v that is left (James and Stein 1961, 
     1 - CORRELATED v / d^2
 
 which is 0 for changes within noise and nearly 1 far above it. docs/decisions 9 and 32 have the measurements.
+
+Both biases have the same sign at many receivers. A mobile gathers from thousands, which averages noise and keeps bias:
+it sees G + (F - B) everywhere, negative or not (docs/decisions 50).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +44,13 @@ from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Eva
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
 REACH = 4.0  # standard deviations, see `denoise.smooth`
 CORRELATED = 4.0  # true variance over that of independent neighbours: discs share photons
+
+
+class ControlledLight(NamedTuple):
+    """Light of a frame by its control variate."""
+
+    irradiance: np.ndarray  # (R, 3) float64 [W/m2], as shown
+    unbiased: np.ndarray  # (>= n, 3) float64 [W/m2] of the static part: noisier, may be negative
 
 
 @inlined
@@ -79,9 +91,9 @@ def _read_own(changed, sums, background, levels, scale, area, first, last, out):
 @kernel
 def _measure(
     changed, background, own, better, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first, last,
-    change,
+    change, unbiased,
 ):  # fmt: skip
-    """Write the change of static receivers in the changed chunks among first .. last - 1, and its variance."""
+    """Write change, its variance and unbiased light of static receivers in changed chunks among first .. last - 1."""
     for chunk in range(first, last):
         if not changed[chunk]:
             continue
@@ -90,6 +102,7 @@ def _measure(
             frame, before, after = 0.0, 0.0, 0.0
             for c, flux in enumerate(mixed(sums, r, levels)):
                 change[r, c] = _combined(flux * factor, own[r, c], better[r, c]) - better[r, c]
+                unbiased[r, c] = better[r, c] + (flux * factor - own[r, c])
                 frame, before, after = frame + flux * factor, before + own[r, c], after + better[r, c]
             if new_flux[r, 0] == NOT_ADDITIVE:
                 change[r, VARIANCE] = 0.0 if frame == before else NO_WEIGHT  # 0 as in chunks that nothing changes
@@ -137,8 +150,8 @@ def frame_irradiance(
     levels: np.ndarray,
     near: Neighbours,
     threads: int,
-) -> np.ndarray:
-    """Return E (R, 3) [W/m2] of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
+) -> ControlledLight:
+    """Return light of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
     background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. own, better:
     irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. near: static receivers
@@ -154,11 +167,12 @@ def frame_irradiance(
     mean_levels = levels.mean(axis=1)
     flux_per_cut = frame.cut.per_photon(mean_levels)
     change = np.zeros((static, 4))  # and its variance
+    unbiased = better.copy()
 
     def measure(_, first, last):
         _measure(
             frame.changed, background, own, better, frame.sums, frame.new_flux, levels, mean_levels, flux_per_cut,
-            flux_unit, frame.area, first, last, change,
+            flux_unit, frame.area, first, last, change, unbiased,
         )  # fmt: skip
 
     def add(_, first, last):
@@ -167,4 +181,4 @@ def frame_irradiance(
     run_ranges(measure, len(frame.changed), threads, CHUNK_GRAIN)
     smooth(change, REACH, near, threads)
     run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
-    return out
+    return ControlledLight(out, unbiased)

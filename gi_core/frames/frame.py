@@ -17,7 +17,7 @@ import numpy as np
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.control_variate import AROUND, frame_irradiance, own_irradiance
+from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.frame_size import FrameSize
 from gi_core.frames.progress import break_off_at
@@ -176,10 +176,13 @@ def next_frame(
         needed = changed._replace(near_mobiles=()) if size.paths else changed
         evaluated = b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
         clock("estimate")
-    E = _controlled(b, light, evaluated, size.photons) if size.photons else np.zeros((len(evaluated.area), 3))
+    if size.photons:
+        E, unbiased = _controlled(b, light, evaluated, size.photons)
+    else:
+        E = unbiased = np.zeros((len(evaluated.area), 3))
     clock("read out")
     if size.paths:
-        light.mobiles.replace_in(E, at, size.paths, light.mobiles.reflectance(b))
+        light.mobiles.replace_in(E, at, unbiased, size.paths, light.mobiles.reflectance(b))
         clock("gather")
     light.at_poses.replace_in(E, at)
     gloss, facts = light.gloss.light(b, changed, clock, size.paths), estimate.control_facts
@@ -187,12 +190,13 @@ def next_frame(
     return Frame(poses, E, light.setting.levels, store, b, *parts)
 
 
-def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int) -> np.ndarray:
-    """Return irradiance (R, 3) [W/m2] of a frame's sums, with its static light as control variate."""
+def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int) -> ControlledLight:
+    """Return the light of a frame's sums, with its static light as control variate."""
     model, levels, static = b.model, light.setting.levels, light.static
     given = sums, model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
     if static.is_own(b, photons):
-        return own_irradiance(*given, b.store.weights(levels), model.threads)
+        own = own_irradiance(*given, b.store.weights(levels), model.threads)
+        return ControlledLight(own, own)
     both = b.irradiance(photons, levels), static.irradiance(b, photons)
     near = static.around(AROUND * b.setting.radius)
     return frame_irradiance(*given, *both, b.store.weights(levels), near, model.threads)
@@ -213,8 +217,8 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     if shown.background is None:
         weights = b.store.weights(light.setting.levels)
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
-    E = _controlled(b, light, every, n)
+    E, unbiased = _controlled(b, light, every, n)
     if shown.paths:
-        light.mobiles.replace_in(E, at, shown.paths, light.mobiles.reflectance(b), fresh=True)
+        light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.reflectance(b), fresh=True)
     light.at_poses.replace_in(E, at)
     return E

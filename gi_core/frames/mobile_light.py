@@ -68,11 +68,13 @@ class MobileLight:
         return self._reflectance[1]
 
     def replace_in(
-        self, irradiance: np.ndarray, at: Transforms, paths: int, reflectance: np.ndarray | None = None, fresh=False
-    ) -> None:
-        """Replace the irradiance (R, 3) of receivers on mobiles by gathered light from the static part's.
+        self, irradiance: np.ndarray, at: Transforms, static: np.ndarray, paths: int,
+        reflectance: np.ndarray | None = None, fresh=False,
+    ) -> None:  # fmt: skip
+        """Replace the irradiance (R, 3) of receivers on mobiles by light gathered from the static part.
 
-        paths: one of PATHS; reflectance (F, 3): as reflectance() returns it; fresh: without caches of earlier frames.
+        static (>= n, 3) [W/m2]: irradiance of static receivers at these poses, without bias. paths: one of PATHS;
+        reflectance (F, 3): as reflectance() returns it; fresh: without caches of earlier frames.
         """
         levels = self._static.setting.levels
         if self._lights is None or self._lights[0] is not levels:
@@ -84,9 +86,8 @@ class MobileLight:
             self._gather = gather
             poses = at.rotation.tobytes() + at.position.tobytes()
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
-        static = irradiance[: gather.first]
         lit = gather.irradiance(at, static, paths.bit_length() - 1, reflectance, self._lights[1])
-        irradiance[gather.first :] = lit
+        np.maximum(lit, 0.0, out=irradiance[gather.first :])
 
     def write_cells(self, rows: np.ndarray, place: np.ndarray, resting: np.ndarray, out: np.ndarray) -> None:
         """Write cells of gloss from the paths of the last frame, see `CellWriter`."""

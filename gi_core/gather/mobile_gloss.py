@@ -110,13 +110,16 @@ def _order(rows, blocked, first, ray):
 
 @kernel
 def take_bounces(light, total, bounced):
-    """Add light (n P, 3) of bounces to the sums (n, 3) of their receivers; write it to bounced (n, 3, P)."""
+    """Add light (n P, 3) of bounces to the sums (n, 3) of their receivers; write it to bounced (n, 3, P).
+
+    Noise makes single bounces negative: cells, which are shares, take these as none.
+    """
     paths = bounced.shape[2]
     for i in range(len(total)):
         red = green = blue = 0.0
         for p in range(paths):
             r, g, b = row(light, i * paths + p)
-            bounced[i, 0, p], bounced[i, 1, p], bounced[i, 2, p] = r, g, b
+            bounced[i, 0, p], bounced[i, 1, p], bounced[i, 2, p] = max(r, 0.0), max(g, 0.0), max(b, 0.0)
             red, green, blue = red + r, green + g, blue + b
         total[i, 0] += red
         total[i, 1] += green

@@ -60,13 +60,13 @@ def test_an_exception_takes_levels_back(problem):
 def test_mobiles_are_lit_as_before_once_an_exception_has_taken_levels_back(model):
     light, at = FrameLight(model, 0), model.transforms(model.start_poses())
     E = np.ones((len(model.object_receivers.areas), 3))
-    light.mobiles.replace_in(E, at, 8)
+    light.mobiles.replace_in(E, at, E, 8)
     with pytest.raises(KeyboardInterrupt), light.setting.dimmed_to(0.0 * light.setting.levels):
         dark = np.ones_like(E)
-        light.mobiles.replace_in(dark, at, 8)
+        light.mobiles.replace_in(dark, at, dark, 8)
         raise KeyboardInterrupt
     again = np.ones_like(E)
-    light.mobiles.replace_in(again, at, 8)
+    light.mobiles.replace_in(again, at, again, 8)
     assert not np.array_equal(dark, E) and np.array_equal(again, E)
 
 
