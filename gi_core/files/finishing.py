@@ -1,6 +1,7 @@
 """Another reflection for some faces of a scene: those of a material, or a part of a mobile.
 
-A part is the faces of one mobile with one material. It gets materials of its own, so other objects keep theirs.
+A part is the faces of one mobile with one material. It gets materials of its own, so other objects keep theirs; so do
+mobiles where a material of the static part changes.
 """
 
 from __future__ import annotations
@@ -77,12 +78,13 @@ def parts_of(scene: Scene, name: str) -> tuple[str, ...]:
 
 
 def materials_to_finish(scene: Scene, name: str, part: str) -> tuple[Scene, np.ndarray]:
-    """Return the scene and which of its materials (n,) bool a Finish changes; a mobile gets materials of its own."""
-    static = np.unique(scene.static.face_material)
+    """Return the scene and which of its materials (n,) bool a Finish changes, which no other object uses."""
     mobile = next((m for m in scene.mobiles if m.name == name), None)
     if part:
         mobile = mobile_called(scene, name)
-    elif mobile is None or any(scene.materials[k].name == name for k in static):
+    elif any(scene.materials[k].name == name for k in np.unique(scene.static.face_material)):
+        return _with_static_apart(scene, _materials_called(scene, name))
+    elif mobile is None:
         return scene, _materials_called(scene, name)
     used, index = np.unique(mobile.mesh.face_material, return_inverse=True)
     wanted = np.array([part in ("", part_named(name, scene.materials[k].name)) for k in used])
@@ -96,6 +98,24 @@ def materials_to_finish(scene: Scene, name: str, part: str) -> tuple[Scene, np.n
     mobiles = tuple(m._replace(mesh=mesh) if m is mobile else m for m in scene.mobiles)
     these = np.r_[np.zeros(len(scene.materials), bool), np.ones(len(own), bool)]
     return replace(scene, materials=(*scene.materials, *own), mobiles=mobiles), these
+
+
+def _with_static_apart(scene: Scene, these: np.ndarray) -> tuple[Scene, np.ndarray]:
+    """Return the scene with materials of the static part alone, and which these (n,) bool are among those given."""
+    static = np.zeros(len(these), bool)
+    static[scene.static.face_material] = True
+    these = these & static
+    of_mobiles = len(these) + np.cumsum(these) - 1  # of the material that mobiles get in place of each
+    mobiles = []
+    for mobile in scene.mobiles:
+        of = mobile.mesh.face_material
+        mesh = mobile.mesh._replace(face_material=np.where(these[of], of_mobiles[of], of).astype(np.int32))
+        mobiles.append(mobile._replace(mesh=mesh) if these[of].any() else mobile)
+    copies = tuple(m for m, this in zip(scene.materials, these.tolist(), strict=True) if this)
+    if not any(a is not b for a, b in zip(mobiles, scene.mobiles, strict=True)):
+        return scene, these
+    scene = replace(scene, materials=(*scene.materials, *copies), mobiles=tuple(mobiles))
+    return scene, np.r_[these, np.zeros(len(copies), bool)]
 
 
 def finished_materials(scene: Scene, these: np.ndarray, table: Table) -> Scene:

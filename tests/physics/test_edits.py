@@ -83,6 +83,7 @@ EDITS = {
     "model": Finish("box", (("brdf", "ward"), ("kd", 0.2), ("ax", 0.4), ("scale", True))),
     "part": Finish("box", (("reflectance", (0.2, 0.2, 0.9)),), part="wall"),
     "glaze": Finish("box", (("roughness", 0.3),), part="crate"),
+    "shared": Finish("wall", (("reflectance", (0.1, 0.5, 0.2)),)),
     "duplicate": Duplicate("ball 2", "ball", Pose((0.8, 0.3, 0.3))),
     "remove": Remove("box"),
     "promote": Promote("crate", CRATE),
@@ -407,6 +408,26 @@ def test_a_mobile_of_the_name_of_a_static_material_is_edited_apart():
     assert static == pytest.approx(np.full(static.shape, (0.1, 0.2, 0.3)))
     moved = surfaces.reflectance[surfaces.face_range(3)]
     assert moved == pytest.approx(np.full(moved.shape, (0.9, 0.1, 0.1)))
+
+
+@pytest.mark.parametrize("same_file", [True, False], ids=["one file", "two files"])
+def test_an_edit_of_the_static_part_leaves_mobiles_alone(same_file):
+    """A mobile's material may have the name of a static one: it is that one, or another file's."""
+    scene = room()
+    if not same_file:
+        wall = next(k for k, m in enumerate(scene.materials) if m.name == "wall")
+        box = scene.mobiles[0].mesh
+        other = np.where(box.face_material == wall, len(scene.materials), box.face_material).astype(np.int32)
+        mobiles = (scene.mobiles[0]._replace(mesh=box._replace(face_material=other)), *scene.mobiles[1:])
+        scene = replace(scene, materials=(*scene.materials, scene.materials[wall]), mobiles=mobiles)
+    before = Model(scene).surfaces
+    after = Model(edited(scene, [EDITS["shared"]])).surfaces
+    for o in range(1, 3):
+        faces = before.face_range(o)
+        assert np.array_equal(after.reflectance[faces], before.reflectance[faces])
+    static = before.face_range(0)
+    changed = after.reflectance[static][(after.reflectance[static] != before.reflectance[static]).any(axis=1)]
+    assert len(changed) and changed == pytest.approx(np.full(changed.shape, (0.1, 0.5, 0.2)))
 
 
 def test_a_finish_takes_the_place_of_an_earlier_one():
