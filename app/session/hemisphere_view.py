@@ -12,6 +12,7 @@ import numpy as np
 from gi_core.base.random_numbers import basis
 from gi_core.bsdf.table import Tables
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.sharp import in_probes
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -22,7 +23,7 @@ class HemisphereView(NamedTuple):
 
     position: np.ndarray  # (3,) float64 [m], relative to `Model.origins[0]`
     frame: np.ndarray  # (3, 3) float64, rows: the frame's axes there
-    cells: np.ndarray  # (CELLS, 6) float32, see Directions
+    cells: np.ndarray  # (CELLS, 6) float32, see Directions; black where pictures show a reflection in their place
     rays: np.ndarray  # (m, 3) float64, towards the light
     kind: np.ndarray  # (m,) int64: KEPT, REMOVED, ADDED
     lobe: np.ndarray  # (5,) float64
@@ -57,6 +58,8 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
     cells = (light.cells[place] if is_changed else light.resting[owner]).copy()
     faces = (s.corner_front == receiver).any(axis=1) | (s.corner_back == receiver).any(axis=1)
     face = int(np.flatnonzero(faces & ~np.isnan(s.lobe[:, 4]))[0])
+    if in_probes(s)[face]:
+        cells[:, :3] = 0.0
     o, normal = int(np.searchsorted(s.first_receiver[1:], receiver, "right")), model.object_receivers.normals[receiver]
     at = model.transforms(solver.frame.poses)
     ax, ay, az, bx, by, bz = basis(*normal)

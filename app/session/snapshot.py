@@ -26,6 +26,7 @@ class Snapshot(NamedTuple):
     irradiance: np.ndarray  # (R, 3) [W/m2]
     drawn: Drawn  # the same for pictures, with dilation weights
     gloss: GlossLight | None  # directions of the light at glossy receivers; None: there are none
+    gathered: bool  # the light of the static part; photons change it
     photons: int
     photons_at_rest: int
     paths: int  # per receiver of mobiles
@@ -34,7 +35,7 @@ class Snapshot(NamedTuple):
     timings: Mapping[str, float]  # stage -> seconds, of the last move
     changes: Changes
     levels: np.ndarray  # (G, 3), of the lamps
-    effective_photons: int
+    effective_photons: int  # of `photons`
     probes: dict[str, np.ndarray]  # name -> irradiance (3,)
     segments: int
     control: ControlFacts
@@ -55,6 +56,7 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
         irradiance=s.irradiance,
         drawn=s.drawn(s.irradiance),
         gloss=s.frame.gloss,
+        gathered=s.frame.gathered,
         photons=s.frame.photons,
         photons_at_rest=max(s.frame.subsets, default=s.frame.photons),
         paths=s.frame.paths,

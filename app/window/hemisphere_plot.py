@@ -22,7 +22,8 @@ BORDER = (0.35, 0.36, 0.38, 0.6)
 STEPS = 4  # of a cell's edge
 GRID = 40  # places of the lobe along a side of the square
 LEVELS = ((0.5, 1.0), (0.1, 0.55), (0.01, 0.3))  # contours: fraction of the lobe's maximum, opacity
-NOTE = "light by direction; contours: lobe at 50, 10, 1 %"
+CONTOURS = "contours: lobe at 50, 10, 1 %"
+NOTE, REFLECTED = f"light by direction; {CONTOURS}", f"shown by a reflection, no light by direction; {CONTOURS}"
 Places = list[tuple[float, float]]
 
 
@@ -59,7 +60,7 @@ def draw(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[floa
         (at_eye,) = places(disc_of(seen[None]))
         drawing.add_circle(at_eye, theme.pixels(5.0), imgui.get_color_u32((*theme.ACCENT, 1.0)), 16, theme.pixels(2.0))
         label.write("eye", at_eye[0] + 0.5 * em, at_eye[1] - 0.5 * em)
-    label.write(NOTE, float(middle[0] - radius), float(middle[1] - radius - 2.2 * em))
+    label.write(NOTE if shares.any() else REFLECTED, float(middle[0] - radius), float(middle[1] - radius - 2.2 * em))
 
 
 def _cell_outlines() -> list[np.ndarray]:

@@ -61,7 +61,7 @@ def shown(session: Session) -> Shown:
     """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
     reference, other = light.rest.reference, light.rest.comparison
-    estimate = _estimate(light.setting.estimator, light.photons, light.drawn)
+    estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.gathered)
     exact = None if reference is None else Side(_label_of(reference), *reference.drawn)
     errors = _errors(session, estimate, reference) if s.show == ERRORS and reference is not None else None
     if errors is None and reference is not None and reference.seen < 1:
@@ -133,8 +133,9 @@ def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Er
     return Errors(E, areas, scale, reference.noise)
 
 
-def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:
-    return Side(f"{_title(estimator)}, {photons:,} photons", *drawn)
+def _estimate(estimator: str, photons: int, drawn: Drawn, gathered: bool = False) -> Side:
+    source = "Gathered light, changed by" if gathered else f"{_title(estimator)},"
+    return Side(f"{source} {photons:,} photons", *drawn)
 
 
 def _label_of(reference: ReferencePicture) -> str:

@@ -68,6 +68,7 @@ class Viewer:
         self.metered = 0.0
         self.estimators: dict[str, str] = {}
         self._before = time.perf_counter()
+        self._slept = False  # between the last frame and this one
         self._seconds = 0.0
         self._light_seconds = 0.0  # of the last frame: refinement or a move
         self._awake_until = 0.0  # after input
@@ -94,7 +95,9 @@ class Viewer:
         if self.frames == 0:
             self.painter.open()
         self.frames += 1
-        self.frame_seconds.add(seconds)
+        if not self._slept:  # times of frames in a row
+            self.frame_seconds.add(seconds)
+        self._slept = False
         if self.params.app_shall_exit and not self._may_leave:  # the window's close button
             self.params.app_shall_exit = False
             window.refuse_to_close()
@@ -143,6 +146,7 @@ class Viewer:
             )
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
+            self._slept = True
             resting = self._ready and not self.session.light.all_done
             if resting:
                 self._guard("light", lambda: self.session.tick(0.0, budget=LONGEST_WAIT))

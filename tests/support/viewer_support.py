@@ -244,7 +244,7 @@ class CountingSolver:
             photons=0, paths=0, segments=0, subsets=(), timings={}, probe_irradiance={}, search_summary="",
             changes=Changes(0, 0, 0), control_facts=ControlFacts(0.0, 0, 0), store=SimpleNamespace(memory_full=False),
             fates={"emitted": np.zeros(3), "truncated": np.zeros(3)}, levels=np.ones((1, 3)), effective_photons=0,
-            gloss=None,
+            gloss=None, gathered=False,
         )  # fmt: skip
         self.levels = self.frame.levels
         self.light = "photons"

@@ -178,7 +178,7 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
     assert np.isnan(E).any() and np.isfinite(E[known]).all()
     rest = SimpleNamespace(reference=live_error.picture, comparison=None)
     snapshot = SimpleNamespace(
-        setting=solver.setting, photons=20_000, drawn=solver.drawn(solver.irradiance), rest=rest, method=None
+        gathered=False, setting=solver.setting, photons=20_000, drawn=solver.drawn(solver.irradiance), rest=rest
     )
     light, meshes = SimpleNamespace(snapshot=snapshot, method=None), draw_meshes(solver.surfaces)
     for chosen in ({"compare": "reference"}, {"show": "error"}, {"reference": True}):
@@ -319,6 +319,9 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     rest(s, lambda: not s.refining)
     plain = view_content.shown(s)
     assert [side.label for side in plain.sides] == ["Tangent plane, 8,192 photons"] and not plain.named
+    s.light.snapshot = s.light.snapshot._replace(gathered=True)
+    assert [side.label for side in view_content.shown(s).sides] == ["Gathered light, changed by 8,192 photons"]
+    s.light.snapshot = s.light.snapshot._replace(gathered=False)
     s.want(replace(s.settings, compare="reference", show="error"))
     s.tick(FRAME)
     now = view_content.shown(s)

@@ -41,8 +41,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     s = replace(s, lamps=tuple(lamp for lamp in given.values() if lamp != LampSetting(lamp.name)), solo=solo)
     flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, facts) for k, name in enumerate(facts.lamps))
     ui.number("Together", _shown(flux, facts), "Flux of all lamps at their levels.")
-    if facts.effective < facts.photons_traced:
-        share = f"{100 * facts.effective / max(facts.photons_traced, 1):.0f} %"
+    if facts.effective < facts.photons_shown:
+        share = f"{100 * facts.effective / max(facts.photons_shown, 1):.0f} %"
         about = "Lamps share the photons. Under 25 %, they are traced again, shared by the new levels."
         ui.number("Photons that count", share, about)
     imgui.begin_disabled(not s.lamps and not s.solo)
