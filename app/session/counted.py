@@ -1,4 +1,7 @@
-"""The segments that an estimator counts at one receiver: across its disc, or with hits near it or on its faces."""
+"""The segments that an estimator counts at one receiver: across its disc, or with hits near it or on its faces.
+
+Of a disc under artifact control, the region that light can reach counts.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.session.strokes import ADDED, KEPT, REMOVED, Strokes, joined, rows_of, strokes
+from gi_core.base.random_numbers import basis
 from gi_core.base.vectors import dot
+from gi_core.discs.region import COS, SIN
 from gi_core.estimators.impact_count import ImpactCount
 from gi_core.estimators.photon_map import PhotonMap
+from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.geometry.sides import NONE
 from gi_core.photons.hit_grid import OTHER_SIDE
 from gi_core.photons.paths import Segments, segments_at
@@ -53,7 +59,10 @@ Rule = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarr
 
 
 def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseChange) -> tuple[Counted, Strokes]:
-    """Return what the solver's estimator counts at a receiver, and the segments across the receiver's disc."""
+    """Return what the solver's estimator counts at a receiver, and the segments across the receiver's disc.
+
+    Those that tangent_plane counts are both.
+    """
     model, estimator = solver.model, solver.frame.background.estimate
     o = int(np.searchsorted(model.surfaces.first_receiver[1:], receiver, side="right"))
     R, shift = changed.at.rotation[o], changed.at.position[o]
@@ -63,17 +72,19 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     def crosses(origin, end, side):
         return _crossing(origin, end, here, model.eps)
 
-    across = _parts(solver, paths, changed, crosses)
-    disc = f"segments across the disc of {here.radius:.3g} m"
+    if isinstance(estimator, TangentPlane):
+        found, outline, about = _accepted(solver, paths, changed, here, estimator)
+        across = found
+    else:
+        across = _parts(solver, paths, changed, crosses)
     if isinstance(estimator, PhotonMap):
         found, radius = _nearest(_parts(solver, paths, changed, _near(solver, here, changed.at), True), here, estimator)
-        outline, about = circle(here, radius), f"hits, the {estimator.k} nearest, within {radius:.3g} m"
+        nearest = found[KEPT].size + found[ADDED].size
+        outline, about = circle(here, radius), f"hits, the {nearest:,} nearest, within {radius:.3g} m"
     elif isinstance(estimator, ImpactCount):
         faces, sides = _faces_around(solver, receiver)
         found = _parts(solver, paths, changed, lambda origin, end, side: _ends(np.isin(side, sides), origin, end), True)
         outline, about = _triangles(solver, faces, o, R, shift), f"hits on the {len(faces)} faces around"
-    else:
-        found, outline, about = across, circle(here, here.radius), disc
     kept, lost, new = (s.size for s in found)
     flux = np.array([s.flux.sum(axis=0, dtype=np.int64) for s in found])
     known = position, here.normal, outline, about, _drawn(found), (kept, lost, new), flux, len(paths.offsets) - 1
@@ -107,10 +118,35 @@ def _parts(solver: Solver, paths: PathVertices, changed: PoseChange, rule: Rule,
     return rows_of(old, ~gone), rows_of(old, gone), joined(added)
 
 
-def _crossing(origin, end, here: Receiver, eps: np.float32) -> tuple[np.ndarray, np.ndarray]:
-    """The rule of a disc: lines that cross it from its front.
+def _accepted(
+    solver: Solver, paths: PathVertices, changed: PoseChange, here: Receiver, estimator: TangentPlane
+) -> tuple[Parts, np.ndarray, str]:
+    """Return the segments that count at the disc of a receiver, its outline and the rule in words.
 
-    They end eps behind their hits, as those of the disc search do.
+    Some segments count that end before they cross it: see `predicate.accepts`.
+    """
+    model, at, behind = solver.model, changed.at, np.float32(2 * here.radius)
+    o, disc = estimator.disc(here.row, at)
+
+    def may_cross(origin, end, side):
+        return _crossing(origin, end, here, model.eps + behind)
+
+    def counts(s: Segments) -> Segments:
+        return rows_of(s, estimator.crossing(here.row, s, at))
+
+    kept, removed, added = _parts(solver, paths, changed, may_cross)
+    about = f"segments across the disc of {here.radius:.3g} m"
+    if disc.regions.row[0] < 0:
+        return (counts(kept), counts(removed), counts(added)), circle(here, here.radius), about
+    outline = polygon(disc.regions.reach[0], model.object_receivers.normals[here.row], here.radius)
+    about = f"{about}, as far as light can reach it (artifact control)"
+    return (counts(kept), counts(removed), counts(added)), outline @ at.rotation[o].T + here.position, about
+
+
+def _crossing(origin, end, here: Receiver, eps: np.float32) -> tuple[np.ndarray, np.ndarray]:
+    """The rule of a disc: lines that cross it from its front, and end at most eps [m] before it.
+
+    Those of the disc search end a little behind their hits.
     """
     position, normal = here.position, here.normal
     a, b = (dot(p - position.astype(np.float32), normal.astype(np.float32)) for p in (origin, end))
@@ -171,6 +207,13 @@ def _triangles(solver: Solver, faces: np.ndarray, o: int, R: np.ndarray, shift: 
     s = solver.surfaces
     corners = s.vertices[o][s.faces[o][faces - s.first_face[o]]] @ R.T + shift
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+
+
+def polygon(reach: np.ndarray, normal: np.ndarray, radius: float) -> np.ndarray:
+    """Return the rim (RAYS, 2, 3) [m], round a receiver, of the region (RAYS, 2) uint8 of its disc."""
+    frame = np.array(basis(*normal)).reshape(2, 3)
+    rim = radius / 255 * reach[:, 1, None] * (np.outer(COS, frame[0]) + np.outer(SIN, frame[1]))
+    return np.stack([rim, np.roll(rim, -1, axis=0)], axis=1)
 
 
 def circle(here: Receiver, radius: float) -> np.ndarray:

@@ -18,9 +18,9 @@ from gi_core.base.threads import run_ranges
 from gi_core.discs.contact.contact import PoseContacts
 from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.discs.intersection_cache import IntersectionCache
-from gi_core.discs.region import regions, whole_discs
+from gi_core.discs.region import Regions, regions, whole_discs
 from gi_core.discs.search import SEARCHES, Search
-from gi_core.discs.search.predicate import Discs, lines, share
+from gi_core.discs.search.predicate import Discs, crossing, lines, share
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import (
@@ -100,6 +100,28 @@ class TangentPlane:
         self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self.searches], self.control)
         yield from self._contact.build()
         self._areas = self.area.copy()
+
+    def crossing(self, receiver: int, segments: Segments, at: Transforms) -> np.ndarray:
+        """Return which segments (n,) bool count at a receiver, at the poses `at`."""
+        o, disc = self.disc(receiver, at)
+        out = np.zeros(segments.size, bool)
+        crossing(disc, 0, lines(segments, at.rotation[o], at.position[o], self.model, self.radius), out)
+        return out
+
+    def disc(self, receiver: int, at: Transforms) -> tuple[int, Discs]:
+        """Return the object and the disc of a receiver, in the object's space, with its region at the poses `at`."""
+        first = self.model.surfaces.first_receiver
+        o = int(np.searchsorted(first[1:], receiver, side="right"))
+        i, discs = receiver - int(first[o]), self.searches[o].discs
+        row, reach, area = discs.regions
+        some = reach[row[i] : row[i] + 1] if row[i] >= 0 else reach[:0]
+        own = Regions(np.minimum(row[i : i + 1], 0), some, area[i : i + 1])
+        shortened = self._contact.contacts_at(at, mobiles=True).regions[o]
+        k = int(np.searchsorted(shortened.rows, i))
+        if k < len(shortened.rows) and shortened.rows[k] == i:
+            own = Regions(np.zeros(1, np.int32), shortened.reach[k : k + 1], shortened.area[k : k + 1])
+        alone = (a[i : i + 1] for a in (discs.positions, discs.normals, discs.own, discs.back))
+        return o, Discs(*alone, discs.radius, own)
 
     @property
     def bytes_per_hit(self) -> int:

@@ -46,6 +46,7 @@ from gi_core.gloss.radiance import gloss_radiance
 from gi_core.instruments import child
 from gi_core.model import Model
 from gi_core.rays.structures import checked
+from gi_core.retrace.cuts import current_segments
 from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
@@ -205,6 +206,9 @@ def _estimate(solver: Solver, name: str) -> None:
 def _search(solver: Solver, name: str) -> None:
     solver.configure(estimator=DEFAULT, search=name)
     solver.solve()
+    at = solver.model.transforms(solver.poses)
+    segments, _ = current_segments(solver.model, at, 0, 0, 1)
+    solver.frame.background.estimate.crossing(0, segments, at)
 
 
 def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:

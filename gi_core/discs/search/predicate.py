@@ -248,3 +248,16 @@ def accepts(discs, i, centre, normal, lines, k):
         layer = 1 if ends | cut else 0
         return inside(offset(a, t, direction), normal, math.sqrt(r2), discs.regions.reach, row, layer)
     return accepted
+
+
+@kernel
+def crossing(discs, i, lines, out):
+    """Write which lines (n,) bool count at receiver i, by the predicate alone."""
+    centre = discs.positions[i, 0], discs.positions[i, 1], discs.positions[i, 2]
+    normal = discs.normals[i, 0], discs.normals[i, 1], discs.normals[i, 2]
+    r2, none = discs.radius * discs.radius, np.float32(0.0)
+    for k in range(len(out)):
+        o = lines.origin[k, 0], lines.origin[k, 1], lines.origin[k, 2]
+        d = lines.direction[k, 0], lines.direction[k, 1], lines.direction[k, 2]
+        meets = _crosses(centre, normal, none, o, d, lines.low[k], lines.high[k], r2)
+        out[k] = meets and accepts(discs, i, centre, normal, lines, k)
