@@ -14,7 +14,6 @@ from app.session.strokes import ADDED, KEPT, REMOVED, Strokes, joined, rows_of, 
 from gi_core.base.random_numbers import basis
 from gi_core.base.vectors import dot
 from gi_core.discs.region import COS, SIN
-from gi_core.estimators.impact_count import ImpactCount
 from gi_core.estimators.photon_map import PhotonMap
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.geometry.sides import NONE
@@ -69,22 +68,22 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     position = R @ model.object_receivers.positions[receiver] + shift
     here = Receiver(receiver, position, R @ model.object_receivers.normals[receiver], solver.setting.radius)
 
-    def crosses(origin, end, side):
-        return _crossing(origin, end, here, model.eps)
+    def hits(rule: Rule) -> Parts:
+        return _parts(solver, paths, changed, rule, of_hits=True)
 
     if isinstance(estimator, TangentPlane):
         found, outline, about = _accepted(solver, paths, changed, here, estimator)
-        across = found
-    else:
-        across = _parts(solver, paths, changed, crosses)
-    if isinstance(estimator, PhotonMap):
-        found, radius = _nearest(_parts(solver, paths, changed, _near(solver, here, changed.at), True), here, estimator)
+    elif isinstance(estimator, PhotonMap):
+        found, radius = _nearest(hits(_near(solver, here, changed.at)), here, estimator)
         nearest = found[KEPT].size + found[ADDED].size
         outline, about = circle(here, radius), f"hits, the {nearest:,} nearest, within {radius:.3g} m"
-    elif isinstance(estimator, ImpactCount):
+    else:
         faces, sides = _faces_around(solver, receiver)
-        found = _parts(solver, paths, changed, lambda origin, end, side: _ends(np.isin(side, sides), origin, end), True)
+        found = hits(lambda origin, end, side: _ends(np.isin(side, sides), origin, end))
         outline, about = _triangles(solver, faces, o, R, shift), f"hits on the {len(faces)} faces around"
+    across = found if isinstance(estimator, TangentPlane) else _parts(
+        solver, paths, changed, lambda origin, end, side: _crossing(origin, end, here, model.eps)
+    )  # fmt: skip
     kept, lost, new = (s.size for s in found)
     flux = np.array([s.flux.sum(axis=0, dtype=np.int64) for s in found])
     known = position, here.normal, outline, about, _drawn(found), (kept, lost, new), flux, len(paths.offsets) - 1

@@ -23,7 +23,8 @@ class HemisphereView(NamedTuple):
 
     position: np.ndarray  # (3,) float64 [m], relative to `Model.origins[0]`
     frame: np.ndarray  # (3, 3) float64, rows: the frame's axes there
-    cells: np.ndarray  # (CELLS, 6) float32, see Directions; black where pictures show a reflection in their place
+    cells: np.ndarray  # (CELLS, 6) float32, see Directions
+    reflected: bool  # pictures show a reflection in their place, cells are black
     rays: np.ndarray  # (m, 3) float64, towards the light
     kind: np.ndarray  # (m,) int64: KEPT, REMOVED, ADDED
     lobe: np.ndarray  # (5,) float64
@@ -58,7 +59,7 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
     cells = (light.cells[place] if is_changed else light.resting[owner]).copy()
     faces = (s.corner_front == receiver).any(axis=1) | (s.corner_back == receiver).any(axis=1)
     face = int(np.flatnonzero(faces & ~np.isnan(s.lobe[:, 4]))[0])
-    if in_probes(s)[face]:
+    if reflected := bool(in_probes(s)[face]):
         cells[:, :3] = 0.0
     o, normal = int(np.searchsorted(s.first_receiver[1:], receiver, "right")), model.object_receivers.normals[receiver]
     at = model.transforms(solver.frame.poses)
@@ -70,4 +71,4 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
     towards = towards / np.maximum(np.linalg.norm(towards, axis=1), 1e-30)[:, None]
     position = at.rotation[o] @ model.object_receivers.positions[receiver] + at.position[o]
     along = axes @ s.tangent[face] if len(s.tangent) else np.array([1.0, 0.0, 0.0])
-    return HemisphereView(position, frame, cells, towards @ frame.T, kind, s.lobe[face], along, s.tables)
+    return HemisphereView(position, frame, cells, reflected, towards @ frame.T, kind, s.lobe[face], along, s.tables)

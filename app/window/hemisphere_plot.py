@@ -60,7 +60,7 @@ def draw(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[floa
         (at_eye,) = places(disc_of(seen[None]))
         drawing.add_circle(at_eye, theme.pixels(5.0), imgui.get_color_u32((*theme.ACCENT, 1.0)), 16, theme.pixels(2.0))
         label.write("eye", at_eye[0] + 0.5 * em, at_eye[1] - 0.5 * em)
-    label.write(NOTE if shares.any() else REFLECTED, float(middle[0] - radius), float(middle[1] - radius - 2.2 * em))
+    label.write(REFLECTED if view.reflected else NOTE, float(middle[0] - radius), float(middle[1] - radius - 2.2 * em))
 
 
 def _cell_outlines() -> list[np.ndarray]:

@@ -101,20 +101,18 @@ def materials_to_finish(scene: Scene, name: str, part: str) -> tuple[Scene, np.n
 
 
 def _with_static_apart(scene: Scene, these: np.ndarray) -> tuple[Scene, np.ndarray]:
-    """Return the scene with materials of the static part alone, and which these (n,) bool are among those given."""
-    static = np.zeros(len(these), bool)
+    """Return a scene whose mobiles have copies of some materials, and which of these (n,) bool the static part uses."""
+    static, shared = np.zeros((2, len(these)), bool)
     static[scene.static.face_material] = True
-    these = these & static
-    of_mobiles = len(these) + np.cumsum(these) - 1  # of the material that mobiles get in place of each
-    mobiles = []
     for mobile in scene.mobiles:
-        of = mobile.mesh.face_material
-        mesh = mobile.mesh._replace(face_material=np.where(these[of], of_mobiles[of], of).astype(np.int32))
-        mobiles.append(mobile._replace(mesh=mesh) if these[of].any() else mobile)
-    copies = tuple(m for m, this in zip(scene.materials, these.tolist(), strict=True) if this)
-    if not any(a is not b for a, b in zip(mobiles, scene.mobiles, strict=True)):
-        return scene, these
-    scene = replace(scene, materials=(*scene.materials, *copies), mobiles=tuple(mobiles))
+        shared[mobile.mesh.face_material] = True
+    these = these & static
+    shared &= these
+    numbers = np.where(shared, len(these) + np.cumsum(shared) - 1, np.arange(len(these))).astype(np.int32)
+    meshes = [m.mesh._replace(face_material=numbers[m.mesh.face_material]) for m in scene.mobiles]
+    mobiles = tuple(m._replace(mesh=mesh) for m, mesh in zip(scene.mobiles, meshes, strict=True))
+    copies = tuple(scene.materials[k] for k in np.flatnonzero(shared))
+    scene = replace(scene, materials=(*scene.materials, *copies), mobiles=mobiles)
     return scene, np.r_[these, np.zeros(len(copies), bool)]
 
 

@@ -201,14 +201,15 @@ def _estimate(solver: Solver, name: str) -> None:
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
     solver.move("mobile", TOUCHING)
     solver.from_scratch()
+    if name == DEFAULT:
+        at = solver.model.transforms(solver.poses)
+        segments, _ = current_segments(solver.model, at, 0, 0, 1)
+        solver.frame.background.estimate.crossing(0, segments, at)
 
 
 def _search(solver: Solver, name: str) -> None:
     solver.configure(estimator=DEFAULT, search=name)
     solver.solve()
-    at = solver.model.transforms(solver.poses)
-    segments, _ = current_segments(solver.model, at, 0, 0, 1)
-    solver.frame.background.estimate.crossing(0, segments, at)
 
 
 def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:

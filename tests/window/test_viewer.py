@@ -53,6 +53,23 @@ def test_frames_continue_while_the_scene_opens(play):
     assert errors(viewer) == []
 
 
+def test_a_wait_is_no_frame_time(play, monkeypatch):
+    added = []
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
+        hand.ctx.yield_()
+        in_a_row = len(added)
+        viewer._slept = True
+        hand.ctx.yield_()
+        assert 0 < in_a_row == len(added), "the frame after a wait does not count"
+        hand.ctx.yield_()
+        assert len(added) > in_a_row, "the next one does"
+
+    play(script)
+
+
 @pytest.mark.parametrize("where", ["draw", "draw_status"])
 def test_exception_of_a_frame_fails_its_test(play, monkeypatch, where):
     """The script does not wait for frames that never come, and the process lives on."""

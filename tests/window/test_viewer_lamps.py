@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
+from app.window.panel import widgets as ui
 from app.window.panel.lamps import BRIGHTEST, OF_FILE, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
@@ -126,6 +127,27 @@ def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
         hand.wait_for_light()
         assert session.light.snapshot.levels[1].tolist() == [0.25] * 3
         assert hand.light_is_that_from_scratch() and not errors(viewer)
+
+    play(script, support.SETTINGS, support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_a_frame_of_few_photons_has_no_row_about_lamps(play, monkeypatch):
+    """The row moved the panel in each drag, although no lamp was dimmed."""
+    names, number = [], ui.number
+    monkeypatch.setattr(ui, "number", lambda name, *others: (names.append(name), number(name, *others))[1])
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        light = viewer.session.light
+        whole = light.snapshot
+        for photons, effective in ((whole.photons // 4, whole.photons // 4), (whole.photons, whole.photons // 2)):
+            light.snapshot = whole._replace(photons=photons, effective_photons=effective)
+            names.clear()
+            hand.ctx.yield_(2)
+            assert "Together" in names and ("Photons that count" in names) == (effective < photons)
+        light.snapshot = whole
 
     play(script, support.SETTINGS, support.opening(two_lamps()))
 
