@@ -97,8 +97,13 @@ def _drawn(parts: Parts) -> Strokes:
     return joined([strokes(rows_of(s, some), kind) for s, some, kind in kinds])
 
 
-def _parts(solver: Solver, paths: PathVertices, changed: PoseChange, rule: Rule, of_hits: bool = False) -> Parts:
-    """Return the segments that count: kept, removed and added ones; of_hits: by where they end."""
+def _parts(
+    solver: Solver, paths: PathVertices, changed: PoseChange, rule: Rule, of_hits: bool = False, current: bool = False
+) -> Parts:
+    """Return the segments that count: kept, removed and added ones.
+
+    of_hits: by where they end. current: cut segments as they are now, ending on a mobile, in place of their old part.
+    """
     removed, new = changed.removed_suffixes, changed.new_suffixes
     last = np.zeros(len(paths.side), bool)
     last[paths.offsets[1:] - 1] = True
@@ -111,10 +116,13 @@ def _parts(solver: Solver, paths: PathVertices, changed: PoseChange, rule: Rule,
     photon = np.searchsorted(paths.offsets, rows, side="right") - 1
     gone = (rows > cut_at[photon]) | ((rows == cut_at[photon]) & (distance >= cut_low[photon]))
     # The part of a cut segment that is kept ends at a new hit, on the mobile.
-    more = [new, changed.kept_prefixes] if of_hits else [new]
-    added = [rows_of(s, rule(s.origin, s.hit, s.hit_side)[0]) for s in more]
+    prefixes, added = (rows_of(s, rule(s.origin, s.hit, s.hit_side)[0]) for s in (changed.kept_prefixes, new))
     old = segments_at(paths, removed.eps, photon, rows, solver.model.threads)
-    return rows_of(old, ~gone), rows_of(old, gone), joined(added)
+    if of_hits:
+        return rows_of(old, ~gone), rows_of(old, gone), joined([added, prefixes])
+    if current:
+        return joined([rows_of(old, ~gone & (rows != cut_at[photon])), prefixes]), rows_of(old, gone), added
+    return rows_of(old, ~gone), rows_of(old, gone), added
 
 
 def _accepted(
@@ -125,7 +133,7 @@ def _accepted(
     Some segments count that end before they cross it: see `predicate.accepts`.
     """
     model, at, behind = solver.model, changed.at, np.float32(2 * here.radius)
-    o, disc = estimator.disc(here.row, at)
+    o, disc, current = estimator.disc(here.row, at)
 
     def may_cross(origin, end, side):
         return _crossing(origin, end, here, model.eps + behind)
@@ -133,7 +141,7 @@ def _accepted(
     def counts(s: Segments) -> Segments:
         return rows_of(s, estimator.crossing(here.row, s, at))
 
-    kept, removed, added = _parts(solver, paths, changed, may_cross)
+    kept, removed, added = _parts(solver, paths, changed, may_cross, current=current)
     about = f"segments across the disc of {here.radius:.3g} m"
     if disc.regions.row[0] < 0:
         return (counts(kept), counts(removed), counts(added)), circle(here, here.radius), about

@@ -103,13 +103,14 @@ class TangentPlane:
 
     def crossing(self, receiver: int, segments: Segments, at: Transforms) -> np.ndarray:
         """Return which segments (n,) bool count at a receiver, at the poses `at`."""
-        o, disc = self.disc(receiver, at)
+        o, disc, _ = self.disc(receiver, at)
         out = np.zeros(segments.size, bool)
         crossing(disc, 0, lines(segments, at.rotation[o], at.position[o], self.model, self.radius), out)
         return out
 
-    def disc(self, receiver: int, at: Transforms) -> tuple[int, Discs]:
-        """Return the object and the disc of a receiver, in the object's space, with its region at the poses `at`."""
+    def disc(self, receiver: int, at: Transforms) -> tuple[int, Discs, bool]:
+        """Return the object of a receiver, its disc in the object's space with its region at the poses `at`, and
+        whether it sums current segments: others change the background's sums by suffixes."""
         first = self.model.surfaces.first_receiver
         o = int(np.searchsorted(first[1:], receiver, side="right"))
         i, discs = receiver - int(first[o]), self.searches[o].discs
@@ -118,10 +119,10 @@ class TangentPlane:
         own = Regions(np.minimum(row[i : i + 1], 0), some, area[i : i + 1])
         shortened = self._contact.contacts_at(at, mobiles=True).regions[o]
         k = int(np.searchsorted(shortened.rows, i))
-        if k < len(shortened.rows) and shortened.rows[k] == i:
+        if is_shortened := k < len(shortened.rows) and bool(shortened.rows[k] == i):
             own = Regions(np.zeros(1, np.int32), shortened.reach[k : k + 1], shortened.area[k : k + 1])
         alone = (a[i : i + 1] for a in (discs.positions, discs.normals, discs.own, discs.back))
-        return o, Discs(*alone, discs.radius, own)
+        return o, Discs(*alone, discs.radius, own), o > 0 or is_shortened
 
     @property
     def bytes_per_hit(self) -> int:

@@ -11,6 +11,7 @@ from app.session import method_view as mv
 from app.session.counted import MOST_DRAWN
 from app.session.strokes import ADDED, KEPT, REMOVED
 from gi_core.estimators import ESTIMATORS
+from gi_core.files.load import load_scene
 from gi_core.photons.flux_sums import NOT_ADDITIVE
 from gi_core.scene import Pose
 from gi_core.solver import Solver
@@ -83,6 +84,18 @@ def test_artifact_control_is_part_of_the_rule():
         assert kept + added == pytest.approx(now, rel=1e-12)
         a, b = found.outline[:, 0] - found.position, found.outline[:, 1] - found.position
         assert np.linalg.norm(np.cross(a, b), axis=1).sum() / 2 == pytest.approx(area, rel=0.01)
+
+
+def test_segments_end_on_curved_mobiles():
+    """Some cross a disc behind their new end on the mobile: the pawn's discs lie within its surface."""
+    solver = Solver(load_scene("cornell"), photons=20_000, radius=0.03)
+    solver.solve()
+    pose = solver.poses["pawn"]
+    solver.move("pawn", pose._replace(position=tuple(np.add(pose.position, (0.02, 0.0, 0.01)))))
+    evaluated = solver.frame.evaluated
+    for receiver in range(solver.surfaces.receiver_range(1).start, len(evaluated.area), 60):
+        kept, _, added = mv.method_view(solver, mv.MethodParts(receiver=receiver)).counted.flux
+        assert (kept + added).tolist() == evaluated.sums[receiver].tolist()
 
 
 def test_the_outline_is_the_area_that_the_flux_is_divided_by():
