@@ -18,10 +18,10 @@ import numpy as np
 
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import kernel
-from gi_core.base.vec import cross, difference, dot
+from gi_core.base.vec import cross, difference, dot, row
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lamps, sky_name
-from gi_core.lights.photometric import axes, tables_of
+from gi_core.lights.photometric import axes, density, tables_of
 from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PointLight, Scene, SkyLight, SpotLight
 
 POINT, SPOT, DIRECTIONAL, PHOTOMETRIC = range(4)
@@ -250,34 +250,52 @@ def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
     """Return area lights with probabilities by importance for a sphere: centre (3,) [m] in the world, radius [m]."""
     share, area = np.empty_like(lights.cdf), np.empty_like(lights.cdf)
     place = np.asarray(centre, np.float64)
-    _aim(lights.corners, lights.normal, lights.radiance, lights.table, place, radius, share, area)
+    _aim(lights, place, radius, share, area)
     cdf = np.cumsum(share)
     cdf[-1:] = 1.0
     return lights._replace(cdf=cdf, density=share / area)
 
 
 @kernel
-def _aim(corners, normal, radiance, table, centre, radius, share, area):
-    """Write the probability and the area [m2] of each face; a luminaire counts as one that faces the mobile."""
+def _aim(lights, centre, radius, share, area):
+    """Write the probability and the area [m2] of each face."""
     flux = brought = 0.0
-    for e in range(len(corners)):
-        p, n = corners[e], normal[e]
+    for e in range(len(area)):
+        p, n, radiance = lights.corners[e], row(lights.normal, e), row(lights.radiance, e)
         area[e] = triangle_area(p)
-        power = area[e] * max(radiance[e, 0], max(radiance[e, 1], radiance[e, 2]))
-        x = centre[0] - (p[0] + p[3] + p[6]) / 3.0
-        y = centre[1] - (p[1] + p[4] + p[7]) / 3.0
-        z = centre[2] - (p[2] + p[5] + p[8]) / 3.0
-        d2, height = dot((x, y, z), (x, y, z)), dot((x, y, z), n)
-        cosine = 1.0 if table[e] >= 0 else _best_cosine(height, d2, radius)
+        power = area[e] * max(radiance)
+        middle = (p[0] + p[3] + p[6]) / 3.0, (p[1] + p[4] + p[7]) / 3.0, (p[2] + p[5] + p[8]) / 3.0
+        way = difference(centre, middle)
+        d2 = dot(way, way)
+        if lights.table[e] >= 0:
+            cosine = math.pi * _best_density(lights, e, way, radius)
+        else:
+            cosine = _best_cosine(dot(way, n), d2, radius)
         share[e] = power * cosine / (d2 + radius * radius + area[e])
         flux += power
         brought += share[e]
-    for e in range(len(corners)):
-        power = area[e] * max(radiance[e, 0], max(radiance[e, 1], radiance[e, 2]))
+    for e in range(len(area)):
+        power = area[e] * max(row(lights.radiance, e))
         if brought > 0.0:
             share[e] = (1.0 - BY_FLUX) * share[e] / brought + BY_FLUX * power / flux
         else:
             share[e] = power / flux
+
+
+@kernel
+def _best_density(lights, e, way, radius):
+    """Return the largest density [1/sr] of a luminaire towards the centre of a sphere, at `way`, and points around."""
+    best = 0.0
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            for k in range(-1, 2):
+                away = radius / math.sqrt(max(i * i + j * j + k * k, 1))
+                x, y, z = way[0] + away * i, way[1] + away * j, way[2] + away * k
+                d = math.sqrt(x * x + y * y + z * z)
+                if d > 0.0:
+                    at = lights.table[e], lights.normal[e], lights.c0[e]
+                    best = max(best, density(lights.tables, at[0], at[1], at[2], x / d, y / d, z / d))
+    return best
 
 
 @kernel

@@ -12,8 +12,9 @@ from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
 from gi_core.lights.light_sampling import BY_FLUX, aimed, area_lights, at_levels, steady
 from gi_core.lights.next_event import points_on_lamps
+from gi_core.lights.photometric import flux_of
 from gi_core.model import Model
-from gi_core.scene.types import Mesh, Mobile, Pose, Scene
+from gi_core.scene.types import Mesh, Mobile, PhotometricLight, Pose, Scene
 from tests.support.closed_form import lambert_polygon
 from tests.support.scene_builders import box, grey, lamp, merge, quad
 
@@ -90,6 +91,36 @@ def test_each_share_is_the_formula():
     share = np.diff(aimed(plain, CENTRE, RADIUS).cdf, prepend=0)
     assert 0 < (expected < 2 * BY_FLUX * flux / flux.sum()).sum() < len(expected), "some look away"
     assert np.allclose(share, expected, rtol=0.01)
+
+
+def test_each_share_of_a_luminaire_is_its_intensity_towards_the_mobile():
+    """An uplight over the mobile and two downlights, a spot among them; searched for here in the table itself."""
+    gammas, planes = np.linspace(0.0, 180.0, 19), np.array([0.0, 90.0, 180.0, 270.0, 360.0])
+    down, narrow = np.maximum(np.cos(np.radians(gammas)), 0.0), np.exp(-((gammas / 20.0) ** 2))
+    lights = tuple(
+        PhotometricLight(
+            name, place, direction, (1.0, 0.0, 0.0), (1.0, 1.0, 1.0), gammas, planes, np.tile(row, (5, 1)), (0.2, 0.1)
+        )
+        for name, place, row, direction in (
+            ("up", (0.5, 0.5, 0.9), down, (0.0, 0.0, 1.0)),
+            ("down", (0.5, 0.5, 0.95), down, (0.0, 0.0, -1.0)),
+            ("beam", (0.8, 0.2, 0.9), narrow, (0.0, 0.0, -1.0)),
+        )
+    )
+    scene = room().scene
+    model = Model(Scene(scene.static, scene.materials, scene.mobiles, lights, up=(0, 0, 1)), 1)
+    share = np.diff(aimed(model.lights.area, CENTRE, RADIUS).cdf, prepend=0).reshape(3, 2).sum(axis=1)
+    chance, expected = np.random.default_rng(2), []
+    points = chance.standard_normal((20_000, 3))
+    points = CENTRE + RADIUS * points / np.sqrt((points**2).sum(axis=1))[:, None]
+    for light, row in zip(lights, (down, down, narrow), strict=True):
+        way = points - light.position
+        gamma = np.degrees(np.arccos(way @ light.direction / np.sqrt((way**2).sum(axis=1))))
+        best = np.interp(gamma, gammas, row).max() / flux_of(gammas, planes, np.tile(row, (5, 1)))
+        expected.append(best / (((CENTRE - light.position) ** 2).sum() + RADIUS**2 + 0.01))
+    expected = np.array(expected) / np.sum(expected)
+    assert share[0] == pytest.approx(BY_FLUX / 3, rel=1e-6), "the uplight has its share of flux alone"
+    assert np.allclose(share, (1 - BY_FLUX) * expected + BY_FLUX / 3, rtol=0.05)
 
 
 def test_choice_is_by_flux_if_no_lamp_faces_the_mobile():
