@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind t
 
 SHOW_GRACE = 0.010  # s per frame for parts of the method
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
+TIMED_STEP = 0.005  # of the scene's size: the move of a timed frame, as in a quick drag
 
 
 class Stage(enum.Enum):
@@ -334,11 +335,18 @@ def _steps(solver: Solver, stop: Callable[[], bool]) -> Iterator[Progress]:
 
 
 def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
-    """Time the frames of photon subsets within a budget [s], smallest first, by a twin: the frame on show stays."""
-    twin = solver.twin()
-    twin.budget = solver.budget
-    while (photons := solver.budget.next_to_time(seconds, solver.frame.subsets)) is not None:
-        twin.move_all({}, photons, solver.size_within(0.0)[1])
+    """Time frames within a budget [s], smallest first, by a twin: the frame on show stays.
+
+    Each moves a mobile, to and fro: without a move, little is left to do.
+    """
+    twin, names = solver.twin(), list(solver.poses)
+    sizes = solver.budget.to_time(seconds, twin.frame.subsets, twin.paths_at_rest > 0)
+    for k, (photons, paths) in enumerate(sizes):
+        name = names[k % len(names)]
+        x, y, z = solver.poses[name].position
+        x += TIMED_STEP * solver.scene_size * (1 + k // len(names) % 2)  # never the pose on show: its rays are traced
+        twin.move_all({name: twin.poses[name]._replace(position=(x, y, z))}, photons, paths)
+        twin.budget = solver.budget  # from the second frame on: the first of a twin takes much longer
         yield True
 
 

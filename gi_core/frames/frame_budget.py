@@ -9,13 +9,13 @@ budget, then photons, then more paths in the time that is left.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 
-from gi_core.frames.frame_size import PATHS, PATHS_AT_REST, FrameSize
+from gi_core.frames.frame_size import PATHS, FrameSize
 
 REMEMBERED = 9  # frames per size, whose median counts
-TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
+TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
 GATHERING = 0.7  # share of the budget for up to ...
 ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off, docs/decisions 48
 LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
@@ -76,18 +76,20 @@ class FrameBudget:
         if size.paths and rays_traced:
             self._path_times.add(size.paths, gathering)
 
-    def next_to_time(self, seconds: float, subsets: Sequence[int]) -> int | None:
-        """Return the smallest photon subset below all photons that still needs timing; None if there is none.
+    def to_time(self, seconds: float, subsets: Sequence[int], gathers: bool) -> Iterator[tuple[int, int | None]]:
+        """Yield the photons and paths of frames to record, smallest first, up to sizes that exceed a budget [s].
 
-        seconds: the budget; subsets predicted to exceed it need no timing.
+        subsets: photon subsets, ascending; gathers: whether mobiles gather their light.
         """
-        for photons in subsets[:-1]:
-            times = self._photon_times.of(photons)
-            if times and times[-1] > seconds:
-                return None
-            if len(times) < TIMED:
-                return photons
-        return None
+        few = PATHS[0] if gathers else None
+        paths = [(n, (subsets[0], n)) for n in PATHS if gathers]
+        photons = [(n, (n, few)) for n in subsets[:-1]]
+        for times, sizes in (self._path_times, paths), (self._photon_times, photons):
+            for n, size in sizes:
+                for _ in range(TIMED - len(times.of(n))):
+                    yield size
+                if (times.expected(n) or 0.0) > seconds:
+                    break
 
     # -- choices ----------------------------------------------------------------------------------
 
@@ -104,7 +106,7 @@ class FrameBudget:
         left = seconds - (self._path_times.expected(paths) or 0.0)
         photons = self._photon_times.largest_within(left, good_enough(subsets))
         if (spent := self._photon_times.expected(photons)) is not None:
-            more = self._path_times.largest_within(seconds - spent, [n for n in PATHS if n <= PATHS_AT_REST])
+            more = self._path_times.largest_within(seconds - spent, PATHS)
             paths = max(paths, more)
         return photons, paths
 

@@ -249,7 +249,7 @@ class CountingSolver:
         self.levels = self.frame.levels
         self.light = "photons"
         self.frame_light = SimpleNamespace(static=SimpleNamespace(gathered=None, is_gathered=False))
-        self.paths_at_rest = 0
+        self.paths_at_rest, self.scene_size = 0, 1.0
         self.at_rest = 0  # photons of the last picture
         self.budget = FrameBudget()
         self.moved_with: list[int] = []  # photons of each move
@@ -306,13 +306,18 @@ class CountingSolver:
         self.irradiance = np.full_like(self.irradiance, len(self.log))
 
     def twin(self) -> SimpleNamespace:
-        return SimpleNamespace(move_all=self._time)
+        twin = SimpleNamespace(poses=dict(self.poses), paths_at_rest=0, budget=type(self.budget)())
+        twin.frame, twin.move_all = SimpleNamespace(subsets=self.subsets), functools.partial(self._time, twin)
+        return twin
 
-    def _time(self, poses, photons: int, paths: int | None) -> None:
-        """A frame of the twin: the picture stays."""
-        assert not poses and photons in self.subsets
-        self.clock.now += self.move_seconds(photons)
-        self._learn(photons)
+    def _time(self, twin, poses, photons: int, paths: int | None) -> None:
+        """A frame of the twin: the picture stays. Its first takes longer."""
+        assert poses and photons in self.subsets and all(poses[name] != self.poses[name] for name in poses)
+        first = twin.poses == self.poses
+        self.clock.now += 5 * self.move_seconds(photons) if first else self.move_seconds(photons)
+        seconds = self.wrong * self.move_seconds(photons) * (5 if first else 1)
+        twin.budget.record(FrameSize(photons, 0), {"estimate": seconds}, False)
+        twin.poses.update(poses)
         self.log.append(("timed", photons))
 
     def configure(self, **changes) -> None:

@@ -9,11 +9,13 @@ import pytest
 
 from app.session.log import ERROR
 from app.session.session import STILL, Session
-from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
-from gi_core.frames.frame_size import FrameSize
+from app.session.solver_thread import _timings
+from gi_core.frames.frame_budget import IN_A_ROW, TIMED, FrameBudget
+from gi_core.frames.frame_size import PATHS, FrameSize
 from gi_core.model import Model
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
+from tests.unit.gather.test_mobile import gathering
 
 FRAME = 1 / 60
 BUDGET_MS = 12.5
@@ -202,10 +204,28 @@ def test_subsets_are_timed_once_at_rest_and_not_shown():
         frame(s)
     assert s.light._solver.count("timed") == 18, "another setting, other times"
     s = make(budget=7.0)
-    assert [photons for what, photons in s.light._solver.log if what == "timed"] == [125, 125, 125, 250], (
+    assert [photons for what, photons in s.light._solver.log if what == "timed"] == [*[125] * 3, *[250] * 3], (
         "250 take 8 ms"
     )
     assert make(budget=0.0).light._solver.count("timed") == 0
+
+
+def test_the_first_frame_of_a_twin_is_not_counted():
+    """It takes five times as long, and would end the timing of all others."""
+    solver = make().light._solver
+    assert solver.budget.within(1.0, (125, 250, 500), False) == (500, None)
+    assert solver.budget._photon_times.of(125)[-1] == pytest.approx(solver.move_seconds(125))
+    assert max(solver.budget._photon_times.of(125)) == pytest.approx(solver.move_seconds(125))
+
+
+def test_timed_frames_move_mobiles_and_gather_by_all_numbers_of_paths():
+    """Without a move no rays are traced, and their times stay unknown; the frame on show stays."""
+    solver = gathering()
+    solver.budget, light, poses = FrameBudget(), solver.irradiance, solver.poses
+    assert sum(1 for _ in _timings(solver, 60.0)) == TIMED * len(PATHS)
+    assert solver.irradiance is light and solver.poses == poses
+    assert [len(solver.budget._path_times.of(n)) for n in PATHS] == [TIMED - 1, *[TIMED] * (len(PATHS) - 1)]
+    assert solver.size_within(60.0) == (300, PATHS[-1])
 
 
 def test_drag_interrupts_the_timing_of_frames():
@@ -364,7 +384,7 @@ def test_without_photons_there_is_nothing_to_choose():
         (0.026, (65_536, 64)),  # ... and these in the time that is left
         (0.012, (16_384, 16)),
         (0.004, (16_384, 8)),  # nothing fits: paths have their share
-        (1.0, (1_000_000, 64)),
+        (1.0, (1_000_000, 256)),
     ],
 )
 def test_mobiles_have_paths_first(monkeypatch, budget, chosen):

@@ -165,7 +165,8 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
     """Return photons and paths of frames with gathered light, in the order in which a budget takes them."""
     few = [(counts[0], paths) for paths in PATHS if LEAST_PATHS <= paths < ENOUGH]
-    return [*few, *((n, ENOUGH) for n in counts[:-1]), (counts[-1], PATHS_AT_REST)]
+    more = [(n, 4 * ENOUGH) for n in counts[1:-2]]
+    return [*few, *((n, ENOUGH) for n in counts[:-1]), *more, (counts[-1], PATHS_AT_REST)]
 
 
 def _round(x: float) -> float:

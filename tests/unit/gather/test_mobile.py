@@ -127,7 +127,7 @@ def test_a_frame_of_fewer_photons_and_paths():
     for _ in solver.solve_steps():
         pass
     assert np.array_equal(solver.irradiance, whole), "at rest all there is"
-    assert solver.size_within(0.0)[1] == 4 and solver.size_within(100.0) == (10_000, 64)
+    assert solver.size_within(0.0)[1] == 4 and solver.size_within(100.0) == (10_000, 256)
 
 
 def test_a_switch_is_shown_without_a_move_and_traces_nothing():
