@@ -54,9 +54,13 @@ def positive_int(text: str) -> int:
 
 
 def light_map_pixels(text: str) -> int:
-    value = positive_int(text)
-    _require(LEAST_LIGHT_MAP <= value <= MOST_PIXELS, f"in {LEAST_LIGHT_MAP} .. {MOST_PIXELS} pixels", text)
-    return value
+    try:
+        value = finite(text)
+    except argparse.ArgumentTypeError:
+        value = 0.0
+    fits = LEAST_LIGHT_MAP <= value <= MOST_PIXELS and value == int(value)
+    _require(fits, f"a whole number of pixels in {LEAST_LIGHT_MAP} .. {MOST_PIXELS}", text)
+    return int(value)
 
 
 def seed(text: str) -> int:

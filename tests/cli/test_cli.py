@@ -319,13 +319,17 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
-        (["--exposure", "bright"], "argument --exposure: must be a number, got bright"),
-        (["--photons", "many"], "argument --photons: must be a number, got many"),
+        (["render", "--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
+        (["render", "--exposure", "bright"], "argument --exposure: must be a number, got bright"),
+        (["render", "--photons", "many"], "argument --photons: must be a number, got many"),
+        *(
+            (["bake", "--light-map", n], f"--light-map: must be a whole number of pixels in 16 .. 16384, got {n}")
+            for n in ("0", "15", "16.5", "99999", "inf", "large")
+        ),
     ],
 )
 def test_values_out_of_range_get_a_sentence(words, message, capsys):
-    assert cli.main(["render", "cornell", *words]) == 2
+    assert cli.main([*words, "cornell"]) == 2
     assert message in capsys.readouterr().err
 
 
