@@ -75,7 +75,10 @@ def render(
         gather(solver, seconds, bar, at_poses=frames is None)
         shot = Shot(solver, settings)
         if frames is None:
-            return [still(shot, linear, lambda f: bar("drawing", f)).write(out)]
+            written = still(shot, linear, lambda f: bar("drawing", f)).write(out)
+            if text := shot.without_isolines():
+                bar.say(f"gi-viewer: {text}")
+            return [written]
         poses = motion.spread(motion.paths_of(solver), frames)
         stills = elsewhere(machines, shot, scene, poses, linear) if machines else along(shot, poses, linear)
         return _written(_counted(stills, frames, bar), out, rate)

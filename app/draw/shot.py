@@ -19,7 +19,7 @@ from app.draw.units import units_of
 from app.draw.unlit import BACKGROUND
 from app.draw.vertex_colours import colours, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, gains_for
-from app.settings import FALSE_COLOURS, Settings
+from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -114,17 +114,37 @@ class Shot:
 
     def fitted_scale(self) -> Scale | None:
         """Return the scale of false colours that the settings give or that suits the picture; None: other pictures."""
-        s, solver = self.settings, self.solver
+        s = self.settings
         if s.show not in FALSE_COLOURS:
             return None
         if (ends := s.false_colour_range) is not None:
             return fixed_scale(*ends, s.show).with_lines(s.false_colour_lines)
+        return automatic_scale(self._seen(), s.show).with_lines(s.false_colour_lines)
+
+    def without_isolines(self) -> str:
+        """Return why the picture taken has none of the isolines asked for, as a sentence; "": it has, or none are."""
+        s, scale = self.settings, self.scale
+        if s.isolines is None:
+            return ""
+        if s.show != ILLUMINANCE:
+            return "no isolines: they lie over false colours, ask for --show illuminance"
+        seen = self._seen()
+        seen = seen[np.isfinite(seen)]
+        if scale is None or not len(seen) or any(seen.min() <= line <= seen.max() for line in scale.lines):
+            return ""
+        unit = units_of(self.solver.scene.units).per_area
+        low, high = (f"{E:.3g}" if E < 1000 else f"{E:.0f}" for E in (seen.min(), seen.max()))
+        lines = ", ".join(f"{line:g}" for line in scale.lines) or "nowhere on its scale"
+        return f"no isolines: the picture has about {low} to {high} {unit}, they are at {lines}"
+
+    def _seen(self) -> np.ndarray:
+        """Return the light (n,) of the visible surface, of the quantity shown."""
+        s, solver = self.settings, self.solver
         model, drawn = solver.model, solver.drawn(solver.irradiance)
         at, camera = model.transforms(solver.poses), self.camera.relative_to(model.origins[0])
         width, height = s.size
         view = model.accelerator, at, self.meshes, drawn, camera, width / height, s.cull
-        seen = raycast.visible_light(*view, s.show, solver.frame.gloss)
-        return automatic_scale(seen, s.show).with_lines(s.false_colour_lines)
+        return raycast.visible_light(*view, s.show, solver.frame.gloss)
 
     def metered(self) -> float:
         """Return the exposure [EV] that suits the picture."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import re
 import sys
 from dataclasses import replace
 
@@ -51,6 +52,22 @@ def test_frames_follow_the_path_at_one_exposure(tmp_path, room_instead_of_a_file
     assert len({e["exposure"] for e in entries}) == 1
     pictures = [np.array(Image.open(p)).astype(int) for p in paths]
     assert (np.abs(pictures[0] - pictures[2]).max(axis=2) > 30).mean() > 0.02
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"isolines": (5e4, 1e5)}, r"the picture has about [\d.]+ to [\d.]+ W/m², they are at 50000, 100000$"),
+        ({"isolines": (), "illuminance_range": (1e4, 1e5)}, ".*, they are at 20000, 40000, 60000, 80000, 100000$"),
+        ({"isolines": (5.0,), "show": "radiance"}, "they lie over false colours, ask for --show illuminance$"),
+        ({"isolines": ()}, ""),
+        ({"isolines": None}, ""),
+    ],
+)
+def test_a_picture_without_the_isolines_asked_for_says_so(changes, message, tmp_path, room_instead_of_a_file, capsys):
+    render.render(replace(SMALL, **({"show": "illuminance"} | changes)), tmp_path / "a.png", seconds=0)
+    lines = [line for line in capsys.readouterr().err.splitlines() if "isolines" in line]
+    assert len(lines) == bool(message) and all(re.search(f"^gi-viewer: no isolines: {message}", x) for x in lines)
 
 
 def test_the_same_command_gives_the_same_bytes(tmp_path, room_instead_of_a_file):
