@@ -16,6 +16,7 @@ from app.cli.warnings import warnings_of
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 from gi_core.gloss.sharp import BY_CELLS, PLANAR, PROBE, ways
+from gi_core.scene.part_names import material_named, part_named
 
 if TYPE_CHECKING:
     from gi_core.scene.types import Light
@@ -203,14 +204,18 @@ def _aligned(rows: list[tuple[str, str]]) -> list[str]:
 
 
 def material_lines(scene, surfaces) -> list[str]:
-    """Return a table of materials by area, one name per line, and one line for the rest."""
+    """Return a table of materials by area, one name per line, and one line for the rest.
+
+    Those of a mobile are named after it: its file may use a name of another file.
+    """
     s = surfaces
-    worn = np.concatenate([m.face_material for m in (scene.static, *(m.mesh for m in scene.mobiles))])
+    meshes = (scene.static, *(m.mesh for m in scene.mobiles))
     every = zip(s.faces, s.paint, strict=True)
     textured = np.concatenate([np.zeros(len(f), bool) if p is None else p.face_texture >= 0 for f, p in every])
     # Loading copies materials to change their sides: copies of one name share a line.
-    names = [m.name for m in scene.materials]
-    number = np.array([names.index(name) for name in names], np.int64)[worn]
+    numbers: dict[str, int] = {}
+    number = np.concatenate([_numbered(mesh, scene, o, numbers) for o, mesh in enumerate(meshes)])
+    names = list(numbers)
     whole = max(float(s.areas.sum()), 1e-300)
     noise, way = ways(s)
     rows = []
@@ -231,6 +236,17 @@ def material_lines(scene, surfaces) -> list[str]:
         named = ", ".join(f'"{name}"' for _, name, _ in rest)
         lines.append(f"and {len(rest)} more on {share:.3g} % of the area: {named}")
     return lines
+
+
+def _numbered(mesh, scene, o: int, numbers: dict[str, int]) -> np.ndarray:
+    """Return a number (F,) per face of object o by the name of its material; `numbers` of all names is added to."""
+    mobile = scene.mobiles[o - 1].name if o else ""
+    of_material = np.zeros(len(scene.materials), np.int64)
+    for k in np.unique(mesh.face_material):
+        name = scene.materials[k].name
+        name = material_named(mobile, part_named(mobile, name)) if o else name
+        of_material[k] = numbers.setdefault(name, len(numbers))
+    return of_material[mesh.face_material]
 
 
 def _kind(two_sided: np.ndarray, textured: np.ndarray, emission: np.ndarray) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from app.session.opening import Opening
 from app.settings import Settings
 from app.window import dialogs
 from app.window.actions.objects import insert, is_mesh
+from app.window.panel import material
 from app.window.panel.material import Refinish
 from gi_core.files.edits import Finish, Freeze, Remove, edited
 from gi_core.scene import Pose
@@ -336,6 +338,18 @@ def test_an_edit_that_fails_leaves_the_scene(play, folder):
         assert viewer.log.last.text == "nothing to undo"
 
     play(script, open_with=open_edited)
+
+
+@pytest.mark.parametrize(
+    "surface, parts, expected",
+    [
+        ("steel 3", ("steel",), 'steel 3, material "steel"'),  # the third piece of steel that was made movable
+        ("chair", ("seat", "legs"), "chair"),  # a combo box below names its parts
+        ("wall", (), "wall"),
+    ],
+)
+def test_the_panel_names_a_material_as_its_file_does(surface, parts, expected):
+    assert material.title(SimpleNamespace(surface=surface, parts=parts, part=parts[0] if parts else "")) == expected
 
 
 def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):

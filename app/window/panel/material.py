@@ -61,7 +61,7 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     if not facts.surface or not facts.material:
         imgui.text_disabled("Click on a surface, or select an object.")
         return s
-    imgui.text_disabled(facts.surface)
+    imgui.text_disabled(title(facts))
     if len(facts.parts) > 1:
         ui.label("Part")
         chosen, k = imgui.combo("##Part", facts.parts.index(facts.part), list(facts.parts))
@@ -96,6 +96,11 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         actions.add(Refinish(facts.surface, _kept(given) if keeps else given, target not in _held, facts.part))
         _held[:] = [target]
     return s
+
+
+def title(facts: Facts) -> str:
+    """Return the object and its material by the name in its file; of a piece of the static part, the material."""
+    return f'{facts.surface}, material "{facts.part}"' if len(facts.parts) == 1 else facts.surface
 
 
 def _dim(text: str) -> None:

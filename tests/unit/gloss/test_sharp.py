@@ -122,5 +122,5 @@ def test_info_names_the_way_of_each_material():
     lines = {line.split('"')[1]: line for line in material_lines(scene, flatten(scene)[0])[1:]}
     assert "gloss by planar (noise factor inf)" in lines["mirror"]
     assert "gloss by probe (noise factor 5.8)" in lines["chrome"]
-    assert "gloss by cells (noise factor 1.2)" in lines["satin"]
+    assert "gloss by cells (noise factor 1.2)" in lines["satin: satin"], "of the mobile of that name"
     assert "gloss" not in lines["wall"]
