@@ -106,6 +106,14 @@ def test_inside_of_a_crate_is_removed(inside_out):
     assert face_normals(scene.static)[1].sum() == pytest.approx(9 + 6)
 
 
+def test_an_obj_is_two_sided_in_a_scene_file_and_one_sided_alone_where_dark(tmp_path):
+    """As docs/your-own-room.md says; the room of a shipped helper: only its lamp keeps both sides."""
+    (write_room(tmp_path) / "a.toml").write_text('[static]\nmesh = "room.obj"')
+    described, alone = (load_scene(tmp_path / name, max_edge=np.inf) for name in ("a.toml", "room.obj"))
+    assert two_sided(described).all() and not any("one-sided" in note for note in described.notes)
+    assert not two_sided(alone, slice(12)).any() and any("12 of 14 triangles are one-sided" in n for n in alone.notes)
+
+
 def test_outside_of_a_lit_room_is_removed():
     for room in (ROOM, box((0, 0, 0), (3, 3, 3))):
         scene = sides(room)
