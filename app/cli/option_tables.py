@@ -10,7 +10,8 @@ from app.settings import GLOSS, LIGHTS, SHOWS, TONE_MAPS, UNITS, Settings
 SCENE: dict[str, dict[str, Any]] = {
     "mobiles": {"action": "append", "metavar": "FILE", "help": "mesh file that becomes a mobile"},
     "poses": {"action": "append", "type": values.pose, "metavar": "NAME=x,y,z[,qw,qx,qy,qz]",
-              "help": "position of a mobile [m]; without a unit quaternion its rotation stays"},
+              "help": "position of a mobile's origin [m]: that of its mesh in a scene file, the middle of its foot of"
+                      " --mobile FILE; without a unit quaternion its rotation stays"},
     "camera": {"type": values.camera, "metavar": "x,y,z,tx,ty,tz,fov",
                "help": "eye and target [m], vertical field of view [degrees]"},
     "max_edge": {"type": values.positive, "metavar": "M", "help": "longest edge; longer ones are split [m]"},

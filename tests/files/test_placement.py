@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.cli.option_tables import SCENE
+from app.settings import Settings, open_scene
 from gi_core.files.completion.camera_view import in_frame, picture_rays
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.default_lights import RADIANCE
 from gi_core.files.load import load_scene
 from gi_core.scene import Camera, Mesh, Mobile, Scene
 from gi_core.scene.pose import to_world
-from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_obj
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_obj, write_room
 from tests.support.scene_builders import box, grey, lamp, merge, quad, sphere
 
 Y = (0.0, 1.0, 0.0)
@@ -213,6 +215,19 @@ def test_up_option_sets_the_vertical_axis(tmp_path, up):
     assert np.ptp(corners(scene), axis=0)[axis] == pytest.approx(0.2)
     assert corners(scene)[:, axis].min() == pytest.approx(0, abs=1e-4)
     assert lamp_faces(scene)[..., axis].min() > 0.8
+
+
+def test_pose_places_the_foot_of_a_mobile_file_and_the_origin_of_a_described_mesh(tmp_path):
+    """As the help of --pose says; the cube's corner lies at the origin of its file."""
+    (write_room(tmp_path) / "a.toml").write_text(
+        '[static]\nmesh = "room.obj"\n[[mobile]]\nname = "m"\nmesh = "cube.obj"'
+    )
+    given = (0.6, 0.1, 0.5)
+    foot = open_scene(Settings(f"{tmp_path}/room.obj", (f"{tmp_path}/cube.obj",), (("cube", given),)))
+    origin = open_scene(Settings(f"{tmp_path}/a.toml", poses=(("m", given),)))
+    assert corners(foot).min(axis=0) == pytest.approx([0.5, 0.1, 0.4])
+    assert corners(origin).min(axis=0) == pytest.approx(given)
+    assert "origin [m]: that of its mesh in a scene file, the middle of its foot of" in SCENE["poses"]["help"]
 
 
 def test_the_files_own_camera_is_kept(tmp_path):

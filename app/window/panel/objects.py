@@ -45,7 +45,7 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     angles = angles_of(pose, *(last for name, last in _shown if name == selected))
     _shown[:] = [(selected, angles)] if facts.moving or imgui.is_any_item_active() else []
     for name, values, about in (
-        ("Position", pose.position, "Position [m]: x, y, z."),
+        ("Position", pose.position, "Position of the object's origin [m]: x, y, z."),
         ("Rotation", angles, "Rotation [degrees] about x, then y, then z."),
     ):
         speed, digits = (SPEED * facts.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
