@@ -5,6 +5,7 @@ Of a disc under artifact control, the region that light can reach counts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -36,7 +37,7 @@ class Receiver(NamedTuple):
     row: int
     position: np.ndarray  # (3,) float64 [m]
     normal: np.ndarray  # (3,) unit
-    radius: float  # [m], of the setting
+    radius: float  # [m], of the frame's setting
 
 
 class Counted(NamedTuple):
@@ -66,7 +67,8 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     o = int(np.searchsorted(model.surfaces.first_receiver[1:], receiver, side="right"))
     R, shift = changed.at.rotation[o], changed.at.position[o]
     position = R @ model.object_receivers.positions[receiver] + shift
-    here = Receiver(receiver, position, R @ model.object_receivers.normals[receiver], solver.setting.radius)
+    setting = solver.frame.background.setting  # the solver's may be that of a frame to come
+    here = Receiver(receiver, position, R @ model.object_receivers.normals[receiver], setting.radius)
 
     def hits(rule: Rule) -> Parts:
         return _parts(solver, paths, changed, rule, of_hits=True)
@@ -74,9 +76,11 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     if isinstance(estimator, TangentPlane):
         found, outline, about = _accepted(solver, paths, changed, here, estimator)
     elif isinstance(estimator, PhotonMap):
-        found, radius = _nearest(hits(_near(solver, here, changed.at)), here, estimator)
-        nearest = found[KEPT].size + found[ADDED].size
-        outline, about = circle(here, radius), f"hits, the {nearest:,} nearest, within {radius:.3g} m"
+        is_border = setting.border_correction and model.covered_share[receiver] < 1
+        share = model.covered_share[receiver] if is_border else 1.0
+        near = hits(_near(solver, here, changed.at, is_border))
+        found, radius, about = _nearest(near, here, estimator, solver, len(paths.offsets) - 1, share)
+        outline = circle(here, radius)
     else:
         faces, sides = _faces_around(solver, receiver)
         found = hits(lambda origin, end, side: _ends(np.isin(side, sides), origin, end))
@@ -174,10 +178,9 @@ def _ends(wanted: np.ndarray, origin, end) -> tuple[np.ndarray, np.ndarray]:
     return rows, np.sqrt(dot(along, along))
 
 
-def _near(solver: Solver, here: Receiver, at: Transforms) -> Rule:
+def _near(solver: Solver, here: Receiver, at: Transforms, is_border: bool) -> Rule:
     """The rule of a photon map before the k nearest: hits within the radius that do not face away."""
     s, world, model = solver.surfaces, solver.model.world, solver.model
-    is_border = solver.setting.border_correction and model.covered_share[here.row] < 1
     mine, point = model.receiver_sides[here.row], here.position.astype(np.float32)
 
     def rule(origin, end, side):
@@ -193,13 +196,25 @@ def _near(solver: Solver, here: Receiver, at: Transforms) -> Rule:
     return rule
 
 
-def _nearest(parts: Parts, here: Receiver, of: PhotonMap) -> tuple[Parts, float]:
-    """Return the hits that a photon map counts, and their radius [m]: the k-th hit gives the radius alone."""
+def _nearest(
+    parts: Parts, here: Receiver, of: PhotonMap, solver: Solver, searched: int, share: float
+) -> tuple[Parts, float, str]:
+    """Return the hits that a photon map counts, their radius [m] and the rule in words.
+
+    The k-th hit gives the radius alone. Where fewer photons are searched than the picture has, its own radius holds:
+    share: of a disc that the surface covers.
+    """
     far = [np.sqrt(((s.hit - here.position.astype(np.float32)) ** 2).sum(axis=1)) for s in parts]
-    now = np.sort(np.concatenate([far[KEPT], far[ADDED]]))
-    radius = float(now[of.k - 1]) if len(now) >= of.k else of.radius
-    kept, lost, new = (d <= radius if of.textbook or len(now) < of.k else d < radius for d in far)
-    return (rows_of(parts[KEPT], kept), rows_of(parts[REMOVED], lost), rows_of(parts[ADDED], new)), radius
+    now, area = np.sort(np.concatenate([far[KEPT], far[ADDED]])), solver.frame.evaluated.area[here.row]
+    if searched < solver.frame.photons and area > 0:  # 0: of a mobile that paths light
+        radius = math.sqrt(area / (math.pi * share))
+        about = f"hits within {radius:.3g} m, the radius of the picture's {solver.frame.photons:,} photons"
+        kept, lost, new = (d <= radius for d in far)
+    else:
+        radius = float(now[of.k - 1]) if len(now) >= of.k else of.radius
+        kept, lost, new = (d <= radius if of.textbook or len(now) < of.k else d < radius for d in far)
+        about = f"hits, the {int(kept.sum() + new.sum()):,} nearest, within {radius:.3g} m"
+    return (rows_of(parts[KEPT], kept), rows_of(parts[REMOVED], lost), rows_of(parts[ADDED], new)), radius, about
 
 
 def _faces_around(solver: Solver, receiver: int) -> tuple[np.ndarray, np.ndarray]:

@@ -112,6 +112,29 @@ def test_the_outline_is_the_area_that_the_flux_is_divided_by():
         assert ("hits" in found.about) == (estimator != "tangent_plane")
 
 
+@pytest.mark.parametrize("border_correction", [False, True])
+def test_the_circle_of_a_photon_map_is_that_of_all_photons_of_the_picture(border_correction, monkeypatch):
+    """Where fewer are searched; and the frame's, after a change of settings that is not yet in the picture."""
+    solver = solved(estimator="photon_map", neighbours=30, border_correction=border_correction)
+    monkeypatch.setattr(mv, "MOST_PHOTONS", 5_000)
+    on_block = solver.surfaces.receiver_range(1).start
+    receivers = [*places(solver, (0.3, 0.0, 0.4), (0.0, 0.5, 0.5), (0.0, 0.0, 0.5)), on_block]
+
+    def outlines() -> list[float]:
+        found = [mv.method_view(solver, mv.MethodParts(receiver=receiver)).counted for receiver in receivers]
+        assert all(c.photons == 5_000 and "of the picture's 20,000 photons" in c.about for c in found)
+        return [float(np.linalg.norm(c.outline[0, 0] - c.position)) for c in found]
+
+    share = solver.model.covered_share[receivers] if border_correction else 1.0
+    radii = np.sqrt(solver.frame.evaluated.area[receivers] / (np.pi * share))
+    assert radii.min() < 0.09 and outlines() == pytest.approx(radii.tolist())
+    solver.configure(radius=0.02, border_correction=not border_correction)
+    assert outlines() == pytest.approx(radii.tolist())
+    monkeypatch.undo()
+    kept, _, added = mv.method_view(solver, mv.MethodParts(receiver=receivers[0])).counted.counts
+    assert kept + added == 29
+
+
 def test_a_mobiles_disc_moves_with_it():
     solver = solved()
     first = solver.surfaces.receiver_range(1).start
