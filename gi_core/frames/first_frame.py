@@ -119,7 +119,7 @@ class FirstFrame:
             yield from self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)
         while b.added < (goal := self._affordable(wanted(), b)):
-            if is_level(b.added) and b.estimate.additive and b.added not in b.estimate.subsets:
+            if b.added not in b.estimate.subsets and _is_subset(b, goal, pictures):
                 yield from _prepare(b, wanted())
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
@@ -183,6 +183,14 @@ class FirstFrame:
             setting.control and ESTIMATORS[setting.estimator].controlled and not self._light.static.shows_earlier
         )
         return controlled and len(self._photons.model.object_receivers.areas) > MANY_RECEIVERS
+
+
+def _is_subset(b: Background, goal: int, pictures: bool) -> bool:
+    """Return whether the photons added are a subset to keep: each level, or what the noise of all is measured from.
+
+    That is the last level up to half of them; further ones would cost an estimate of everything each.
+    """
+    return is_level(b.added) and (b.estimate.additive or (pictures and 2 * b.added <= goal < 4 * b.added))
 
 
 def _build(b: Background) -> Iterator[Progress]:

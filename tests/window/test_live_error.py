@@ -352,6 +352,19 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     rest(s, lambda: view_content.shown(s).sides[0].label.startswith("Reference"))
 
 
+@pytest.mark.parametrize("estimator", ["impact_count", "photon_map"])
+def test_the_noise_is_stated_after_a_switch_of_the_estimator(session, estimator):
+    """It needs a smaller solution of the same setting, which the first picture after a switch may not leave."""
+    s = session
+    s.want(replace(s.settings, photons=20_000))
+    rest(s, lambda: not s.refining and s.light.snapshot.rest.report is not None)
+    s.choose_estimator(estimator)
+    rest(s, lambda: not s.refining and s.light.snapshot.rest.report is not None)
+    shown = s.light.snapshot
+    assert (shown.setting.estimator, shown.photons) == (estimator, 20_000)
+    assert 0 < shown.rest.report.noise < 0.5
+
+
 def test_nothing_is_measured_while_errors_are_off(session):
     s = session
     s.want(replace(s.settings, measure_errors=False))
