@@ -273,5 +273,6 @@ def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndar
                 of_points = float((error / np.maximum(E, DIM * mean)).max())
                 left = max(math.sqrt(2 / math.pi) * float(error.mean()) / mean, of_points / OF_POINT) / noise
             done = seen >= ENOUGH and (left <= 1 or state.paths.mean() >= MOST_PATHS)
-            fraction = 1.0 if done else min(1 / max(left, 1e-9) ** 2, seen / ENOUGH, 0.99)
+            now = min(1 / max(left, 1e-9) ** 2, seen / ENOUGH, 0.99)
+            fraction = 1.0 if done else max(fraction, now)  # the noise is measured, and may rise again
         yield E.copy(), error.copy(), fraction

@@ -105,13 +105,13 @@ class FirstFrame:
 
         frame: returns the frame on show; wanted: returns the photons, called before each step; show: computes a frame.
         """
-        shown = frame().background
+        shown, first = frame().background, 0  # photons of an uncontrolled picture, which stay traced
         seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else LONG_STEP_SECONDS
         if pictures and wanted() and shown is None and self._is_slow(setting):
             shown = yield from self._uncontrolled(setting, wanted(), show)
-            seconds = STEP_SECONDS
+            seconds, first = STEP_SECONDS, shown.added
         b = self.background(setting, shown, wanted())
-        yield from _build(b)
+        yield from _build(b, first / max(wanted(), 1))
         returns = shown not in (None, b)
         # Gathered light of less error need not wait for as many photons.
         replaced = self._worth(shown) if returns and not self._light.static.compare(b) else 0
@@ -120,20 +120,20 @@ class FirstFrame:
         schedule = Schedule(b, replaced, pictures)
         while b.added < (goal := self._affordable(wanted(), b)):
             if b.added not in b.estimate.subsets and _is_subset(b, goal, pictures):
-                yield from _prepare(b, wanted())
+                yield from _prepare(b, max(b.added, first) / goal)
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
-            yield Progress(work.value, b.added / goal, False)
+            yield Progress(work.value, max(b.added, first) / goal, False)
             if b.added == had:
                 continue
             if schedule.is_due(b.added, goal):
-                yield from self.show(b, wanted(), show)
+                yield from self.show(b, goal, show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
         f, as_asked = frame(), (self._light.mobiles.size(goal), self._light.static.is_gathered, True)
         found = f.size, f.gathered, self._light.gloss.is_kept_as_chosen(f.gloss)
         if b is not f.background or f.photons_at_rest != goal or found != as_asked:
-            yield from self.show(b, wanted(), show)
+            yield from self.show(b, goal, show)
 
     def _affordable(self, wanted: int, b: Background) -> int:
         """Return the wanted photons that fit into memory; recent backgrounds give way."""
@@ -154,23 +154,24 @@ class FirstFrame:
 
     def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> Iterator[Progress]:
         """Prepare the photons added, and compute the frame from them."""
-        yield from _prepare(b, wanted)
+        fraction = b.added / max(wanted, 1)
+        yield from _prepare(b, fraction)
         self._light.static.compare(b)
         if b.added == wanted > 0 or self._light.static.is_gathered:  # few photons leave gaps in their own light
-            yield from self.find_unreached(b)
+            yield from self.find_unreached(b, fraction)
         show(b)
-        yield Progress("estimating", b.added / max(wanted, 1), True)
+        yield Progress("estimating", fraction, True)
 
-    def find_unreached(self, b: Background) -> Iterator[Progress]:
-        """Find unreached receivers by the static part's light."""
+    def find_unreached(self, b: Background, fraction: float = 1.0) -> Iterator[Progress]:
+        """Find unreached receivers by the static part's light; fraction: of the photons wanted, done before."""
         light = self._light.static.of_all_lamps(b)
         for _ in self._light.unreached.find(self._scene_size, light):
-            yield Progress("looking for unreached receivers", 1.0, False)
+            yield Progress("looking for unreached receivers", fraction, False)
 
     def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Generator[Progress, None, Background]:
         """Show the first photons without artifact control, as regions may take seconds; return the background."""
         b = Background(self._photons, setting._replace(control=False))
-        yield from _build(b)
+        yield from _build(b, 0.0)
         first = min(FIRST_PICTURE, wanted)
         while b.added < first:
             work = self._photons.bring_in(b, first, first, FIRST_STEP_SECONDS)
@@ -193,11 +194,11 @@ def _is_subset(b: Background, goal: int, pictures: bool) -> bool:
     return is_level(b.added) and (b.estimate.additive or (pictures and 2 * b.added <= goal < 4 * b.added))
 
 
-def _build(b: Background) -> Iterator[Progress]:
-    yield Progress("indexing", 0.0, False)
-    yield from (Progress("indexing", 0.0, False) for _ in b.build())
+def _build(b: Background, fraction: float) -> Iterator[Progress]:
+    yield Progress("indexing", fraction, False)
+    yield from (Progress("indexing", fraction, False) for _ in b.build())
 
 
-def _prepare(b: Background, wanted: int) -> Iterator[Progress]:
+def _prepare(b: Background, fraction: float) -> Iterator[Progress]:
     for _ in b.estimate.prepare(b.added):
-        yield Progress("estimating", b.added / max(wanted, 1), False)
+        yield Progress("estimating", fraction, False)

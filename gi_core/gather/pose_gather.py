@@ -90,6 +90,7 @@ class PoseGather:
         self._rounds = Rounds(*given, least_set(lights.delta))
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), FIRST  # rounds of the last result
+        self._least = float("inf")  # of `left` so far: with more paths, less is smoothed and noise may rise again
 
     @property
     def enough(self) -> bool:
@@ -99,7 +100,8 @@ class PoseGather:
     @property
     def fraction(self) -> float:
         """Fraction of the paths needed, 0 .. 1."""
-        return max(min((static_gather.ENOUGH / self.left) ** 2, 1.0), self._seen / MOST) if self.left > 0 else 1.0
+        by_noise = min((static_gather.ENOUGH / self._least) ** 2, 1.0) if self._least > 0 else 1.0
+        return max(by_noise, self._seen / MOST)
 
     def steps(self, static: Callable[[], Static | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 10 ms; yields True where frames change.
@@ -138,6 +140,7 @@ class PoseGather:
             used |= of & ((own > CLEARLY * left) | (far_off & of & self._paths.mobile).any())
             most = max(most, left)
         self.mean, self.deviation, self.used, self.left = found.irradiance, deviation, used, most
+        self._least = min(self._least, most)
         yield bool(used.any())
 
 

@@ -119,7 +119,7 @@ class StaticGather:
         self.is_earlier = False  # the light is that of show_earlier()
         self._first_phase = 0.0  # fraction done of it
         lit = len(self.weights) and len(model.emitters.kind)
-        self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
+        self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
 
     @property
     def light(self) -> dict[str, object]:
@@ -201,7 +201,8 @@ class StaticGather:
 
         for new in f.steps(field):
             if new:
-                self._first_phase = min(LOW * ENOUGH / f.noise, 1.0) if f.noise > 0 else 1.0
+                done = min(LOW * ENOUGH / f.noise, 1.0) if f.noise > 0 else 1.0
+                self._first_phase = max(self._first_phase, done)
             yield False
             if new and (f.noise < self.noise or self.is_earlier):
                 # Photons know best where edges of light are, until they have more noise.
@@ -239,7 +240,7 @@ class StaticGather:
                 if noise < max(self.error, LOW * ENOUGH):
                     mean, error = self.state.mean, self.state.standard_error
                     yield from self._take_over(mean[:, -self._channels :], error[:, :3], error[:, 3:], noise)
-                self._left = noise
+                self._left = min(noise, self._left)  # a rare bright path raises it again
             else:
                 rounds.step()
                 self.state = rounds.state

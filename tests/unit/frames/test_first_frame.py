@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.frames import first_frame
+from gi_core.frames.background import Photons
 from gi_core.gather import static
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
@@ -92,3 +93,29 @@ def test_no_more_than_the_recent_ones_stay_and_none_if_memory_is_short(monkeypat
     solver.solve()
     assert [b.setting.radius for b in solver._first_frame._recent] == [0.02]
     assert solver.frame.photons == 2_000 and solver.frame.store.memory_full
+
+
+def fractions(steps) -> list[float]:
+    return [progress.fraction for progress in steps]
+
+
+def test_the_share_of_the_photons_only_grows(monkeypatch):
+    """In a scene whose first picture comes before its regions, in a new setting beside gathered light, in all of it."""
+    monkeypatch.setattr(static, "ENOUGH", 0.03)
+    monkeypatch.setattr(first_frame, "MANY_RECEIVERS", 1)
+    solver = Solver(SCENE, photons=60_000, radius=0.06, light="best")
+    done = fractions(solver.solve_steps())
+    assert done == sorted(done) and done[-1] == 1.0 and len(set(done)) > 3
+    for _ in solver.gather_steps():
+        pass
+    assert solver.frame_light.static.is_gathered
+    solver.configure(estimator="impact_count")
+    done = fractions(solver.solve_steps())
+    assert done == sorted(done) and done[-1] == 1.0 and len(set(done)) > 3
+
+
+def test_memory_that_ends_before_the_photons_takes_back_no_progress(monkeypatch):
+    solver = Solver(SCENE, photons=60_000, radius=0.06)
+    monkeypatch.setattr(Photons, "affordable", lambda *_: 40_000)
+    done = fractions(solver.solve_steps())
+    assert done == sorted(done) and solver.frame.photons == 40_000

@@ -179,6 +179,20 @@ def test_a_scene_without_light_or_mobiles_ends_at_once():
     assert [p.stage for p in unsolved.gather_pose_steps()] == ["done"]
 
 
+def test_the_fraction_gathered_only_grows(monkeypatch):
+    """Though the noise that is left does not only fall: with more paths, less is smoothed."""
+    solver = kept().twin()
+    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    solver.move("box", POSES[3])
+    at, fractions, left = solver.model.transforms(solver.poses), [], []
+    for _ in solver.gather_pose_steps():
+        light = solver.frame_light.at_poses.find(at)
+        fractions.append(light.fraction)
+        left.append(light.left)
+    assert left != sorted(left, reverse=True), "or this tests nothing"
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+
+
 def test_gathering_ends_after_the_most_rounds(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 1e-9)
     monkeypatch.setattr(pose_gather, "MOST", 6)

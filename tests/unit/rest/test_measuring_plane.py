@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from app.rest.measuring_plane import (
     grid_of,
     is_inside,
     level_of,
+    light_steps,
     plane_steps,
     standard_points,
     uniformity,
@@ -124,6 +126,25 @@ def test_points_inside_objects_and_outside_a_room_do_not_count():
     model = Model(furnace_scene(1.0, 0.5, divisions=2))
     at, points = model.transforms(model.start_poses()), np.array([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [0.5, 0.5, 3.0]])
     assert is_inside(model, at, points, np.array(UP)).tolist() == [False, True, False], "nothing is above the last one"
+
+
+class RoundsOfErrors:
+    """Rounds at one point of irradiance 1 with given standard errors."""
+
+    def __init__(self, errors):
+        self.errors = iter(errors)
+        self.state = SimpleNamespace(rounds=0, sets=np.array([64]), mean=np.ones((1, 3)), paths=np.zeros(1))
+
+    def step(self):
+        self.state.rounds += 1
+        self.state.standard_error = np.full((1, 3), next(self.errors))
+
+
+def test_the_fraction_measured_only_grows():
+    """The noise that it follows is measured: a rare bright path raises it."""
+    errors = [0.1, 0.08, 0.06, 0.05, *(0.03,) * 8, 0.06, 0.05, 0.04, 0.001]
+    fractions = [fraction for *_, fraction in light_steps(RoundsOfErrors(errors), 0.01)]
+    assert fractions == sorted(fractions) and 0 < fractions[-2] < fractions[-1] == 1.0 and len(fractions) == len(errors)
 
 
 def test_the_furnace_is_even_and_standard_errors_are_honest():
