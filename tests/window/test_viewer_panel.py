@@ -41,6 +41,8 @@ def test_panel_controls(play):
             assert session.light._solver.setting.estimator == name
 
         # Values typed in.
+        hand.press((K._1, K._2, K._3)[names.index("photon_map")])
+        hand.wait_for_light()
         ctx.item_input_value("##Radius", 0.1)
         ctx.item_input_value("##Neighbours k", 12)
         ctx.item_input_value("##Photons", 30_000)
@@ -101,6 +103,44 @@ def test_panel_controls(play):
             ctx.sleep_no_skip(0.7, 0.1)
             windows = [w for w in imgui.get_current_context().windows if w.name.startswith("##Tooltip") and w.active]
             assert windows, f"{ref} has no tooltip"
+
+    assert errors(play(script)) == []
+
+
+def test_controls_without_an_effect_are_grey_and_say_why(play, monkeypatch):
+    from imgui_bundle import imgui
+
+    from app.window.panel import widgets
+
+    reasons: set[str] = set()
+    explained = widgets.explained
+    monkeypatch.setattr(widgets, "explained", lambda text: (reasons.add(explained(text)), explained(text))[1])
+    of_hits = "##Neighbours k", "Border correction", "Count k-th hit"
+    of_display = "##Exposure", "##Tone map", "White balance"
+
+    def script(hand, viewer):
+        ctx, s = hand.ctx, viewer.session
+
+        def grey(*names) -> list[bool]:
+            ctx.yield_(3)
+            return [bool(ctx.item_info(n).item_flags & imgui.ItemFlags_.disabled) for n in names]
+
+        hand.wait_for_light()
+        hand.open_research()
+        ctx.item_click("Bias correction")
+        assert grey("Artifact control", *of_hits, "##Light", "##Radius") == [False, True, True, True, False, False]
+        reasons.clear()
+        ctx.mouse_move("Border correction")
+        ctx.sleep_no_skip(0.7, 0.1)
+        assert any(text.endswith("\nNo effect now: only photon_map uses it.") for text in reasons)
+        s.want(replace(s.settings, compare="photon_map"))
+        assert grey("Artifact control", *of_hits, "##Light") == [False, False, False, False, True]
+        s.want(replace(s.settings, compare="", estimator="photon_map"))
+        assert grey("Artifact control", *of_hits, "##Light") == [True, False, False, False, False]
+        assert grey(*of_display, "##Scale", "Isolines") == [False, False, False, True, True]
+        s.want(replace(s.settings, show="illuminance"))
+        assert grey(*of_display, "##Scale", "Isolines") == [True, True, True, False, False]
+        assert grey("##Time budget") == [not s.scene.mobiles] == [False]
 
     assert errors(play(script)) == []
 

@@ -11,33 +11,42 @@ from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
-SWITCHES = {
+SWITCHES = {  # field -> estimator, name, explanation
     "control": (
+        "tangent_plane",
         "Artifact control",
-        "tangent_plane: light counts only on the part of a disc that light can reach past other objects.\n"
+        "light counts only on the part of a disc that light can reach past other objects.\n"
         "Off: slightly faster, but corners and contacts darken and light leaks through thin walls.",
     ),
     "border_correction": (
+        "photon_map",
         "Border correction",
-        "photon_map: near borders and corners, only hits on the receiver's own surface count, divided by its part of "
-        "the disc.\nOff: borders darken and adjacent surfaces light each other.",
+        "a vertex on a border or a crease counts hits on its own surface alone, divided by the part of the disc that "
+        "this surface covers. Vertices beside a border are not corrected.\n"
+        "Off: free borders are dark; at creases, hits on the other surface count too.",
     ),
     "textbook": (
+        "photon_map",
         "Count k-th hit",
-        "photon_map: the k-th hit counts too, as in the report. Light is too bright by the factor k / (k - 1).",
+        "the k-th hit counts too, as in the report. Light is too bright by the factor k / (k - 1).",
     ),
 }
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    for field, (name, about) in SWITCHES.items():
-        changed, on = imgui.checkbox(name, getattr(s, field))
-        if changed:
-            change: dict[str, Any] = {field: on}
-            s = replace(s, **change)
-        ui.tip(about)
+    for field, (of, name, about) in SWITCHES.items():
+        with ui.idle(ui.only(of, s)):
+            changed, on = imgui.checkbox(name, getattr(s, field))
+            if changed:
+                change: dict[str, Any] = {field: on}
+                s = replace(s, **change)
+            ui.tip(f"{of}: {about}")
     control = facts.control
-    ui.number("Clipped discs", f"{100 * control.share:.1f} %", "Receivers with a wall or an edge in their disc.")
+    ui.number(
+        "Clipped discs",
+        f"{100 * control.share:.1f} %",
+        "Receivers with a wall or an edge in their disc; for photon_map, on a border.",
+    )
     ui.number("   stale", ui.thousands(control.stale),
               "Static receivers with a movable object in their disc. The last frame estimated them again.")  # fmt: skip
     ui.number(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from app.rest.results import GatherProgress
-from app.settings import Settings
+from app.settings import REFERENCE, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
@@ -28,20 +28,25 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed and radius > 0:
         s = replace(s, radius=float(f"{radius:.3g}"))
     ui.tip(
-        "Radius around each vertex within which photon paths count. For photon_map: the largest radius.\n"
+        "Radius around each vertex within which photon paths count. For photon_map: the largest radius. "
+        "Impact_count uses it only in motion, to smooth changes.\n"
         f"Now {100 * s.radius / size:.2g} % of the scene size.\n"
         "A larger radius gives less noise and blurs shadow edges over that length. Ctrl+click to type a value."
     )
 
-    changed, k = ui.int_slider("Neighbours k", s.neighbours, *NEIGHBOURS_RANGE, f"{s.neighbours}", logarithmic=True)
-    if changed:
-        s = replace(s, neighbours=max(k, 1))
-    ui.tip("Nearest photon hits per estimate of photon_map. Other estimators ignore it.")
-    s = ui.choice(s, "Light", "light", LIGHT_NAMES,
-                  "Best available: path tracing lights movable objects in each frame. It lights the static part once "
-                  "its noise is below the photons'.\n"
-                  "Photons only, as in the report: the estimator lights everything. Choosing another estimator selects "
-                  "this mode; each estimator keeps its own mode.")  # fmt: skip
+    with ui.idle(ui.only("photon_map", s)):
+        k_now = f"{s.neighbours}"
+        changed, k = ui.int_slider("Neighbours k", s.neighbours, *NEIGHBOURS_RANGE, k_now, logarithmic=True)
+        if changed:
+            s = replace(s, neighbours=max(k, 1))
+        ui.tip("Nearest photon hits per estimate of photon_map.")
+    compared = s.compare not in ("", REFERENCE)
+    with ui.idle("a comparison with an estimator shows the light of photons alone" if compared else ""):
+        s = ui.choice(s, "Light", "light", LIGHT_NAMES,
+                      "Best available: path tracing lights movable objects in each frame. It lights the static part "
+                      "once its noise is below the photons'.\n"
+                      "Photons only, as in the report: the estimator lights everything. Choosing another estimator "
+                      "selects this mode; each estimator keeps its own mode.")  # fmt: skip
     if facts.glossy:
         s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
                       "How rays at glossy vertices are kept.\n"

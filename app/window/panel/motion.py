@@ -14,13 +14,14 @@ BUDGET_RANGE = (8, 100)  # [ms]; 101: off
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     low, high = BUDGET_RANGE
     value = round(s.budget) if s.budget > 0 else high + 1
-    changed, value = ui.int_slider("Time budget", value, low, high + 1, f"{value} ms" if value <= high else "off")
-    if changed:
-        s = replace(s, budget=float(value) if value <= high else 0.0)
-    ui.tip(
-        "Time for computing light per frame while something moves. It limits photons and paths; at rest all are used.\n"
-        "Off: every frame uses all photons."
-    )
+    with ui.idle("" if facts.mobiles else "the scene has no movable object"):
+        changed, value = ui.int_slider("Time budget", value, low, high + 1, f"{value} ms" if value <= high else "off")
+        if changed:
+            s = replace(s, budget=float(value) if value <= high else 0.0)
+        ui.tip(
+            "Time for computing light per frame while something moves. It limits photons and paths; at rest all are "
+            "used.\nOff: every frame uses all photons."
+        )
     shown = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)}"
     ui.number("Photons shown", shown, "Photons in this picture, of those in the picture at rest.")
     paths = ui.thousands(facts.paths_shown) if facts.paths_shown else ui.DASH

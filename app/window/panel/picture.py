@@ -52,10 +52,12 @@ def show_names(units: Units) -> dict[str, str]:
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     low, high = facts.metered - EXPOSURE_MARGIN, facts.metered + EXPOSURE_MARGIN
-    changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
-    if changed:
-        s = replace(s, exposure=exposure)
-    ui.tip("Exposure in stops; +1 EV doubles brightness. Metered at load, then fixed.")
+    of_values = "false colours show values of light" if s.show in FALSE_COLOURS else ""
+    with ui.idle(of_values):
+        changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
+        if changed:
+            s = replace(s, exposure=exposure)
+        ui.tip("Exposure in stops; +1 EV doubles brightness. Metered at load, then fixed.")
     units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
     s = ui.choice(s, "Show", "show", show_names(units),
                 "Picture: the light that the camera sees (radiance).\n"
@@ -64,15 +66,17 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                 f"{units.from_surface.capitalize()}: light that the camera sees, in false colours.\n"
                 "Error map: error of irradiance against the reference.")  # fmt: skip
     s = _scale(s, facts)
-    s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
-                "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
-                "white.")  # fmt: skip
+    with ui.idle(of_values):
+        s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
+                      "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact "
+                      "below white.")  # fmt: skip
     for field, (name, about) in SWITCHES.items():
-        changed, on = imgui.checkbox(name, getattr(s, field))
-        if changed:
-            change: dict[str, Any] = {field: on}
-            s = replace(s, **change)
-        ui.tip(about)
+        with ui.idle(of_values if field == "white_balance" else ""):
+            changed, on = imgui.checkbox(name, getattr(s, field))
+            if changed:
+                change: dict[str, Any] = {field: on}
+                s = replace(s, **change)
+            ui.tip(about)
     sizes: dict = {k: f"{k}x the pixels" for k in PICTURE_SCALES}
     s = ui.choice(s, "Saved picture", "picture_scale", sizes, "Size of pictures saved by P, relative to the viewport.")
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
@@ -88,7 +92,14 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
 
 def _scale(s: Settings, facts: Facts) -> Settings:
     """Draw the choice of the scale: of false colours, of the error map; disabled without either."""
-    imgui.begin_disabled(s.show not in (ERRORS, *FALSE_COLOURS))
+    with ui.idle("" if s.show in (ERRORS, *FALSE_COLOURS) else "only false colours and the error map have a scale"):
+        s = _ends(s, facts)
+    with ui.idle("" if s.show == ILLUMINANCE else "isolines lie over false colours of light on surfaces"):
+        return _isolines(s)
+
+
+def _ends(s: Settings, facts: Facts) -> Settings:
+    """Draw the choice of the scale."""
     if s.show == ERRORS:
         names: dict = {None: AUTOMATIC, **{r: f"±{100 * r:.0f} %" for r in ERROR_RANGES}}
         s = ui.choice(s, "Scale", "error_range", names, "Ends of the colours of the error map.")
@@ -103,10 +114,6 @@ def _scale(s: Settings, facts: Facts) -> Settings:
         s = ui.choice(s, "Scale", field, names,
                       "Automatic: fitted to the view at rest. Fixed: the present ends stay; "
                       f"--{field.replace('_', '-')} sets others.")  # fmt: skip
-    imgui.end_disabled()
-    imgui.begin_disabled(s.show != ILLUMINANCE)
-    s = _isolines(s)
-    imgui.end_disabled()
     return s
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -26,6 +27,31 @@ def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about
     tip(about)
     change: dict[str, Any] = {field: keys[k]}
     return replace(s, **change) if changed else s
+
+
+_idle: list[str] = []  # reasons why the widgets being drawn have no effect; "": they have
+
+
+@contextmanager
+def idle(reason: str) -> Iterator[None]:
+    """Draw widgets grey that have no effect, for a reason that their tooltips give; "": as they are."""
+    imgui.begin_disabled(bool(reason))
+    _idle.append(reason)
+    try:
+        yield
+    finally:
+        _idle.pop()
+        imgui.end_disabled()
+
+
+def only(estimator: str, s: Settings) -> str:
+    """Return the reason for idle() of a widget of one estimator, where neither side of the picture is its light."""
+    return "" if estimator in (s.estimator, s.compare) else f"only {estimator} uses it"
+
+
+def explained(text: str) -> str:
+    """Return a tooltip with the reasons why its widget has no effect."""
+    return "\n".join([text, *(f"No effect now: {reason}." for reason in _idle if reason)])
 
 
 def label(text: str) -> None:
@@ -118,7 +144,7 @@ def tip(text: str) -> None:
     if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(24 * imgui.get_font_size())
-        imgui.text_unformatted(text)
+        imgui.text_unformatted(explained(text))
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 
