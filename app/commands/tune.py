@@ -46,19 +46,29 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         solver = make_solver(scene, settings)
         solve(solver, bar)
         found = tune(solver, 1e-3 * settings.budget, bar, None if error is None else 1e-2 * error)
-        lines = [*_models(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
+        lines = [*_models(found, settings.budget), "", *_choice(found, settings.budget, error)]
+        lines.append(command_line(settings, found))
         if check:
             lines += ["", checked(solver, found, bar)]
     return lines
 
 
-def _models(found: Tuned) -> list[str]:
-    lines = [f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'per 1e5 photons':>16}"]
-    for model in found.models:
+def _models(found: Tuned, budget: float) -> list[str]:
+    """Return a table of the settings tried; budget: [ms] per frame."""
+    from app.measure.tuning import compared
+
+    lines = [
+        f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'per 1e5 photons':>16}{'in motion':>11}"
+    ]
+    errors = compared(found, 1e-3 * budget)
+    for model, (error, in_noise) in zip(found.models, errors, strict=True):
         lines.append(
             f"{_name(model.setting):<32}{100 * (model.noise / 1e6) ** 0.5:>11.1f} %{100 * model.bias:>6.1f} %"
             f"{1e3 * model.start:>11.1f} ms{1e8 * model.slope:>13.1f} ms"
+            f"{100 * error:>9.1f} %{', in noise' * in_noise}"
         )
+    if any(in_noise for _, in_noise in errors):
+        lines.append("in noise: it differs from the choice by less than the trials scatter about their models")
     for name, exponents in found.exponents.items():
         powers = ", ".join(f"{letter} r^{exponents[letter]:.2f}" for letter in ("A", "B", "c"))
         lines.append(f"{name}, by radius: {powers} (A / photons: noise squared; B: bias; c: time per photon)")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -25,6 +27,7 @@ class Tuned(NamedTuple):
     models: tuple[ErrorModel, ...]  # one per trial
     exponents: dict[str, dict[str, float]]  # by estimator: power of the radius per part of the model
     paths: int | None = None  # per mobile vertex and frame; None: photons light the mobiles
+    by_law: tuple[ErrorModel, ...] = ()  # at radii between, by the power laws fitted to the trials; the choice's among
 
 
 def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error: float | None = None) -> Tuned:
@@ -46,7 +49,34 @@ def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error
         choice = error_model.within_time(known, budget, solver.photons)
     else:
         choice = error_model.within_error(known, error, budget, MOST_PHOTONS)
-    return Tuned(choice, tuple(found), exponents, paths)
+    return Tuned(choice, tuple(found), exponents, paths, tuple(known))
+
+
+def compared(found: Tuned, budget: float) -> list[tuple[float, bool]]:
+    """Return the predicted error in motion of each setting tried, and whether it differs from the choice's in noise.
+
+    budget: [s] per frame. In noise: by less than both are uncertain, which is the scatter of measured errors about
+    their model and, of an estimator tried at several radii, that of models about their power laws.
+    """
+    c = found.choice
+
+    def error(model: ErrorModel) -> float:
+        return error_model.within_time([model], budget, c.photons).moving_error
+
+    def apart(model: ErrorModel) -> float:
+        laws = (m for m in found.by_law if m.setting.estimator == model.setting.estimator)
+        law = min(laws, key=lambda m: abs(math.log(m.setting.radius / model.setting.radius)), default=model)
+        return error(model) / error(law) - 1
+
+    def uncertainty(estimator: str) -> float:
+        alike = [m for m in found.models if m.setting.estimator == estimator]
+        return math.hypot(error_model.mean_scatter(alike), math.sqrt(statistics.fmean(apart(m) ** 2 for m in alike)))
+
+    own, out = uncertainty(c.setting.estimator) * c.moving_error, []
+    for model in found.models:
+        e = error(model)
+        out.append((e, abs(e - c.moving_error) < math.hypot(own, uncertainty(model.setting.estimator) * e)))
+    return out
 
 
 def candidates(solver: Solver) -> list[dict]:

@@ -9,7 +9,8 @@ smooth light and as r at edges of shadows. No parameter is preset for a scene.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import statistics
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ class ErrorModel(NamedTuple):
     bias: float  # B
     start: float  # s [s]
     slope: float  # c [s] per photon
+    scatter: float = 0.0  # relative standard deviation of measured errors from the model; nan: too few to know
 
     def error(self, photons: float, frame: float | None = None) -> float:
         """Return the relative l1 error of `photons` photons, or of a frame of `frame` of them."""
@@ -81,7 +83,16 @@ def fitted(trial: Trial) -> ErrorModel:
     slope, start = _line(trial.photons.astype(float), trial.seconds)
     if slope == 0:  # time does not grow with photons: use the slowest
         slope, start = float(trial.seconds[-1] / trial.photons[-1]), 0.0
-    return ErrorModel(trial.setting, noise, moving, math.sqrt(bias2), start, slope)
+    return ErrorModel(trial.setting, noise, moving, math.sqrt(bias2), start, slope, _scatter(trial, noise, bias2))
+
+
+def _scatter(trial: Trial, noise: float, bias2: float) -> float:
+    """Return the relative standard deviation of the measured errors from those of the fit; nan for too few of them."""
+    model = noise / trial.photons + bias2
+    if len(model) < 3 or not (model > 0).all():
+        return math.nan
+    off = trial.alone / model - 1  # of squared errors
+    return 0.5 * math.sqrt(float((off * off).sum()) / (len(off) - 2))
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -124,14 +135,21 @@ def over_radii(models: Sequence[ErrorModel]) -> tuple[list[ErrorModel], dict[str
         values = np.log(np.maximum([getattr(model, name) for model in models], LEAST[name]))
         exponents[letter], level = (float(v) for v in np.polyfit(tried, values, 1))
         parts[name] = np.exp(level + exponents[letter] * fine)
-    setting = models[0].setting
+    setting, scatter = models[0].setting, mean_scatter(models)
     made = [
         ErrorModel(
-            setting._replace(radius=float(f"{math.exp(r):.3g}")), **{name: float(v[i]) for name, v in parts.items()}
+            setting._replace(radius=float(f"{math.exp(r):.3g}")),
+            **{name: float(v[i]) for name, v in parts.items()},
+            scatter=scatter,
         )
         for i, r in enumerate(fine)
     ]
     return made, exponents
+
+
+def mean_scatter(models: Iterable[ErrorModel]) -> float:
+    """Return the root mean square of the scatter of models; nan where one is unknown."""
+    return math.sqrt(statistics.fmean(model.scatter**2 for model in models))
 
 
 def within_time(models: Sequence[ErrorModel], seconds: float, photons: int) -> TunedChoice:

@@ -10,12 +10,21 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.tuning import tune
+from app.commands.tune import _models
+from app.measure.tuning import Tuned, compared, tune
 from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
-from gi_core.tuning.error_model import ErrorModel, TunedChoice, fitted, over_radii, within_error, within_time
+from gi_core.tuning.error_model import (
+    ErrorModel,
+    TunedChoice,
+    fitted,
+    mean_scatter,
+    over_radii,
+    within_error,
+    within_time,
+)
 from gi_core.tuning.setting_trials import RECEIVERS, Trial, reference_samples, trial
 from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
 
@@ -52,6 +61,37 @@ def test_noise_in_a_trial_leaves_the_model_about_right():
     found = fitted(shaken)
     assert found.error(1e6) == pytest.approx(model.error(1e6), rel=0.3)
     assert found.seconds(1e6) == pytest.approx(model.seconds(1e6), rel=0.3)
+
+
+def test_the_scatter_of_a_trial_is_that_of_its_errors():
+    model, rng = ErrorModel(setting(), 900.0, 100.0, 0.03, 2e-3, 1e-7), np.random.default_rng(1)
+    exact, found = made(model), []
+    for _ in range(200):
+        shaken = exact._replace(alone=exact.alone * rng.normal(1, 0.06, 5))  # of squares: 3 % of errors
+        found.append(fitted(shaken))
+    assert mean_scatter(found) == pytest.approx(0.03, rel=0.15)
+    one = exact._replace(photons=COUNTS[:1], alone=exact.alone[:1], moving=exact.moving[:1], seconds=exact.seconds[:1])
+    assert math.isnan(fitted(one).scatter)
+
+
+@pytest.mark.parametrize("scatter, marked", [(0.0, [False] * 4), (0.05, [False, True, True, False])])
+def test_settings_that_the_trials_cannot_tell_apart_are_in_noise(scatter, marked, capsys):
+    """Errors in motion of 10, 5.2, 5 and 8 %: the second differs from the third by less than 5 % of both."""
+    errors, choice = (0.1, 0.052, 0.05, 0.08), TunedChoice(setting(), 10**6, 10**6, 0.05, 0.05, 0.01, True)
+    models = tuple(ErrorModel(setting(), 1e-6, 0.0, bias, 1e-3, 1e-9, scatter) for bias in errors)
+    lines = _models(found := Tuned(choice, models, {}), 16.0)
+    predicted, in_noise = zip(*compared(found, 0.016), strict=True)
+    assert predicted == pytest.approx(errors, rel=1e-3) and [bool(scatter) and m for m in in_noise] == marked
+    assert [", in noise" in line for line in lines[1:5]] == marked
+    assert lines[2].endswith("5.2 %, in noise" if scatter else "5.2 %") and len(lines) == 5 + bool(scatter)
+
+
+def test_models_that_leave_their_law_make_a_comparison_uncertain():
+    choice = TunedChoice(setting(), 10**6, 10**6, 0.05, 0.05, 0.01, True)
+    law = tuple(ErrorModel(setting(r), 1e-6, 0.0, bias, 1e-3, 1e-9) for r, bias in ((0.1, 0.05), (0.2, 0.06)))
+    tried = (law[0]._replace(bias=0.07), law[1]._replace(bias=0.05))  # 40 % above, 17 % below
+    assert [m for _, m in compared(Tuned(choice, tried, {}, None, tried), 0.016)] == [False, False]
+    assert [m for _, m in compared(Tuned(choice, tried, {}, None, law), 0.016)] == [True, True]
 
 
 def test_one_photon_count_is_enough_for_a_rough_model():
