@@ -150,8 +150,5 @@ def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _round(x: float) -> float:
-    """Return x rounded to two significant digits."""
-    if x <= 0:
-        return x
-    unit = 10.0 ** (math.floor(math.log10(x)) - 1)
-    return round(x / unit) * unit
+    """Return x rounded to two significant digits: the number that those digits mean when they are typed."""
+    return float(f"{x:.2g}")

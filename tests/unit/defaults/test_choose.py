@@ -80,6 +80,14 @@ def test_the_choice_is_always_the_same():
     assert choose.choose(Model(room(), 1), None, None, None)[:4] == choose.choose(Model(room()), None, None, None)[:4]
 
 
+def test_a_chosen_number_is_the_one_that_its_digits_mean():
+    """As info prints them and --radius reads them: typed, they give the same bits."""
+    for e in range(-5, 3):
+        for k in range(10, 100):
+            typed = float(f"{k}e{e}")
+            assert choose._round(1.001 * typed) == choose._round(typed) == typed == float(f"{typed:.4g}")
+
+
 def test_scenes_without_light_or_without_a_hit():
     away = quad((0, 0, 1), (1, 0, 0), (0, 1, 0), (1, 1), 1)
     over = Scene(merge(floor(), away), (grey(0.5), lamp(10.0)), up=(0, 0, 1))  # a lamp that shines upwards
