@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
+from gi_core.bsdf.tabulate import tabulate
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.dark_sides import one_sided_where_dark
 from gi_core.files.completion.lamp_orientation import facing_the_scene
@@ -135,6 +137,7 @@ class _Builder:
         finer = tuple(finished(m) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
         scene = with_gloss_classes(self._refined(scene, max_edge, rays, box))
+        scene = replace(scene, notes=(*scene.notes, *_darkened(scene.materials)))
         solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
         return translated(replace(scene, static=without_holes(scene.static), mobiles=solid), origin)
 
@@ -275,6 +278,16 @@ def join(meshes: list[Mesh], materials) -> Mesh:
         join_paints(meshes, materials),
         join_finishes(meshes),
     )
+
+
+def _darkened(materials: Iterable[Material]) -> list[str]:
+    """Return a note per material whose model is darkened, as it would reflect more light than arrives."""
+    found = {}
+    for m in materials:
+        if m.scaled and m.brdf:
+            with suppress(ValueError):  # refused with the surfaces
+                found[m.name] = tabulate(m.brdf, True).limited
+    return [f'material "{name}": {limited}: darkened there' for name, limited in found.items() if limited]
 
 
 def _checked_up(up, where: str):

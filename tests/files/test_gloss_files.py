@@ -140,6 +140,18 @@ def test_scene_file_with_a_linear_combination(tmp_path):
     assert found.brdf == (lobe("lewis", {"ks": 0.3, "kd": 0.2}), lobe("oren_nayar", {}, 0.5)) and found.scaled
 
 
+def test_a_darkened_model_is_noted(tmp_path):
+    """In the notes of the scene, which info and the window show; a model that needs no darkening has none."""
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "a.mtl").write_text("newmtl m\n")
+    start = 'material "m": phong reflects more light than arrives, '
+    for ks, noted in ((1.0, [True]), (0.1, [])):
+        lines = f'brdf = "phong"\nks = {ks}\nkd = 0.0\nscale = true'
+        (tmp_path / "a.toml").write_text(f'[static]\nmesh = "a.obj"\n[materials.m]\n{lines}\n')
+        notes = [note for note in load_scene(tmp_path / "a.toml").notes if "darkened" in note]
+        assert [note.startswith(start) for note in notes] == noted
+
+
 def test_a_model_that_reflects_more_than_arrives_is_refused(tmp_path):
     with pytest.raises(SceneError, match='material "m": .*scale = true'):
         scene_file(tmp_path, 'brdf = "phong"\nks = 1.0\nkd = 0.0')
