@@ -84,10 +84,11 @@ def _map(light: PlaneLight, level: Level, units: Units) -> list[str]:
     along = [light.grid.positions @ axis for axis in (axes.across, axes.along)]
     columns, rows = along[0].reshape(a, b)[:, 0], along[1].reshape(a, b)[0]
     head = f"{axes.names[1]} \\ {axes.names[0]} [m]"
-    out = [f"{units.on_surface} [{units.per_area}]", head.rjust(11) + "".join(f"{c:9.2f}" for c in columns)]
+    cells = ["-" if math.isnan(v) else _rounded(v, e) for v, e in zip(light.values, light.errors, strict=True)]
+    width = max(9, 2 + max(map(len, cells)))
+    out = [f"{units.on_surface} [{units.per_area}]", head.rjust(11) + "".join(f"{c:{width}.2f}" for c in columns)]
     for k, place in enumerate(rows):
-        values = light.values.reshape(a, b)[:, k]
-        out.append(f"{place:11.2f}" + "".join(("-" if math.isnan(v) else f"{v:.4g}").rjust(9) for v in values))
+        out.append(f"{place:11.2f}" + "".join(cell.rjust(width) for cell in cells[k::b]))
     return [*out, ""]
 
 
@@ -95,12 +96,21 @@ def shown(value: float, error: float, unit: str = "") -> str:
     """Return a value with its standard error, to two digits of that."""
     if math.isnan(value):
         return "unknown"
-    if math.isnan(error) or error <= 0:
-        text = f"{value:.4g}"
-    else:
-        digits = min(max(1 - math.floor(math.log10(error)), 0), 9)
-        text = f"{value:.{digits}f} ± {error:.{digits}f}"
+    text = _rounded(value, error)
+    if error > 0:
+        text += f" ± {error:.{_digits(error)}f}"
     return f"{text} {unit}".rstrip()
+
+
+def _rounded(value: float, error: float) -> str:
+    """Return a value to two digits of its standard error, without one to four digits."""
+    if error > 0:
+        return f"{value:.{_digits(error)}f}"
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+
+
+def _digits(error: float) -> int:
+    return min(max(1 - math.floor(math.log10(error)), 0), 9)
 
 
 def _number(value: float) -> str:

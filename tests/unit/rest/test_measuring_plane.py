@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -177,10 +178,23 @@ def test_the_table_has_every_point_and_no_formula():
     assert [row[1] for row in numbers[5:]] == ["1 1", "2 1"] and float(numbers[5][2]) == -0.75
 
 
+def test_a_point_has_the_same_digits_in_the_map_as_beside_its_error():
+    """The least and the largest value of a plane under a bright lamp, 20 times that of the other tests."""
+    scene = downlight()
+    bright = replace(scene, lights=(scene.lights[0]._replace(intensity=(2e4,) * 3),))
+    light, level = measured(bright, MeasuringPlane((-1.5, -1.0), (1.5, 1.0), 1.75, (3, 3)), (-2, -1.5, 0), (2, 1.5, 2))
+    for given in (light, light._replace(errors=np.linspace(0.2, 30, 9)), light._replace(errors=np.full(9, 1e-4))):
+        lines = text_lines([], given, level, PHOTOMETRIC)
+        stated = {line.split()[0]: line.split()[1] for line in lines[2:4]}
+        cells = [cell for line in lines[9:12] for cell in line.split()[1:]]
+        assert len(cells) == 9 and "e+" not in " ".join(cells) and {*stated} == {"minimum", "maximum"}
+        assert stated["minimum"] in cells and stated["maximum"] in cells
+
+
 @pytest.mark.parametrize(
     "value, error, text",
     [(665.193, 0.2143, "665.19 ± 0.21 lx"), (202.03, 4.02, "202.0 ± 4.0 lx"), (1234.5, 31.0, "1234 ± 31 lx"),
-     (0.5, math.nan, "0.5 lx"), (100.0, 0.0, "100 lx"), (math.nan, 1.0, "unknown")],
+     (0.5, math.nan, "0.5 lx"), (100.0, 0.0, "100 lx"), (math.nan, 1.0, "unknown"), (98765.4, 0.0, "98765 lx")],
 )  # fmt: skip
 def test_values_have_the_digits_of_their_error(value, error, text):
     assert shown(value, error, "lx") == text
