@@ -42,7 +42,7 @@ def test_names_of_a_file_are_printable_lines(tmp_path, capsys):
     assert program.main(["info", scene, *SMALL]) == 0
     said = capsys.readouterr().out
     assert said.replace("\n", "").isprintable()
-    assert said.count(SAID) == 4  # title, mobile, light, probe
+    assert said.count(SAID) == 5  # title, mobile, its material, light, probe
     assert not any(line.startswith("note: forged") for line in said.splitlines())
 
 
