@@ -12,7 +12,7 @@ from app.draw.diagonals import along_light, quad_around
 from app.draw.picking import Hit
 from app.draw.raycast import pixel_steps, seen_radiance, weighted
 from app.draw.units import Units, units_of
-from app.draw.vertex_colours import colours, weights
+from app.draw.vertex_colours import colours, gloss_colours, weights
 from app.draw.visible import barycentrics, place
 from app.settings import Pin
 from gi_core.geometry.error import luminance
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
     from gi_core.display.dilation import Drawn
+    from gi_core.gloss.light import GlossLight
     from gi_core.model import Model
     from gi_core.scene import Pose, Scene
 
@@ -46,9 +47,10 @@ class Reading(NamedTuple):
     object: str  # name of the mobile, or STATIC
     material: str
     irradiance: float  # [W/m2], or [lx] in a photometric scene; nan too on the back of a one-sided face
-    radiance: float  # [W/m2/sr], or [cd/m2]: rho E / pi and emission
+    radiance: float  # [W/m2/sr], or [cd/m2]: diffuse, emitted, and of gloss towards the eye
     is_lit: bool  # the side has a receiver
     units: Units
+    is_sharp: bool = False  # gloss shows a reflection, which `radiance` lacks
 
     def text(self) -> str:
         """Return the reading as one line."""
@@ -58,7 +60,8 @@ class Reading(NamedTuple):
         E, L = (f"{value:.3g}" if value < 1000 else f"{value:.0f}" for value in (self.irradiance, self.radiance))
         if math.isnan(self.irradiance):
             return f"{u.on_surface} not yet known  ·  {place}"
-        return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L} {u.per_solid_angle}  ·  {place}"
+        L = f"{L} {u.per_solid_angle}" + " without its reflection" * self.is_sharp
+        return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L}  ·  {place}"
 
 
 class Pinned(NamedTuple):
@@ -85,9 +88,9 @@ def new_pin(name: str, hit: Hit, direction: np.ndarray, model: Model, poses: dic
 
 def read_pin(
     pin: Pin, picker: Picker, scene: Scene, model: Model, poses: dict[str, Pose], meshes: Sequence[DrawMesh],
-    drawn: Drawn,
+    drawn: Drawn, gloss: GlossLight | None = None,
 ) -> Pinned:  # fmt: skip
-    """Return the light at a pin; drawn: as for read()."""
+    """Return the light at a pin, its radiance along its normal; drawn, gloss: as for read()."""
     position, normal = np.array(pin.position), np.array(pin.normal)
     normal = normal / np.sqrt((normal * normal).sum())
     if pin.object and pin.object not in poses:
@@ -105,7 +108,7 @@ def read_pin(
     direction = position - camera.eye()
     hit = Hit(o, face, EYE * size, position)
     direction /= np.sqrt((direction * direction).sum())
-    return Pinned(pin, position, read(hit, direction, camera, PIXELS, scene, model, poses, meshes[o], drawn))
+    return Pinned(pin, position, read(hit, direction, camera, PIXELS, scene, model, poses, meshes[o], drawn, gloss))
 
 
 def read(
@@ -118,13 +121,14 @@ def read(
     poses: dict[str, Pose],
     mesh: DrawMesh,
     drawn: Drawn,
+    gloss: GlossLight | None = None,
 ) -> Reading:
     """Return the light at a hit of the camera's ray in `direction` (3,).
 
     height: of the picture [pixels], for the texture filter; mesh: the draw mesh of the hit object; drawn: irradiance
-    (R, 3) [W/m2] and interpolation weights (R,) that the picture shows.
+    (R, 3) [W/m2] and interpolation weights (R,) that the picture shows; gloss: its light by direction.
     """
-    o = hit.object
+    o, is_sharp = hit.object, mesh.reflector is not None and mesh.reflector[hit.face] >= 0
     one, at = quad_around(mesh, hit.face), model.transforms(poses)
     one = along_light(one, *colours(one, drawn.irradiance, with_reflectance=True), weights(one, drawn.weights))
     world = place([one], Transforms(at.rotation[o : o + 1], at.position[o : o + 1]))
@@ -133,11 +137,20 @@ def read(
     face = world.met(np.zeros(1, np.int64), eye[None], d)
     u, v = barycentrics(world.corners[face], eye[None], d)
 
+    def above_texture() -> tuple[np.ndarray, np.ndarray] | None:
+        if gloss is None or one.gloss is None or is_sharp:
+            return None
+        directions = gloss.directions(np.unique(one.gloss[one.gloss >= 0]))
+        return gloss_colours(one, directions, drawn.irradiance, at.rotation[o].T @ (camera.eye() - at.position[o]))
+
     def seen(with_reflectance: bool) -> tuple[float, bool]:
         sides, w = colours(one, drawn.irradiance, with_reflectance), weights(one, drawn.weights)
         front, back = (weighted(c, w, side) for side, c in enumerate(sides))
         steps = pixel_steps(camera, height) if with_reflectance and world.textures else None
         radiance, facing = seen_radiance(world, front, back, face, u, v, d, steps, eye)
+        if with_reflectance and (above := above_texture()) is not None:
+            front, back = (weighted(c, w, side) for side, c in enumerate(above))
+            radiance += seen_radiance(world, front, back, face, u, v, d, None, eye)[0]
         return float(luminance(radiance[0])), bool(facing[0] or not world.one_sided[0])
 
     E, is_lit = seen(with_reflectance=False)
@@ -147,4 +160,4 @@ def read(
     material = part_named(name, scene.materials[shape.face_material[hit.face]].name)
     if not is_lit:
         E = L = math.nan
-    return Reading(name, material, math.pi * E, L, is_lit, units_of(scene.units))
+    return Reading(name, material, math.pi * E, L, is_lit, units_of(scene.units), bool(is_sharp))

@@ -65,6 +65,6 @@ class Pins:
         if shown is None:
             self.shown = ()
             return
-        side, poses = shown.sides[0], s.light.snapshot.poses
-        drawn = Drawn(side.irradiance, side.weights)
-        self.shown = tuple(read_pin(pin, s.picker, s.scene, s.model, poses, s.meshes, drawn) for pin in s.settings.pins)
+        side, light = shown.sides[0], s.light.snapshot
+        given = s.meshes, Drawn(side.irradiance, side.weights), light.gloss
+        self.shown = tuple(read_pin(pin, s.picker, s.scene, s.model, light.poses, *given) for pin in s.settings.pins)

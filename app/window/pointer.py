@@ -66,4 +66,5 @@ def _read(hit: Hit, s: Session, view: View, side: Side) -> Reading:
     _, direction = view.ray(io.mouse_pos)
     height = round(view.size[1] * io.display_framebuffer_scale.y)
     drawn, mesh = Drawn(side.irradiance, side.weights), s.meshes[hit.object]
-    return read(hit, direction, view.camera, height, s.scene, s.model, s.light.snapshot.poses, mesh, drawn)
+    shown = s.light.snapshot
+    return read(hit, direction, view.camera, height, s.scene, s.model, shown.poses, mesh, drawn, shown.gloss)

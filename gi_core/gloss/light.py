@@ -33,13 +33,23 @@ class GlossLight(NamedTuple):
     tree: RayTree | None = None  # the rays one by one, see `gi_core.gloss.rays`; None: cells alone
     opened: float = 0.0  # see Directions
 
-    def directions(self) -> Directions:
-        """Return the light of all receivers."""
-        cells, tree = self.resting.copy(), self.tree
-        cells[self.changed] = self.cells
+    def directions(self, only: np.ndarray | None = None) -> Directions:
+        """Return the light of all receivers, or `only` of some (k,), rows of `rows`: the rows of others are not to be
+        read.
+        """
+        owners = slice(None) if only is None else np.unique(self.place[only])
+        cells, place, tree = self.resting[owners], self.place, self.tree
+        if only is None:
+            cells = cells.copy()
+            cells[self.changed] = self.cells
+        else:
+            _, here, now = np.intersect1d(owners, self.changed, assume_unique=True, return_indices=True)
+            cells[here] = self.cells[now]
+            place = np.zeros_like(place)
+            place[only] = np.searchsorted(owners, self.place[only])
         if tree is None:
-            return Directions(cells, np.zeros(1, np.int64), np.empty((0, FIELDS), np.float32), 0.0, self.place)
-        return Directions(cells, tree.offsets, tree.rays, self.opened, self.place)
+            return Directions(cells, np.zeros(1, np.int64), np.empty((0, FIELDS), np.float32), 0.0, place)
+        return Directions(cells, tree.offsets, tree.rays, self.opened, place)
 
 
 def settled(light: GlossLight, place: np.ndarray, cells: np.ndarray) -> GlossLight:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.draw.camera import from_camera
 from app.draw.picking import Picker
 from app.draw.readout import STATIC, UNLIT, Reading, read
 from app.draw.shot import Shot
@@ -17,6 +18,7 @@ from app.settings import Settings, make_solver
 from gi_core.display.dilation import Drawn
 from gi_core.scene import Camera, Material, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Gloss
 from tests.support import closed_form
 from tests.support.projection import projected
 from tests.support.scene_builders import quad
@@ -60,8 +62,8 @@ def reading_at(shot: Shot, point=None, uv=None, weights=None, cull=True) -> Read
     drawn = Drawn(solver.irradiance, weights)
     if hit is None:
         return None
-    mesh = shot.meshes[hit.object]
-    return read(hit, direction, shot.camera, height, solver.scene, solver.model, solver.poses, mesh, drawn)
+    given = solver.scene, solver.model, solver.poses, shot.meshes[hit.object], drawn, solver.frame.gloss
+    return read(hit, direction, shot.camera, height, *given)
 
 
 @pytest.mark.parametrize(("units", "expected"), [("photometric", PHOTOMETRIC), ("radiometric", RADIOMETRIC)])
@@ -120,6 +122,41 @@ def test_backs_and_unknown_light_are_named():
     assert reading_at(ones, (0.3, 0.2, 0.0)).radiance == pytest.approx(0.5 / math.pi + 9)
     unknown = shot_of(floor(), lambda solver: np.full(solver.irradiance.shape, np.nan))
     assert reading_at(unknown, (0.3, 0.2, 0.0)).text().startswith("Illuminance not yet known")
+
+
+def glossy(alpha: float) -> Shot:
+    """A floor under a lamp of its own light, solved: dark, so that its highlight is most of its luminance."""
+    scene = floor()
+    oak = scene.materials[0]._replace(reflectance=(0.1,) * 3, gloss=Gloss((0.3,) * 3, alpha))
+    solver = make_solver(replace(scene, materials=(oak, scene.materials[1])), replace(SETTINGS, photons=20_000))
+    solver.solve()
+    return Shot(solver, replace(SETTINGS, exposure=-4.0))
+
+
+def test_the_luminance_of_gloss_is_that_of_the_picture():
+    """The highlight follows the camera, and the reading with it; a reading has it as its pixel shows it."""
+    shot, peaks = glossy(0.3), []
+    for eye in ((0.3, -2.5, 3.0), (2.5, 0.3, 2.0)):
+        shot.camera = from_camera(Camera(eye, (0, 0, 0), 60.0), (0, 0, 1), shot.camera.bounds)
+        picture, (width, height) = shot.take().astype(int), SETTINGS.size
+        for i, j in np.random.default_rng(4).integers((1, 1), (width - 1, height - 1), (200, 2)):
+            around = picture[j - 1 : j + 2, i - 1 : i + 2].reshape(-1, 3)
+            reading = reading_at(shot, uv=((i + 0.5) / width, (j + 0.5) / height))
+            if reading is None or np.ptp(around, axis=0).max() > 6:
+                continue
+            shown = to_display(np.full(3, reading.radiance), -4.0, "clip")[0]
+            assert around.min() - 2 <= shown <= around.max() + 2
+        v, u = np.unravel_index(picture.sum(axis=2).argmax(), picture.shape[:2])
+        peaks.append(reading_at(shot, uv=((u + 0.5) / width, (v + 0.5) / height)))
+    assert not peaks[0].is_sharp and "without" not in peaks[0].text()
+    assert all(p.radiance > 3 * 0.1 * p.irradiance / math.pi for p in peaks), "most of it is gloss"
+
+
+def test_a_reflection_is_said_to_be_missing():
+    shot = glossy(0.0)
+    reading, rho = reading_at(shot, (0.2, 0.1, 0.0)), float(shot.meshes[0].reflectance[0, 0])
+    assert reading.is_sharp and reading.text().endswith("cd/m² without its reflection  ·  static part, oak")
+    assert reading.radiance == pytest.approx(rho * reading.irradiance / math.pi, rel=1e-3)
 
 
 def test_the_luminance_of_a_texture_is_that_of_the_picture():
