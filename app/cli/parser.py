@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -13,7 +14,11 @@ LEAST_SIMILARITY = 0.6  # 0 .. 1, of a typing error
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse's parser; an error is one line that names --help."""
+    """argparse's parser; an error is one line that names --help. A list of numbers may begin with a negative one."""
+
+    def __init__(self, *given, **others):
+        super().__init__(*given, **others)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse's own takes -1,2 for an option
 
     def error(self, message: str):
         meant = [m for word in message.split() if word.startswith("--") for m in self._nearest_options(word)]
