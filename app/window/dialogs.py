@@ -18,6 +18,7 @@ MESHES = ["Meshes", "*.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 PICTURES = ["Pictures", "*.png"]
 FIELD_EM = 32
 UNSAVED = "Unsaved changes"
+RETURN = imgui.Key.enter, imgui.Key.keypad_enter
 
 
 def has_native() -> bool:
@@ -86,6 +87,7 @@ class FileDialog:
             imgui.set_keyboard_focus_here()
         self._appears = False
         entered, self._path = imgui.input_text("##path", self._path, imgui.InputTextFlags_.enter_returns_true)
+        entered = entered or any(imgui.is_key_pressed(key, repeat=False) for key in RETURN)  # the field may lack focus
         replaced = self._replaced
         if replaced and self._sure == self._path:
             imgui.text_wrapped(f"{replaced} exists. OK replaces it.")

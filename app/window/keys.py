@@ -34,7 +34,7 @@ class Keyboard:
         self._held = 0  # modifiers of the last frame
 
     def pressed(self) -> list[str]:
-        """Return the actions whose keys went down in this frame; none during text input."""
+        """Return the actions whose keys went down in this frame; none during text input, none behind a dialog."""
         io = imgui.get_io()
         # A fast typist releases Ctrl in the frame in which Q goes down: the last frame's modifiers count too.
         held, self._held = int(io.key_mods) | self._held, int(io.key_mods)
@@ -43,6 +43,8 @@ class Keyboard:
         if imgui.is_key_pressed(K.escape, repeat=False) and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             # Esc closes an open list first; without keyboard navigation ImGui leaves that to the program.
             imgui.internal.close_popup_to_level(0, True)
+            return []
+        if imgui.internal.get_top_most_popup_modal() is not None:
             return []
         return [name for name, action in ACTIONS.items() if any(_is_pressed(chord, held) for chord in action.chords)]
 

@@ -87,6 +87,30 @@ def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(play, fo
     assert errors(play(script)) == []
 
 
+def test_keys_do_not_reach_the_scene_behind_a_dialog(play, folder):
+    """The field has lost the focus, as by a click beside it: Shift+Del does nothing, Return confirms the dialog."""
+    K = keys()
+
+    def script(hand, viewer):
+        from imgui_bundle import imgui
+
+        hand.wait_for_light()
+        viewer.viewport.select(("block",))
+        hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.yield_(3)
+        hand._jobs.append(imgui.internal.clear_active_id)
+        hand.ctx.yield_(3)
+        assert not imgui.get_io().want_text_input
+        hand.press(int(K.mod_shift) | int(K.delete))
+        hand.wait_for_light()
+        assert list(viewer.session.poses) == ["block"] and viewer.files.dialog.is_open
+        hand.press(K.enter)
+        hand.wait(lambda: not viewer.files.dialog.is_open)
+
+    assert errors(play(script)) == []
+
+
 def close_by_button(hand) -> None:
     import glfw
 
