@@ -15,7 +15,7 @@ from gi_core.bsdf.tabulate import tabulate
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.dark_sides import one_sided_where_dark
 from gi_core.files.completion.lamp_orientation import facing_the_scene
-from gi_core.files.completion.refinement import COARSEST, refined
+from gi_core.files.completion.refinement import COARSEST, FINEST, refined
 from gi_core.files.find import find_scene
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import check_used, override, single
@@ -197,13 +197,30 @@ class _Builder:
         if wanted is not None:
             return scene if wanted == np.inf else replace(scene, static=self._cut(scene.static, wanted, self.where))
         if not self.bare:
-            return scene
+            return _with_note_on_edges(scene)
         before = len(scene.static.faces)
         mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
         if len(mesh.faces) == before:
             return scene
         note = f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {len(mesh.faces):,}"
         return replace(scene, static=mesh, notes=(*scene.notes, note))
+
+
+def _with_note_on_edges(scene: Scene) -> Scene:
+    """Return the scene, with a note if triangles too long to show shadows are most of its area, lamps aside."""
+    glows = np.array([any(m.emission) for m in scene.materials])
+    corners = scene.static.vertices[scene.static.faces[~glows[scene.static.face_material]]]
+    a, b, c = (corners[:, k] for k in range(3))
+    longest = np.sqrt(np.max([((v - w) ** 2).sum(axis=1) for v, w in ((a, b), (b, c), (c, a))], axis=0))
+    area, size = np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1)), float(np.ptp(scene.static.vertices, axis=0).max())
+    if not area[longest > COARSEST * size].sum() > 0.5 * area.sum():
+        return scene
+    wanted = f"{1.5 * FINEST * size:.1g}"
+    note = (
+        f"edges up to {longest.max():.3g} m stay as they are, and light is interpolated along them: no shadow shows "
+        f"on a large triangle; add max_edge = {wanted} under [static], or --max-edge {wanted}, to split them"
+    )
+    return replace(scene, notes=(*scene.notes, note))
 
 
 def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: bool) -> tuple[Scene, tuple]:

@@ -194,3 +194,15 @@ def test_faces_below_the_weld_do_not_count_as_made(tmp_path):
         vertices.append(place + 3e-7 * np.eye(3))
     scene = load_scene(write_obj(tmp_path / "room.obj", np.concatenate(vertices), np.concatenate(faces)))
     assert len(scene.static.faces) >= 6 * 2 * n * n
+
+
+def test_a_scene_file_whose_edges_are_long_says_so(tmp_path):
+    """Nothing splits its triangles unasked: 26 lx stood in the window where a floor had 18."""
+    write_room(tmp_path)
+    file = tmp_path / "room.toml"
+    file.write_text('title = "room"\n[static]\nmesh = "room.obj"\n')
+    note = next(n for n in load_scene(file).notes if n.startswith("edges up to "))
+    wanted = note.partition("max_edge = ")[2].split()[0]
+    assert note.endswith(f"or --max-edge {wanted}, to split them")
+    for scene in (load_scene(file, max_edge=float(wanted)), load_scene(file, max_edge=np.inf)):
+        assert not any(n.startswith("edges up to ") for n in scene.notes)
