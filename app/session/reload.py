@@ -34,7 +34,7 @@ class Reload:
     def __init__(self, open_with: Callable) -> None:
         self.coming: Session | None = None  # the session being opened
         self.same = False  # the new scene is the current one, reloaded
-        self.problem = ""  # error of the last scene that failed to open
+        self.problem = ""  # error of the last scene that failed to open; edits that fail are in the log alone
         self._open_with = open_with
         self._begun = 0.0  # s, of the opening
         self._before = Settings()  # of the current session, at the start of the reload
@@ -62,6 +62,8 @@ class Reload:
         settings = replace(now.settings, edits=asked.edits, poses=())
         self._begin(now, settings, same=True, open_with=partial(self._open_with, earlier=now.light.before_edit))
         self._edited = asked
+        if self.coming is not None:
+            self.coming.doing = "editing"
 
     def _begin(self, now: Session, settings: Settings, same: bool, open_with: Callable | None = None) -> None:
         self.close()
@@ -115,9 +117,11 @@ class Reload:
         if not coming.ready:
             coming.tick(0.0, budget=0.0)
             if coming.problem is not None:
-                self.problem, self.coming = f"{coming.problem}", None
+                self.coming = None
                 if self._edited is not None:
                     now.edit_failed(self._edited, coming.problem)
+                else:
+                    self.problem = f"{coming.problem}"
             return None
         coming.light.move_pending(0.0)
         if coming.light.is_moving or now.dragging or self._moves(now, coming):

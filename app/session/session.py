@@ -62,7 +62,8 @@ class Session(OpenScene):
         self.log = log
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
-        self.problem: BaseException | None = None  # of the opening
+        self.problem: BaseException | None = None  # of the opening ...
+        self.doing = "opening"  # ... and its word for the log
         self.lamp_changes = LampChanges(settings, clock)
         self.dragging = False
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
@@ -185,7 +186,7 @@ class Session(OpenScene):
             self.log(warning, WARNING)
         if opening.problem is not None:
             self.problem = opening.problem
-            self.log.error("opening", opening.problem)
+            self.log.error(self.doing, opening.problem)
             return
         self.adopt(opening.result)
 

@@ -329,10 +329,11 @@ def test_an_edit_that_fails_leaves_the_scene(play, folder):
         hand.ctx.mouse_move_to_pos(hand.at(BLOCK_FRONT))
         hand.ctx.yield_(2)
         viewer._dropped.append("gone.glb")
-        hand.wait(lambda: viewer.reload.problem)
-        assert (
-            viewer.session is session and session.edits == () and "there is no such mesh file" in viewer.reload.problem
-        )
+        hand.wait(lambda: errors(viewer))
+        assert viewer.session is session and session.edits == ()
+        said = errors(viewer)[-1]
+        assert said.startswith("editing: ") and said.endswith("gone.glb: there is no such mesh file")
+        assert viewer.reload.problem == "", "the scene itself has none: Scene shows none"
         viewer._do("undo")
         hand.ctx.yield_(2)
         assert viewer.log.last.text == "nothing to undo"
