@@ -60,15 +60,17 @@ class Reload:
     def _edit(self, now: Session, asked: Asked) -> None:
         """Open the current scene with other edits; settings and photons that the edit does not touch stay."""
         settings = replace(now.settings, edits=asked.edits, poses=())
-        self._begin(now, settings, same=True, open_with=partial(self._open_with, earlier=now.light.before_edit))
+        open_with = partial(self._open_with, earlier=now.light.before_edit)
+        self._begin(now, settings, same=True, open_with=open_with, doing="editing")
         self._edited = asked
-        if self.coming is not None:
-            self.coming.doing = "editing"
 
-    def _begin(self, now: Session, settings: Settings, same: bool, open_with: Callable | None = None) -> None:
+    def _begin(
+        self, now: Session, settings: Settings, same: bool, open_with: Callable | None = None, doing: str = "opening"
+    ) -> None:
         self.close()
         self.same, self.problem, self._before, self._edited = same, "", now.settings, None
         self.coming = Session(settings, now.log, open_with or self._open_with)
+        self.coming.doing = doing
         self._begun = self.coming.clock()
 
     @property
