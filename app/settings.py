@@ -193,7 +193,7 @@ class Settings:
 
 def open_scene(settings: Settings) -> Scene:
     """Return the edited scene with its mobiles at the poses of the settings. Raises SceneError."""
-    from gi_core.files.edits import edited
+    from gi_core.files.edits import edited, removed_lamps
     from gi_core.files.load import load_scene
     from gi_core.lights.lamps import OTHERS
     from gi_core.scene import Camera
@@ -201,12 +201,12 @@ def open_scene(settings: Settings) -> Scene:
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
     scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
+    scene = replace(scene, units=settings.units or scene.units)
     scene = edited(scene, settings.edits, settings.allow_outside)
     for name in settings.levels(()):  # before kernels compile
-        if name != OTHERS:
+        if name != OTHERS and name not in removed_lamps(settings.edits):
             check_lamp(_place_of(settings, "lamps", name, scene.name), name, scene)
     poses = start_poses(settings, scene)
-    scene = replace(scene, units=settings.units or scene.units)
     if (c := settings.camera) is not None:
         scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))
     return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))
@@ -272,10 +272,12 @@ def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None
     earlier: photons of the scene before its last edit; threads: None for one per core.
     """
     from gi_core.estimators import DEFAULT, ESTIMATORS
+    from gi_core.files.edits import removed_lamps
     from gi_core.scene import SceneError
     from gi_core.solver import Solver
 
     check_names(settings)
+    removed = removed_lamps(settings.edits)
     estimator = settings.estimator or scene.defaults.estimator or DEFAULT
     if estimator not in ESTIMATORS:
         raise SceneError(
@@ -295,7 +297,7 @@ def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None
         textbook=settings.textbook,
         light=settings.light_chosen,
         gloss=settings.gloss,
-        lamps=settings.levels(()),
+        lamps={name: level for name, level in settings.levels(()).items() if name not in removed},
         rays=settings.rays,
         earlier=earlier,
     )

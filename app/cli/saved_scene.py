@@ -29,6 +29,7 @@ KEYS = ("scene", "mobiles", "edits", "poses", "camera", "lamps", "light_scenes",
         "settings")  # fmt: skip
 ELSEWHERE = ("mobiles", "poses", "camera", "lamps", "plane")  # not under [settings]
 WITHOUT_OPTION = ("edits", "light_scenes", "pins", "cameras")
+VALUES = "material", "light"  # fields of edits that are tables of a scene file
 MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
 SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
@@ -211,13 +212,15 @@ def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
     """Return an edit of the scene as a table of a saved scene."""
     table: dict[str, Any] = {"kind": type(edit).__name__.lower()}
     for field, value in edit._asdict().items():
+        if field in edit._field_defaults and value == edit._field_defaults[field]:
+            continue
         if field == "file":
             table[field] = _relative(value, document)
-        elif field == "material":
+        elif field in VALUES:
             table[field] = {key: list(v) if isinstance(v, tuple) else v for key, v in value}
         elif field == "pose" and value is not None:
             table[field] = [*value.position, *value.quaternion]
-        elif value not in (None, ""):
+        else:
             table[field] = list(value) if isinstance(value, tuple) else value
     return table
 
@@ -238,9 +241,11 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
             if field in table or field not in kind._field_defaults:
                 x, y, z, *quaternion = table.vector(field, 7)
                 given[field] = Pose((x, y, z), tuple(quaternion))
-        elif field == "material":
+        elif field in VALUES:
             given[field] = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in table.table(field).items())
-        elif field == "file":
+        elif field == "number":
+            given[field] = table.count(field, kind._field_defaults[field])
+        elif field == "file" and (field in table or field not in kind._field_defaults):
             given[field] = _found(table.text(field), file, boundary, of)
         elif field in table or field not in kind._field_defaults:
             given[field] = table.text(field)
@@ -290,10 +295,9 @@ def _found(name: str, file: Path, boundary, where: str) -> str:
 
 def home_of(settings: Settings) -> Path | None:
     """Return the folder, in which or above which a saved scene may lie; None for any."""
-    from gi_core.files.edits import Insert
+    from gi_core.files.edits import files_of_edits
 
-    inserted = (edit.file for edit in settings.edits if isinstance(edit, Insert))
-    files = filter(os.path.isfile, (settings.scene, *settings.mobiles, *inserted))
+    files = filter(os.path.isfile, (settings.scene, *settings.mobiles, *files_of_edits(settings.edits)))
     folders = [Path(name).resolve().parent for name in files]
     try:
         return Path(os.path.commonpath(folders)) if folders else None

@@ -37,7 +37,8 @@ class LampChanges:
         asked = settings.lamps, settings.solo
         if self._start is None and asked == self._followed:
             return None
-        self._followed, levels = asked, settings.levels(names)
+        self._followed = asked
+        levels = {name: level for name, level in settings.levels(names).items() if name in names}  # the others: removed
         if self._start is not None:
             shown, since = self._start
             t = min((self._clock() - since) / FADE, 1.0)

@@ -163,20 +163,27 @@ def words_of(before: Sequence[Edit], after: Sequence[Edit]) -> str:
     """Return edits in words, from those before: "inserted: armchair", "undone: removed: cat"; "" without a change."""
     came = [edit for edit in after if edit not in before]
     went = [edit for edit in before if edit not in after]
-    return _words(came) if came else f"undone: {_words(went)}" if went else ""
+    return _words(came, before) if came else f"undone: {_words(went, after)}" if went else ""
 
 
-def _words(edits: Sequence[Edit]) -> str:
-    from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
+def _words(edits: Sequence[Edit], others: Sequence[Edit]) -> str:
+    from gi_core.files.edits import Darken, Duplicate, Finish, Freeze, Insert, Light, Promote, Remove
 
     verbs = {Finish: "edited", Insert: "inserted", Duplicate: "duplicated", Remove: "removed", Promote: "made movable",
-             Freeze: "made static"}  # fmt: skip
+             Freeze: "made static", Darken: "removed"}  # fmt: skip
+    lights = {(edit.name, edit.number) for edit in others if isinstance(edit, Light)}
     things: dict[str, list[str]] = {}
     for edit in edits:
         thing = edit.of if isinstance(edit, Duplicate) else edit.name
         if isinstance(edit, Finish):
             thing = f"{edit.part} of {edit.name}" if edit.part else f"material {edit.name}"
-        things.setdefault(verbs[type(edit)], []).append(thing)
+        verb = verbs.get(type(edit), "")
+        if isinstance(edit, Light):
+            is_new = (edit.of or "type" in dict(edit.light)) and (edit.name, edit.number) not in lights
+            verb, thing = "added" if is_new else "edited", f"lamp {thing}"
+        elif isinstance(edit, Darken):
+            thing = f"lamp {thing}"
+        things.setdefault(verb, []).append(thing)
     return "; ".join(f"{verb}: {', '.join(names)}" for verb, names in things.items())
 
 

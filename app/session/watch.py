@@ -14,12 +14,12 @@ State = dict[str, tuple[int, int]]  # path -> time of the last change [ns], size
 
 def files_of(settings: Settings) -> list[str]:
     """Return the scene file, the meshes that it names, and the mobiles; those that exist."""
-    from gi_core.files.edits import Insert
+    from gi_core.files.edits import files_of_edits
     from gi_core.files.find import find_scene
     from gi_core.files.formats.toml_file import read_scene_file
     from gi_core.scene.errors import SceneError
 
-    found = [*settings.mobiles, *(edit.file for edit in settings.edits if isinstance(edit, Insert))]
+    found = [*settings.mobiles, *files_of_edits(settings.edits)]
     try:
         scene = find_scene(settings.scene)
         found.append(str(scene))

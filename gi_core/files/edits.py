@@ -1,4 +1,4 @@
-"""Edits of a scene after loading: a material, a mobile inserted, copied or removed, static faces made mobile and back.
+"""Edits of a scene after loading: materials, lights, mobiles inserted, copied or removed, static faces made mobile.
 
 An edited scene is a scene: it equals one that was built so, and its solver needs no history. `Solver.edited` keeps the
 photon paths that an edit does not touch.
@@ -21,6 +21,7 @@ from gi_core.files.finishing import Values, finished_materials, materials_to_fin
 from gi_core.files.formats.materials_table import FINISH, checked
 from gi_core.files.formats.mesh_file import part_of
 from gi_core.files.gloss_classes import with_gloss_classes
+from gi_core.files.lighting import Darken, Light, darkened, lit
 from gi_core.files.load import finished, join, with_mobile_file
 from gi_core.geometry.cutouts import without_holes
 from gi_core.scene.errors import SceneError, shown
@@ -29,6 +30,11 @@ from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_scene
+
+__all__ = [
+    "KINDS", "Darken", "Duplicate", "Edit", "EditError", "Finish", "Freeze", "Insert", "Light", "Promote", "Remove",
+    "edited", "files_of_edits", "names_after", "piece_at", "removed_lamps", "with_edit",
+]  # fmt: skip
 
 
 class Finish(NamedTuple):
@@ -85,9 +91,9 @@ class EditError(SceneError):
     number = 0
 
 
-Edit = Finish | Insert | Duplicate | Remove | Promote | Freeze
+Edit = Finish | Insert | Duplicate | Remove | Promote | Freeze | Light | Darken
 KINDS: dict[str, type[Edit]] = {
-    kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze)
+    kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze, Light, Darken)
 }
 
 ADDING, TAKING = (Insert, Duplicate, Promote), (Remove, Freeze)  # a mobile
@@ -122,11 +128,23 @@ def names_after(names: Iterable[str], before: Sequence[Edit], after: Sequence[Ed
     return found
 
 
+def files_of_edits(edits: Iterable[Edit]) -> list[str]:
+    """Return the files that edits read."""
+    return [edit.file for edit in edits if isinstance(edit, Insert | Light) and edit.file]
+
+
 def with_edit(edits: Sequence[Edit], edit: Edit) -> tuple[Edit, ...]:
-    """Return edits with one more at the end; a Finish takes the place of an earlier one of the same faces.
+    """Return edits with one more at the end, which replaces an earlier one of the same faces or of the same light.
 
     The earlier one stays if an edit in between may depend on it.
     """
+    if isinstance(edit, Light) and not edit.of:
+        for k in reversed(range(len(edits))):
+            earlier = edits[k]
+            if not isinstance(earlier, Light | Finish) or (isinstance(earlier, Light) and earlier.of == edit.name):
+                break
+            if isinstance(earlier, Light) and (earlier.name, earlier.number) == (edit.name, edit.number):
+                return (*edits[:k], *edits[k + 1 :], _merged(earlier, edit))
     if isinstance(edit, Finish):
         for k in reversed(range(len(edits))):
             earlier = edits[k]
@@ -137,6 +155,24 @@ def with_edit(edits: Sequence[Edit], edit: Edit) -> tuple[Edit, ...]:
             if not (earlier.part and edit.part) and (earlier.part or earlier.name) == (edit.part or edit.name):
                 break  # a part of a mobile, and the material of that name
     return (*edits, edit)
+
+
+def _merged(earlier: Light, edit: Light) -> Light:
+    """Return one edit of a light in place of two."""
+    if "type" in dict(edit.light):
+        return edit
+    return earlier._replace(light=tuple({**dict(earlier.light), **dict(edit.light)}.items()))
+
+
+def removed_lamps(edits: Iterable[Edit]) -> set[str]:
+    """Return the names of lamps that edits have removed; settings may still name them, for an undo."""
+    removed: set[str] = set()
+    for edit in edits:
+        if isinstance(edit, Darken):
+            removed.add(edit.name)
+        elif isinstance(edit, Light):
+            removed.discard(edit.name)
+    return removed
 
 
 def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
@@ -156,6 +192,10 @@ def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
             return _promoted(scene, _new(scene, name), PLACE.check(f"{scene.name}: the point of {shown(name)}", point))
         case Freeze(name, pose):
             return _frozen(scene, mobile_called(scene, name), _pose(scene, name, pose))
+        case Light():
+            return lit(scene, edit, allow_outside)
+        case Darken(name, number):
+            return darkened(scene, name, number)
 
 
 def _new(scene: Scene, name: str) -> str:

@@ -6,7 +6,8 @@
 G is the light gathered before the edit, else that of all photons. B and F are the irradiance of the same number of
 photons before and after. Photons that met no edited face have the same paths, so most of the noise of F and B cancels,
 as in `control_variate.py`. The change d is smoothed in proportion to its noise, which photon subsets tell. Receivers
-that the static part did not have before show photons alone: G = B = 0.
+that the static part did not have before show photons alone, as all do of a lamp that is new or moved: G = B = 0. Where
+the static part stays as it is, so does the light of each unchanged lamp: d = 0, though its photons may be others.
 
 The light serves until the edited scene has light of less error. docs/decisions/039-edits-shown-live.md has the
 measurements.
@@ -21,11 +22,14 @@ import numpy as np
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import CORRELATED, REACH
+from gi_core.frames.unchanged_paths import StaticPart, edited_faces
 from gi_core.gather.denoise import VARIANCE, averaged, smooth
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
+from gi_core.lights.emission import Emitters
 from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.unchanged_lamps import unchanged_lamps
 from gi_core.model import Model
 
 
@@ -37,13 +41,17 @@ class EarlierLight(NamedTuple):
     deviation: np.ndarray  # (n,) [W/m2], standard error of its luminance
     error: float  # relative l1, bias included
     setting: Setting
+    emitters: Emitters
+    static: StaticPart
     by_photons: dict[int, np.ndarray]  # number of photons -> their irradiance per lamp (n, 3 G) float32 [W/m2]
 
 
 def earlier_light(b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> EarlierLight:
     """Return light of a background's static part, to be changed by edits; arguments as in EarlierLight."""
     by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
-    return EarlierLight(_places(b.model), per_lamp, deviation, error, b.setting, by_photons)
+    return EarlierLight(
+        _places(b.model), per_lamp, deviation, error, b.setting, b.model.emitters, _static(b.model), by_photons
+    )
 
 
 class EditedLight:
@@ -52,6 +60,9 @@ class EditedLight:
     def __init__(self, earlier: EarlierLight, model: Model):
         self.earlier = earlier
         self._rows = _rows_of(_places(model), earlier.places)
+        self._lamps = unchanged_lamps(earlier.emitters, model.emitters)
+        edited = edited_faces(earlier.static, _static(model))
+        self._stays = edited is not None and not edited.any()  # the static part: so does the light of unchanged lamps
         self._weights = model.object_receivers.areas[: len(self._rows)]
         self._threads = model.threads
         self._shown: tuple[Background, int] | None = None
@@ -79,12 +90,26 @@ class EditedLight:
             smooth(light, REACH, around, self._threads)
             variance, change = light[:, VARIANCE], light[:, VARIANCE + 1 :]
         E, of_change = np.maximum(G + change, 0.0), np.sqrt(CORRELATED * variance / 3.0)
+        kept = self._kept(G)
+        of_kept = kept * self._at_receivers(self.earlier.deviation)
         lit = max(float(self._weights @ luminance(sum_of_lamps(E))), 1e-300)
-        error = float(np.hypot(self.earlier.error, np.sqrt(2 / np.pi) * (self._weights @ of_change) / lit))
-        gathered.show_earlier(E, np.hypot(self._known(self.earlier.deviation), of_change), error)
+        errors = kept.max(initial=0.0) * self.earlier.error, np.sqrt(2 / np.pi) * (self._weights @ of_change) / lit
+        error = float(np.hypot(*errors))
+        gathered.show_earlier(E, np.hypot(of_kept, of_change), error)
 
-    def _known(self, light: np.ndarray) -> np.ndarray:
-        """Return light of receivers before the edit, at those after it; 0 at new ones."""
+    def _kept(self, G: np.ndarray) -> np.ndarray:
+        """Return the share (n,) of the light before the edit that comes from unchanged lamps."""
+        everything = luminance(sum_of_lamps(self._at_receivers(self.earlier.per_lamp)))
+        return np.divide(luminance(sum_of_lamps(G)), everything, out=np.zeros(len(G)), where=everything > 0)
+
+    def _known(self, per_lamp: np.ndarray) -> np.ndarray:
+        """Return light per lamp before the edit for the lamps and the receivers after it; 0 for new ones."""
+        light = self._at_receivers(per_lamp).reshape(len(self._rows), -1, 3)[:, self._lamps]
+        light[:, self._lamps < 0] = 0.0
+        return light.reshape(len(self._rows), -1)
+
+    def _at_receivers(self, light: np.ndarray) -> np.ndarray:
+        """Return values of receivers before the edit, at those after it; 0 at new ones."""
         out = light[self._rows].astype(np.float64)
         out[self._rows < 0] = 0.0
         return out
@@ -94,7 +119,14 @@ class EditedLight:
         B = self._known(self.earlier.by_photons[photons])
         F = b.irradiance_per_lamp(photons).astype(np.float32).astype(np.float64)  # equal light leaves no difference
         less = F < B
-        return np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
+        change = np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
+        if self._stays:
+            change[:, np.repeat(self._lamps >= 0, 3)] = 0.0
+        return change
+
+
+def _static(model: Model) -> StaticPart:
+    return StaticPart(model.surfaces, model.scene)
 
 
 def _places(model: Model) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Photon paths of a scene before an edit, taken over where they met no edited face.
 
 Photon i is a function of seed, index, lights and the static part. So its path stays, bit for bit, if its light, the
-static geometry and the reflection of all faces that it met are the same. Mobiles do not matter.
+static geometry and the reflection of all faces that it met are the same. Mobiles do not matter, and a light that is
+moved or turned leaves the photons of other lamps as they are: shares of the photons follow from fluxes alone.
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.geometry.sides import NONE
+from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights.unchanged_lamps import unchanged_lamps
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 from gi_core.photons.trace import Fates, add_fates, add_fates_behind, add_to, no_flux, trace_background
+from gi_core.scene.types import Scene
 
 
 class KnownPaths(NamedTuple):
@@ -21,23 +25,42 @@ class KnownPaths(NamedTuple):
 
     paths: PathVertices
     edited: np.ndarray  # (F,) bool, faces of the static part that reflect differently now
+    relit: np.ndarray  # (G,) bool, lamps that emit otherwise now
 
 
 def known_paths(before: Model, now: Model, paths: PathVertices) -> KnownPaths | None:
     """Return paths of the scene before an edit for that after it; None where none can be taken over."""
-    old, new = before.surfaces, now.surfaces
-    faces = old.face_range(0)
     same = (
         before.accelerator.rays == now.accelerator.rays
         and before.world.size == now.world.size
         and np.array_equal(before.origins[0], now.origins[0])
-        and np.array_equal(old.vertices[0], new.vertices[0])
-        and np.array_equal(old.faces[0], new.faces[0])
-        and np.array_equal(old.two_sided[faces], new.two_sided[faces])
         and all(
             np.array_equal(getattr(before.emitters, name), getattr(now.emitters, name))
-            for name in ("kind", "parameters", "face", "cdf", "units", "lamp", "tables")
+            for name in ("cdf", "units", "lamp")
         )
+    )
+    edited = edited_faces(StaticPart(before.surfaces, before.scene), StaticPart(now.surfaces, now.scene))
+    if not same or edited is None:
+        return None
+    lamps = unchanged_lamps(before.emitters, now.emitters)
+    return KnownPaths(paths, edited, lamps != np.arange(len(lamps)))
+
+
+class StaticPart(NamedTuple):
+    """The static part of a scene, as its surfaces and its materials."""
+
+    surfaces: Surfaces
+    scene: Scene
+
+
+def edited_faces(before: StaticPart, now: StaticPart) -> np.ndarray | None:
+    """Return which faces (F,) bool of the static part reflect differently after an edit; None: they are others."""
+    old, new = before.surfaces, now.surfaces
+    faces = old.face_range(0)
+    same = (
+        np.array_equal(old.vertices[0], new.vertices[0])
+        and np.array_equal(old.faces[0], new.faces[0])
+        and np.array_equal(old.two_sided[faces], new.two_sided[faces])
     )
     if not same:
         return None
@@ -45,15 +68,15 @@ def known_paths(before: Model, now: Model, paths: PathVertices) -> KnownPaths | 
     tables = (lobe[:, 4:] < 0) & (new_lobe[:, 4:] < 0)  # whose numbers may differ
     lobes = (lobe == new_lobe) | (np.isnan(lobe) & np.isnan(new_lobe)) | tables
     numbers: dict[tuple, int] = {}
-    models = [_models(model, numbers) for model in (before, now)]
-    return KnownPaths(paths, (rho != new_rho).any(axis=1) | ~lobes.all(axis=1) | (models[0] != models[1]))
+    models = [_models(part.scene, numbers) for part in (before, now)]
+    return (rho != new_rho).any(axis=1) | ~lobes.all(axis=1) | (models[0] != models[1])
 
 
-def _models(model: Model, numbers: dict[tuple, int]) -> np.ndarray:
+def _models(scene: Scene, numbers: dict[tuple, int]) -> np.ndarray:
     """Return a number for the reflection models of each face of the static part, (F,) int64; `numbers` grows."""
-    keys = ((m.brdf, m.scaled, m.grain) for m in model.scene.materials)
+    keys = ((m.brdf, m.scaled, m.grain) for m in scene.materials)
     of_material = np.array([numbers.setdefault(key, len(numbers)) for key in keys], np.int64)
-    return of_material[model.scene.static.face_material]
+    return of_material[scene.static.face_material]
 
 
 def traced_paths(
@@ -66,7 +89,7 @@ def traced_paths(
         return *trace_background(*whole, first, count), count
     old = _part(known.paths, first, last)
     photon = np.repeat(np.arange(last - first), np.diff(old.offsets))
-    met = np.zeros(last - first, bool)
+    met = known.relit[old.lamp]
     met[photon[(old.side != NONE) & known.edited[old.side >> 1]]] = True
     again = np.concatenate([np.flatnonzero(met), np.arange(last - first, count)])
     new, fates = trace_background(*whole, first, count, again)

@@ -98,11 +98,15 @@ FIELDS: dict[type, dict[str, Rule]] = {
 
 def check_lamp(where: str, name: str, scene: Scene) -> None:
     """Raise SceneError, with the nearest name, unless a light or an emissive material has a name."""
-    lamps = {light.name for light in scene.lights} | {m.name for m in scene.materials if max(m.emission) > 0}
-    if name not in lamps:
+    if name not in (lamps := lamps_of(scene)):
         nearest = [f"did you mean {shown(lamp)}?" for lamp in get_close_matches(name, lamps, 1)]
         there = "there is " + (", ".join(sorted(f'"{lamp}"' for lamp in lamps)) or "none")
         raise SceneError(f"{where}: no lamp is called {shown(name)}; {(nearest or [there])[0]}")
+
+
+def lamps_of(scene: Scene) -> set[str]:
+    """Return the names of all lights and emissive materials."""
+    return {light.name for light in scene.lights} | {m.name for m in scene.materials if max(m.emission) > 0}
 
 
 def check_scene(scene: Scene) -> None:

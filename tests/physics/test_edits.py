@@ -12,14 +12,39 @@ from hypothesis import strategies as st
 from gi_core.bsdf.ggx import further_albedo
 from gi_core.discs import region
 from gi_core.estimators import ESTIMATORS
-from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, edited, piece_at, with_edit
+from gi_core.files.edits import (
+    Darken,
+    Duplicate,
+    Finish,
+    Freeze,
+    Insert,
+    Light,
+    Promote,
+    Remove,
+    edited,
+    piece_at,
+    removed_lamps,
+    with_edit,
+)
 from gi_core.files.finishing import finish_of, is_textured, parts_of
 from gi_core.files.load import load_scene
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, SkyLight, Texture
+from gi_core.scene.types import (
+    LampLevel,
+    LightScene,
+    Material,
+    Mesh,
+    Mobile,
+    Paint,
+    PointLight,
+    Pose,
+    Scene,
+    SkyLight,
+    Texture,
+)
 from gi_core.solver import Solver, edited_solver, photons_of
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import luminaire
@@ -75,6 +100,14 @@ def photons_that_meet(solver: Solver, faces: np.ndarray) -> int:
 
 
 CRATE = (0.8, 0.8, 0.21)
+HIGHER = Light("bulb", (("position", (0.7, 0.3, 0.5)),))
+PANEL = Light(
+    "panel",
+    (
+        ("type", "panel"), ("position", (0.2, 0.8, 0.9)), ("direction", (0.2, 0.0, -1.0)), ("flux", (0.6, 0.6, 0.3)),
+        ("size", (0.1, 0.2)),
+    ),
+)  # fmt: skip
 EDITS = {
     "material": Finish("screen", (("reflectance", (0.9, 0.1, 0.2)),)),
     "mobile": Finish("ball", (("reflectance", (0.1, 0.8, 0.2)),)),
@@ -88,6 +121,12 @@ EDITS = {
     "remove": Remove("box"),
     "promote": Promote("crate", CRATE),
     "freeze": Freeze("box", TURNED),
+    "light moved": HIGHER,
+    "light turned": Light("spot", (("direction", (1.0, 0.2, -0.1)), ("size", (0.05, 0.1)))),
+    "light added": PANEL,
+    "light copied": Light("spot 2", (("position", (0.7, 0.6, 0.8)),), of="spot"),
+    "lights removed": Darken("bulb"),
+    "faces darkened": Darken("lamp"),
 }
 
 
@@ -126,6 +165,59 @@ def test_a_colour_retraces_the_photons_that_met_it_and_no_others():
     more.solve()
     assert photons_of(more).traced == expected + 3000
     assert np.array_equal(more.irradiance, solved(edited(room(), [EDITS["material"]]), photons=9000).irradiance)
+
+
+@pytest.mark.parametrize(("edit", "lamp"), [(HIGHER, "bulb"), (EDITS["light turned"], "spot")])
+def test_a_moved_light_retraces_its_own_photons_and_no_others(edit, lamp):
+    solver = solved(room())
+    photons = photons_of(solver).subset(GIVEN["photons"])[0].lamp
+    own = int((photons == solver.lamps.names.index(lamp)).sum())
+    assert 0 < own < 0.7 * GIVEN["photons"]
+    other = edited_solver(solver, edited(room(), [edit]))
+    other.solve()
+    assert photons_of(other).traced == own
+    assert not np.array_equal(other.irradiance, solver.irradiance)
+
+
+def test_lights_are_added_changed_and_removed():
+    scene = edited(room(), [PANEL, Light("panel", (("flux", (1.0, 2.0, 3.0)),)), Darken("bulb"), Darken("lamp")])
+    spot, panel = scene.lights
+    assert (spot.name, panel.name) == ("spot", "panel") and panel.flux == (1.0, 2.0, 3.0)
+    assert panel.size == (0.1, 0.2) and panel.position == (0.2, 0.8, 0.9)
+    assert not any(max(m.emission) for m in scene.materials)
+    assert Solver(scene, photons=0).lamps.names == ("spot", "panel")
+
+
+def test_of_lights_that_share_a_name_each_is_changed_by_its_number():
+    lights = [PointLight("bulb", (x, 0.5, 0.5), (1.0, 1.0, 1.0)) for x in (0.2, 0.5, 0.8)]
+    scene = room(lights=(*lights, PointLight("other", (0.5, 0.5, 0.9), (1.0, 1.0, 1.0))))
+    second = Light("bulb", (("position", (0.5, 0.1, 0.5)),), number=2)
+    assert [light.position[1] for light in edited(scene, [second]).lights] == [0.5, 0.1, 0.5, 0.5]
+    rest = edited(scene, [Darken("bulb", 1), second]).lights
+    assert [light.position[:2] for light in rest] == [(0.5, 0.5), (0.5, 0.1), (0.5, 0.5)]
+    assert [light.name for light in edited(scene, [Darken("bulb")]).lights] == ["other"]
+    with pytest.raises(SceneError, match="lamp 'bulb' has no light 4"):
+        edited(scene, [Darken("bulb", 4)])
+
+
+def test_changes_of_a_light_are_one_edit():
+    there, later = Light("bulb", (("position", (0.5, 0.5, 0.9)),)), Light("bulb", (("flux", (2.0, 2.0, 2.0)),))
+    both = Light("bulb", (("position", (0.7, 0.3, 0.5)), ("flux", (2.0, 2.0, 2.0))))
+    edits = ()
+    for edit in (there, EDITS["material"], HIGHER, later):
+        edits = with_edit(edits, edit)
+    assert edits == (EDITS["material"], both)
+    assert with_edit((PANEL,), Light("panel", (("flux", (1.0,) * 3),)))[0].light[1] == PANEL.light[1]
+    copy = Light("bulb 2", (), of="bulb")
+    assert with_edit((there, copy), HIGHER) == (there, copy, HIGHER), "the copy is of the light before"
+    assert with_edit((there, Darken("bulb")), PANEL) == (there, Darken("bulb"), PANEL)
+    assert removed_lamps((Darken("bulb"), Darken("spot"), PANEL, Light("bulb", PANEL.light))) == {"spot"}
+
+
+def test_light_scenes_forget_a_removed_lamp():
+    evening = LightScene("evening", (LampLevel("bulb", 0.5), LampLevel("spot", 0.2)))
+    scene = edited(replace(room(), light_scenes=(evening,)), [Darken("bulb")])
+    assert scene.light_scenes == (LightScene("evening", (LampLevel("spot", 0.2),)),)
 
 
 def taller(scene: Scene) -> Scene:
@@ -208,7 +300,16 @@ step = st.one_of(
             Promote("crate", CRATE),
             Freeze("box", TURNED),
             Finish("ball", (("reflectance", (0.3, 0.3, 0.9)),)),
+            PANEL,
+            Darken("bulb"),
+            Darken("lamp"),
+            Light("panel 2", (("direction", (0.0, 1.0, -1.0)),), of="panel"),
         ]
+    ),
+    st.builds(
+        lambda name, place: Light(name, (("position", place),)),
+        st.sampled_from(["bulb", "spot", "panel"]),
+        st.sampled_from([(0.2, 0.2, 0.5), (0.6, 0.6, 0.8)]),
     ),
 )
 moves = st.builds(lambda x, y: Pose((x, y, 0.1)), st.floats(0.2, 0.8), st.floats(0.2, 0.8))
@@ -307,6 +408,12 @@ def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
         ),
         (Promote("lamp", (0.5, 0.5, 0.99)), 'its material "lamp" emits light, and lamps must stand still'),
         (Insert("x", "nothing.glb"), "nothing.glb: there is no such mesh file"),
+        (Light("globe", ()), 'no light is called \'globe\'; there is "bulb", "spot"'),
+        (Light("bulb", (("size", (1, 1)),)), "light 'bulb': unknown key 'size'"),
+        (Light("bulb", (("position", (0, 0)),)), "light 'bulb': position must be three finite numbers"),
+        (Light("x", (("type", "lamp"),)), 'light \'x\': type must be one of "point", "spot", "panel"'),
+        (Light("x", (("type", "photometric"),), "no.ies"), "no.ies: the photometric file cannot be read"),
+        (Darken("globe"), "remove a lamp: no lamp is called 'globe'"),
     ],
 )
 def test_mistakes(edit, rule):

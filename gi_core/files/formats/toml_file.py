@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.lights_table import Luminaires, read_light
 from gi_core.files.formats.materials_table import read_materials
-from gi_core.files.formats.photometry_file import PhotometryFile, read_photometry
+from gi_core.files.formats.photometry_file import PhotometryFile
 from gi_core.files.formats.toml_fields import Table, read_toml, shown
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions
@@ -22,17 +21,12 @@ from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
     Camera,
     Defaults,
-    DirectionalLight,
     KeyFrames,
     LampLevel,
     Light,
     LightScene,
-    PhotometricLight,
-    PointLight,
     Pose,
     Probe,
-    SkyLight,
-    SpotLight,
 )
 
 UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -49,13 +43,6 @@ ROOT = (
     "defaults",
     "light_scenes",
 )
-LIGHTS = {
-    "point": ("position", "flux"),
-    "spot": ("position", "direction", "intensity", "inner_degrees", "outer_degrees"),
-    "photometric": ("file", "position", "direction", "c0", "flux", "size"),
-    "directional": ("direction", "irradiance"),
-    "sky": ("radiance",),
-}
 Z_UP = (".ply", ".stl")  # mesh formats that are z up
 SPIN_STEP = 90.0  # degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
 
@@ -94,21 +81,6 @@ class SceneFile(NamedTuple):
     photometry: dict[Path, PhotometryFile]  # files of luminaires
 
 
-class _Luminaires:
-    """Photometric files of a scene, each read once, and facts of the scene that their lights need."""
-
-    def __init__(self, folder: Path, boundary: Boundary, units: str, up: tuple[float, float, float]):
-        self.files: dict[Path, PhotometryFile] = {}
-        self.photometric, self.up = units == "photometric", np.array(up)
-        self._folder, self._boundary = folder, boundary
-
-    def read(self, name: str, where: str) -> PhotometryFile:
-        path = self._folder / name
-        if path not in self.files:
-            self.files[path] = read_photometry(path, f"{where}: {name}", self._boundary)
-        return self.files[path]
-
-
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
     """Read and check a scene file.
 
@@ -130,8 +102,8 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     mobiles = [_mobile(path.parent, t, i, where, up, boundary) for i, t in enumerate(tables[0])]
     units = root.text("units", "radiometric", ("radiometric", "photometric"))
     convention = UP["z" if entry.meshes[0].suffix.lower() in Z_UP else "y"]
-    luminaires = _Luminaires(path.parent, boundary, units, up or convention)
-    lights = [_light(t, i, where, luminaires) for i, t in enumerate(tables[1])]
+    luminaires = Luminaires(path.parent, boundary, units, up or convention)
+    lights = [read_light(t, _entry(where, "light", t, i), f"light {i}", luminaires) for i, t in enumerate(tables[1])]
     probes = [_probe(t, i, where) for i, t in enumerate(tables[2])]
     for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
         names = [n.name for n in named]
@@ -269,51 +241,6 @@ def _path(t: Table, rest, up, boundary) -> KeyFrames:
         times = dense
     q = [multiply_quaternions(axis_angle(axis, spin * (s - times[0])), rest) for s in times]
     return KeyFrames(times, positions, np.array(q))
-
-
-def _light(values, i, scene, luminaires: _Luminaires) -> Light:
-    where = _entry(scene, "light", values, i)
-    kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
-    t = Table(values, where, ("type", "name", *LIGHTS[kind]))
-    name = t.text("name", f"light {i}")
-    return _photometric(t, name, luminaires) if kind == "photometric" else READERS[kind](t, name)
-
-
-def _spot(t: Table, name: str) -> SpotLight:
-    outer = t.number("outer_degrees", above=0, below=90.0001)
-    inner = t.number("inner_degrees", 0.0, least=0)
-    if inner > outer:
-        raise SceneError(f"{t.where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
-    return SpotLight(name, t.vector("position"), t.direction("direction"), t.vector("intensity", least=0), inner, outer)
-
-
-def _photometric(t: Table, name: str, luminaires: _Luminaires) -> PhotometricLight:
-    file = luminaires.read(t.text("file"), t.where)
-    direction = np.array(t.direction("direction"))
-    axis = direction / np.sqrt((direction * direction).sum())
-    if "flux" in t:
-        flux = t.vector("flux", least=0)
-    elif luminaires.photometric:
-        tilt = math.degrees(math.acos(min(max(-float((axis * luminaires.up).sum()), -1.0), 1.0)))
-        flux = (file.flux * (file.tilt.factor(tilt) if file.tilt else 1.0),) * 3
-    else:
-        raise SceneError(
-            f"{t.where}: flux is missing; write flux = [r, g, b] in watts, or units = "
-            f'"photometric" at the top of the file for the {file.flux:.0f} lm of {t.text("file")}'
-        )
-    c0 = t.direction("c0", tuple(np.eye(3)[int(np.argmin(np.abs(axis)))].tolist()))
-    size = t.vector("size", 2, (0.0, 0.0), least=0)
-    return PhotometricLight(
-        name, t.vector("position"), t.direction("direction"), c0, flux, file.gammas, file.planes, file.intensity, size
-    )
-
-
-READERS: dict[str, Callable[[Table, str], Light]] = {  # one per key of LIGHTS, except "photometric"
-    "point": lambda t, name: PointLight(name, t.vector("position"), t.vector("flux", least=0)),
-    "directional": lambda t, name: DirectionalLight(name, t.direction("direction"), t.vector("irradiance", least=0)),
-    "sky": lambda t, name: SkyLight(name, t.vector("radiance", least=0)),
-    "spot": _spot,
-}
 
 
 def _probe(values, i, scene) -> Probe:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.files.edits import Edit, Finish, Freeze, edited
+from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, edited
 from gi_core.frames import first_frame
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
@@ -99,6 +99,27 @@ def test_edits_in_a_row_begin_with_the_same_light(before):
     back.frame_light.static.begin_with(before_edit(first).light)
     back.solve()
     assert np.array_equal(back.frame_light.static.gathered.per_lamp, before.frame_light.static.gathered.per_lamp)
+
+
+def test_lamps_that_stay_keep_their_light(before):
+    """A light that moves shows photons; a lamp that is removed leaves no light and no error."""
+    g = before.frame_light.static.gathered
+    per_lamp = dict(zip(before.lamps.names, np.split(g.per_lamp, 3, axis=1), strict=True))
+    moved = after(before, Light("bulb", (("position", (0.7, 0.3, 0.5)),)))
+    light = dict(zip(moved.lamps.names, np.split(moved.frame_light.static.gathered.per_lamp, 3, axis=1), strict=True))
+    assert np.array_equal(light["lamp"], per_lamp["lamp"]) and np.array_equal(light["spot"], per_lamp["spot"])
+    assert moved.frame_light.static.is_gathered and np.array_equal(moved.irradiance, moved.from_scratch())
+    many = solved(moved.scene, photons=400_000, light="photons")
+    truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
+    mine = relative_error(moved.static_irradiance, truth, areas).l1
+    photons = relative_error(moved.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
+    assert mine < 0.5 * photons, (mine, photons)
+    assert 0.5 * mine < moved.frame_light.static.gathered.error < 2 * mine
+    without = after(before, Darken("bulb"))
+    assert without.lamps.names == ("lamp", "spot")
+    left = np.concatenate([per_lamp["lamp"], per_lamp["spot"]], axis=1)
+    assert np.array_equal(without.frame_light.static.gathered.per_lamp, left)
+    assert without.frame_light.static.gathered.error <= g.error
 
 
 def test_without_gathered_light_all_photons_stand_in():
