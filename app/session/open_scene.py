@@ -20,11 +20,13 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
     from app.rest.measuring_plane import Level
+    from app.session.lights import LightId
     from app.session.method_view import MethodParts
     from gi_core.defaults.choose import Chosen
     from gi_core.files.edits import Edit, Values
     from gi_core.model import Model
     from gi_core.scene import Scene
+    from gi_core.scene.types import Light
 
 
 GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
@@ -158,6 +160,20 @@ class OpenScene:
             comes = any("reflectance" in dict(shown) for shown in given(self.settings.edits))  # back, by an undo
             return Finished(tuple(newest.items()), found.textured or comes)
         return found
+
+    @property
+    def lights(self) -> dict[LightId, Light]:
+        """Lights by name and number, as the edits asked for leave them."""
+        from app.session.lights import lights_after
+
+        return lights_after(self.scene, [edit for edit in self.edits if edit not in self.settings.edits])
+
+    def file_of(self, light: LightId) -> str:
+        """Return the photometric file that an edit has given a light, "" for none."""
+        from gi_core.files.edits import Light
+
+        edits = (e for e in self.edits if isinstance(e, Light) and (e.name, e.number) == (light.name, light.number))
+        return next((edit.file for edit in reversed(list(edits))), "")
 
     def parts_of(self, name: str) -> tuple[str, ...]:
         """Return the parts of a mobile, by material; () for an unknown one."""

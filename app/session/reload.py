@@ -146,7 +146,7 @@ class Reload:
         """Copy the settings that the user has changed since the start of the reload."""
         before, theirs = vars(self._before), () if self.same else RESET_BY_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
-        coming.lights = now.lights
+        coming.light_by_estimator = now.light_by_estimator
         if self._edited is not None:
             coming.history, coming.edits, coming.asked = now.history, now.edits, now.asked
             coming.filled = now.filled

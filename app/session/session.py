@@ -74,7 +74,7 @@ class Session(OpenScene):
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
         self._returning: dict[str, Pose] = {}  # poses that the edits asked for last bring back
         self.points = MeasuredPoints()  # of the error chart
-        self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
+        self.light_by_estimator: dict[str | None, str | None] = {}  # by estimator, as they were left
         self._refreshed = 0  # redraws of the same light
         self._worker = worker or Worker()
         self._applied = settings
@@ -175,8 +175,8 @@ class Session(OpenScene):
         """Show an estimator in the light that it had last; at first its photons alone."""
         s = self.settings
         if name != s.estimator:
-            self.lights[s.estimator] = s.light
-            self.want(replace(s, estimator=name, light=self.lights.get(name, "photons")))
+            self.light_by_estimator[s.estimator] = s.light
+            self.want(replace(s, estimator=name, light=self.light_by_estimator.get(name, "photons")))
 
     def _wait_for_opening(self) -> None:
         if self.opening is None or not self.opening.done:

@@ -15,6 +15,7 @@ SCENES = ["Scenes", "*.toml *.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 SAVED = ["Saved scenes", "*.toml"]
 TABLES = ["Tables", "*.csv"]
 MESHES = ["Meshes", "*.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
+LUMINAIRES = ["Photometric files", "*.ies *.ldt *.IES *.LDT", "All files", "*"]
 PICTURES = ["Pictures", "*.png"]
 FIELD_EM = 32
 UNSAVED = "Unsaved changes"

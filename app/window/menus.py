@@ -24,13 +24,14 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the six abo
         "save picture", "save picture as", "export", LINE, "quit",
     ),
     "Edit": (
-        "undo", "redo", LINE, "select all", "insert", "duplicate", "remove", LINE, "promote", "freeze", LINE,
+        "undo", "redo", LINE, "select all", "insert", "insert luminaire", "duplicate", "remove", LINE,
+        "promote", "freeze", LINE,
         "pin", "unpin", LINE, "gizmo", "rest", "reset poses", "reset settings",
     ),
     "View": (
         "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,
-        "meter", "reference", LINE, "show paths", "show disc", "show recomputed", LINE, "toggle panel", "full screen",
-        SIZE,
+        "meter", "reference", "lamp marks", LINE, "show paths", "show disc", "show recomputed", LINE,
+        "toggle panel", "full screen", SIZE,
     ),
     "Help": ("help",),
 }  # fmt: skip

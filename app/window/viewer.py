@@ -185,6 +185,7 @@ class Viewer:
     def _draw_over(self) -> None:
         """Draw marks, texts and buttons over the picture."""
         if self._ready:
+            self.viewport.lamps.draw(self.session, self.viewport.view)
             readout_marks.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
         if self._ready and self.session.settings.cells:
@@ -221,7 +222,8 @@ class Viewer:
     def _facts(self) -> panel.Facts:
         v, seconds = self.viewport, self.frame_seconds.value
         given = self.session, self.reload, self.estimators, seconds, self.metered
-        return panel.facts_of(*given, v.picture.scale, v.selection, v.pins.shown, v.clicked_material, v.part)
+        chosen = v.selection, v.pins.shown, v.clicked_material, v.part, v.lamps.selected
+        return panel.facts_of(*given, v.picture.scale, *chosen)
 
     def draw_menus(self) -> None:
         self._draw_part("menus", lambda: self.menus.draw(self.painter.ctx, self.session))
@@ -290,7 +292,8 @@ class Viewer:
                 raise
             self._ready = True
             self._news = self.reload.news(new)
-        if self._news and not (imgui.is_any_item_active() or self.reload.is_editing):  # once per held slider
+        held = imgui.is_any_item_active() or self.viewport.lamps.held is not None or self.reload.is_editing
+        if self._news and not held:  # once per held slider
             self.log(self._news)
             self._news = ""
 

@@ -15,6 +15,7 @@ from app.draw.picking import Hit
 from app.draw.renderer import Look, Renderer
 from app.draw.units import units_of
 from app.draw.white_balance import NEUTRAL
+from app.session.lights import LightId
 from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import FALSE_COLOURS
@@ -22,6 +23,7 @@ from app.window import drag
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl
 from app.window.gizmo import Gizmo
 from app.window.label_places import Box
+from app.window.lamp_handles import LampHandles
 from app.window.legend import of_errors
 from app.window.mobile_drag import MobileDrag
 from app.window.pins import Pins
@@ -46,6 +48,7 @@ class Viewport:
         self.pointer = Pointer()
         self.pins = Pins()
         self.mobile_drag = MobileDrag()
+        self.lamps = LampHandles()
         self.scale_fit = ScaleFit()
         self.wipe = Wipe()
         self.gizmo = Gizmo()
@@ -66,6 +69,7 @@ class Viewport:
         appeared = tuple(name for name in session.poses if keep_view and name not in self.session.poses)
         same_faces = keep_view and len(session.scene.static.faces) == len(self.session.scene.static.faces)
         self.clicked, self._pressed = self.clicked if same_faces else None, None
+        self.lamps.adopt(session, self.session if keep_view else None)
         self.session = session
         self.shown = self._drawn = self._surface = None
         self.scale_fit.forget()
@@ -74,7 +78,7 @@ class Viewport:
         self.mobile_drag = MobileDrag(drag.room_for(self.control.bounds, session.scene.up))
         if appeared:
             self.select(appeared)
-        elif not self.selection and self.clicked is None and len(session.poses) == 1:
+        elif not self.selection and self.clicked is None and self.lamps.selected is None and len(session.poses) == 1:
             self.select(tuple(session.poses))
 
     @property
@@ -83,8 +87,13 @@ class Viewport:
         return tuple(name for name in self._selection if name in self.session.poses)
 
     def select(self, names: tuple[str, ...]) -> None:
-        """Select mobiles, and no place of the static part."""
-        self._selection, self.clicked = names, None
+        """Select mobiles, and no place of the static part, nor a lamp."""
+        self._selection, self.clicked, self.lamps.selected = names, None, None
+
+    def select_lamp(self, lamp: LightId | None) -> None:
+        """Select a lamp by one of its lights, and no mobile."""
+        self.select(())
+        self.lamps.selected = lamp
 
     def redraw(self) -> None:
         """Draw again in the next frame; call after other use of the renderer."""
@@ -106,12 +115,16 @@ class Viewport:
         io = imgui.get_io()
         hovered = imgui.is_window_hovered() and view.contains(io.mouse_pos) and not self._is_covered(io.mouse_pos)
         control.advance(seconds)
+        if self.session.ready and self.shown is not None:
+            self.lamps.update(self.session, view, hovered and not self.gizmo.takes_mouse)
         if self._may_wipe and self.wipe.handle(io, view.origin[0], view.size[0], hovered):
             self.pointer.leave()
         elif (grab := self.mobile_drag.grab) is not None:
             self.mobile_drag.follow(self.session, view)
             if self.mobile_drag.grab is None:
                 self._select_by(grab)
+        elif self.lamps.held is not None:
+            self.lamps.follow(self.session, view, self.mobile_drag.room)
         elif control.is_steering:
             if not control.steer(io, seconds):
                 self._release()
@@ -132,7 +145,8 @@ class Viewport:
     @property
     def _may_wipe(self) -> bool:
         two = self.shown is not None and len(self.shown.sides) == 2
-        return two and self.mobile_drag.grab is None and not self.control.is_steering
+        held = self.mobile_drag.grab is not None or self.lamps.takes_mouse
+        return two and not held and not self.control.is_steering
 
     @property
     def _side_under_cursor(self) -> Side | None:
@@ -153,6 +167,8 @@ class Viewport:
         if imgui.is_mouse_clicked(LEFT):
             if self.pins.waiting:
                 self.pin()
+            elif self.lamps.press(self.session, self.view, drag.mode_of(shift, io.key_alt, io.key_ctrl)):
+                self.select_lamp(self.lamps.selected)
             elif on_mobile:
                 self._begin_drag(drag.mode_of(shift, io.key_alt, io.key_ctrl))
             else:
@@ -160,7 +176,9 @@ class Viewport:
                 self._pressed = self.view.camera, pick(self.session, self.view, io.mouse_pos)
         elif imgui.is_mouse_clicked(RIGHT):
             # Many window managers take Alt+drag, so the right button does the same.
-            if on_mobile:
+            if self.lamps.press(self.session, self.view, drag.FACE):
+                self.select_lamp(self.lamps.selected)
+            elif on_mobile:
                 self._begin_drag(drag.FACE)
             else:
                 self.control.begin(LOOK, RIGHT)
@@ -199,7 +217,8 @@ class Viewport:
         """
         io = imgui.get_io()
         if self._pressed is not None and self._pressed[0] == self.view.camera and not (io.key_ctrl or io.key_shift):
-            self._selection, self.clicked = (), self._pressed[1]
+            self.select(())
+            self.clicked = self._pressed[1]
         self._pressed = None
 
     def cancel_drag(self) -> bool:
@@ -207,7 +226,7 @@ class Viewport:
         if self.pins.waiting:
             self.pins.waiting = False
             return True
-        return self.mobile_drag.cancel(self.session)
+        return self.lamps.cancel(self.session) or self.mobile_drag.cancel(self.session)
 
     def pin(self) -> None:
         """Pin a read-out to the surface under the cursor; without one, the next click does."""
@@ -307,8 +326,10 @@ class Viewport:
         self.gizmo.draw(self.session, self.view, free, self.mobile_drag.room)
 
     def _show_cursor(self, hovered: bool, io) -> None:
-        grab = self.mobile_drag.grab
-        if grab is not None:
+        grab, lamp = self.mobile_drag.grab, self.lamps
+        if lamp.takes_mouse and (hovered or lamp.held is not None):
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+        elif grab is not None:
             imgui.set_mouse_cursor(_CURSORS[grab.mode])
         elif self.control.is_steering:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
@@ -317,7 +338,7 @@ class Viewport:
 
     def readout(self) -> str:
         """Return one line about the light under the cursor; "" without a surface there and while the mouse drags."""
-        dragging = self.mobile_drag.grab is not None or self.control.is_steering
+        dragging = self.mobile_drag.grab is not None or self.lamps.held is not None or self.control.is_steering
         return "" if dragging or self.pointer.reading is None else self.pointer.reading.text()
 
     def hint(self) -> str:
@@ -325,6 +346,8 @@ class Viewport:
         io, grab, hover = imgui.get_io(), self.mobile_drag.grab, self.pointer.hover
         if self.pins.waiting:
             return "Click a surface to pin a read-out  ·  Esc cancels"
+        if lamp := self.lamps.hint(drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)):
+            return lamp
         if grab is not None:
             several = len(self.mobile_drag.others)
             subject = f"{grab.mobile} and {several} more:" if several else grab.mobile

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from imgui_bundle import imgui
 
-from app.window.actions import files, objects, picture, views
+from app.window.actions import files, lamps, objects, picture, views
 from app.window.actions.parts import Window
+from app.window.panel.lights import AddLamp, ChangeLight, SelectLamp
 from app.window.panel.material import ChoosePart, Refinish
 from app.window.panel.objects import Move, Select
 from app.window.panel.readouts import Edit
@@ -19,7 +20,7 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move | Refinish | ChoosePart | Edit
+Request = Select | Move | Refinish | ChoosePart | Edit | SelectLamp | ChangeLight | AddLamp
 
 
 class Action(NamedTuple):
@@ -44,6 +45,12 @@ def act(window: Window, name: str | Request) -> None:
             objects.choose_part(window, part)
         case Move():
             objects.move(window, name)
+        case SelectLamp(light):
+            window.viewport.select_lamp(light)
+        case ChangeLight():
+            lamps.change(window, name)
+        case AddLamp():
+            lamps.add(window, name)
         case Edit(field, value, first, last):
             window.session.edit(first, last, **{field: value})
         case str():
@@ -55,6 +62,15 @@ def act(window: Window, name: str | Request) -> None:
 def _ctrl(key: int, more: int = 0) -> int:
     """Return the chord of Ctrl and a key. Of numbers: the flags of Python 3.11.2 refuse sums without a name."""
     return int(K.mod_ctrl) | int(more) | int(key)
+
+
+def _of_selected(of_lamp: Callable[[Window], None], of_objects: Callable[[Window], None]) -> Callable[[Window], None]:
+    """Return an action on the selected lamp, else on the selected objects."""
+
+    def run(window: Window) -> None:
+        (of_objects if window.viewport.lamps.selected is None else of_lamp)(window)
+
+    return run
 
 
 ACTIONS = {
@@ -91,11 +107,19 @@ ACTIONS = {
     "rest": Action(objects.rest, label="Rest on floor"),
     "insert": Action(objects.choose_and_insert, label="Insert object..."),
     "duplicate": Action(
-        objects.duplicate, (_ctrl(K.d),), "Ctrl+D", "duplicate the selected objects", label="Duplicate"
+        _of_selected(lamps.duplicate, objects.duplicate), (_ctrl(K.d),), "Ctrl+D",
+        "duplicate the selected objects, or the lamp", label="Duplicate",
     ),
     "remove": Action(
-        objects.remove, (int(K.mod_shift) | int(K.delete),), "Shift+Del", "remove the selected objects", label="Remove"
+        _of_selected(lamps.remove, objects.remove), (int(K.mod_shift) | int(K.delete),), "Shift+Del",
+        "remove the selected objects, or the lamp", label="Remove",
     ),
+    "duplicate lamp": Action(lamps.duplicate),
+    "remove lamp": Action(lamps.remove),
+    "replace lamp": Action(lamps.replace_faces),
+    "lamp file": Action(lamps.choose_file_for_selected),
+    "insert luminaire": Action(lambda w: lamps.choose_file(w, None), label="Insert luminaire..."),
+    "lamp marks": Action(lamps.toggle_marks, (K.l,), "L", "show or hide the marks of lamps", label="Marks of lamps"),
     "select all": Action(
         lambda w: w.viewport.select(tuple(w.session.poses)), (_ctrl(K.a),), "Ctrl+A", "select all objects",
         label="Select all",

@@ -11,6 +11,7 @@ from app.cli.writable import write_whole
 from app.session.log import WARNING
 from app.settings import UsageError
 from app.window import dialogs, readout_marks, screenshot, view_content
+from app.window.actions.lamps import is_photometric, use_file
 from app.window.actions.objects import insert, is_mesh
 from app.window.actions.parts import Window
 
@@ -33,13 +34,19 @@ def open_files(window: Window, names: list[str]) -> None:
 
 
 def drop(window: Window, names: list[str]) -> None:
-    """Insert mesh files dropped on the picture; open others, and files dropped elsewhere, as a scene."""
+    """Insert mesh and photometric files dropped on the picture; open others, and those dropped elsewhere, as a scene.
+
+    A photometric file on the mark of a lamp is for this lamp.
+    """
     at = window.viewport.place_at(imgui.get_mouse_pos()) if window.session.ready else None
-    if at is None or not all(is_mesh(name) for name in names):
+    if at is None or not all(is_mesh(name) or is_photometric(name) for name in names):
         open_files(window, names)
         return
     for name in names:
-        insert(window, name, at.point)
+        if is_photometric(name):
+            use_file(window, window.viewport.lamps.under_cursor, name, at.point)
+        else:
+            insert(window, name, at.point)
 
 
 def save(window: Window) -> None:

@@ -60,7 +60,7 @@ SECTIONS = (
     Section("Scene", scene.draw),
     Section("Objects", objects.draw),
     Section("Material", material.draw, unfolded=False),
-    Section("Lamps", lamps.draw, visible=lambda facts: bool(facts.lamp_flux)),
+    Section("Lamps", lamps.draw),
     Section("Picture", picture.draw),
     Section("Read-outs", readouts.draw),
     Section("Quality", quality.draw),

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from app.rest.measured_points import MeasuredPoint
     from app.rest.measuring_plane import Level, PlaneLight
     from app.rest.results import GatherProgress, Report
+    from app.session.lights import LightId
     from app.session.reload import Reload
     from app.session.session import Session
     from app.settings import LampSetting
     from gi_core.discs.contact.stale_receivers import ControlFacts
     from gi_core.scene import Pose
+    from gi_core.scene.types import Light
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,10 @@ class Facts:
     textured: bool = False  # its colour is a texture, or several colours
     glossy: bool = False  # a face of the scene has gloss
     piece: bool = False  # a place of the static part has been clicked
+    lights: Mapping[LightId, Light] = field(default_factory=dict)
+    lamp: LightId | None = None  # the selected one, by one of its lights; one of surfaces has none
+    light_file: str = ""  # photometric, of that light by an edit
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
 
     @property
     def selected(self) -> str:
@@ -94,10 +100,11 @@ def facts_of(
     pinned: tuple[Pinned, ...] = (),
     clicked: str = "",
     part: str = "",
+    lamp: LightId | None = None,
 ) -> Facts:
     """Return the facts of a ready session.
 
-    clicked: the material of the static part clicked last, "" for none; part: that of a mobile.
+    clicked: the material of the static part clicked last, "" for none; part: that of a mobile; lamp: the selected one.
     """
     from app.draw.kelvin import of_luminance_one
     from gi_core.geometry.error import luminance
@@ -162,4 +169,8 @@ def facts_of(
         material=finish.values,
         textured=finish.textured,
         piece=bool(clicked),
+        lights=session.lights,
+        lamp=lamp,
+        light_file=session.file_of(lamp) if lamp is not None else "",
+        up=session.scene.up,
     )

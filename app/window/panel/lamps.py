@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 from imgui_bundle import imgui
 
 from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of
+from app.session.lights import LightId
 from app.settings import LampSetting, Settings
+from app.window.panel import lights
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
@@ -26,7 +29,7 @@ ROUNDING = 1e-6  # of a colour: the field has float32
 _typed = [""]  # name of the light scene to keep
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     s = _light_scenes(s, facts, actions)
     given = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
@@ -34,7 +37,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     for k, name in enumerate(facts.lamps):
         imgui.push_id(name)
         lamp = given.get(name, LampSetting(name))
-        changed, lamp, solo = _row(lamp, solo, k, facts, names)
+        changed, lamp, solo = _row(lamp, solo, k, facts, names, actions)
         if changed:
             given[name] = lamp
         imgui.pop_id()
@@ -50,10 +53,27 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         s = replace(s, lamps=(), solo="")
     ui.tip("Return all lamps to the levels of the scene file.")
     imgui.end_disabled()
+    if facts.lamp is not None and facts.lamp.name in facts.lamps:
+        imgui.separator()
+        lights.head(facts.lamp, facts, actions)
+        name = facts.lamp.name
+        lamp = _flux_field(given.get(name, LampSetting(name)), facts.lamps.index(name), facts)
+        others = tuple(other for other in s.lamps if other.name != name)
+        s = s if lamp == given.get(name, LampSetting(name)) else replace(s, lamps=(*others, lamp))
+    lights.draw(facts, actions)
     return s
 
 
-def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def _flux_field(lamp: LampSetting, k: int, facts: Facts) -> LampSetting:
+    """Draw the flux of the selected lamp as a number; it sets the level."""
+    unit = "lm" if facts.photometric else "W"
+    full = _flux(lamp._replace(dim=1.0, on=True), "", k, facts)
+    (flux,), edited, *_ = ui.fields("Flux", (full * lamp.dim,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
+    ui.tip("Flux of the selected lamp. Double-click to type it; the level follows.")
+    return lamp._replace(dim=min(max(flux / full, 0.0), MOST)) if edited and full > 0 else lamp
+
+
+def _light_scenes(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
     names, asked = list(facts.light_scenes), s.levels(facts.lamps)
     if names:
@@ -84,7 +104,9 @@ def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     return s
 
 
-def _row(lamp: LampSetting, solo: str, k: int, facts: Facts, names: float) -> tuple[bool, LampSetting, str]:
+def _row(
+    lamp: LampSetting, solo: str, k: int, facts: Facts, names: float, actions: set[Any]
+) -> tuple[bool, LampSetting, str]:
     """Draw a lamp's row; return whether it changed, the lamp, and the name of the lamp that is alone.
 
     names: width of the longest name [points].
@@ -98,11 +120,15 @@ def _row(lamp: LampSetting, solo: str, k: int, facts: Facts, names: float) -> tu
     ui.tip("On or off.")
     imgui.same_line(0, gap)
     name_at, most = imgui.get_cursor_pos_x(), min(names, MOST_NAME * width)
-    imgui.begin_disabled(not lit)
+    chosen = facts.lamp is not None and facts.lamp.name == lamp.name
+    imgui.push_style_color(
+        imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text if lit else imgui.Col_.text_disabled)
+    )
     imgui.align_text_to_frame_padding()
-    imgui.text(ui.shortened(lamp.name, most))
-    imgui.end_disabled()
-    ui.tip(f"{lamp.name}: {flux}")
+    if imgui.selectable(f"{ui.shortened(lamp.name, most)}###select", chosen, 0, (most, 0))[0]:
+        actions.add(lights.SelectLamp(None if chosen else LightId(lamp.name)))
+    imgui.pop_style_color()
+    ui.tip(f"{lamp.name}: {flux}. Click to select the lamp.")
     right = left + width - SOLO_EM * em
     colour_at = right - gap - imgui.get_frame_height()
     level_end = colour_at - gap

@@ -1,0 +1,158 @@
+"""Actions on lamps: select, add, change, copy, remove, give the distribution of a photometric file."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.session.lights import LightId
+from app.session.log import WARNING
+from app.session.new_lights import Room, in_place_of, new_light, panel_of_faces, photometric
+from app.window import dialogs
+from app.window.actions.parts import Window
+from app.window.panel.lights import FILE, AddLamp, ChangeLight
+from gi_core.scene.pose import three
+from gi_core.scene.types import PlacedLight
+
+if TYPE_CHECKING:
+    from gi_core.files.edits import Values
+
+ASIDE = 0.05  # of the scene's size: a copy's distance
+BESIDE = 1e-3  # of the scene's size: start of rays over a surface
+LEVEL = 0.5  # cosine: flatter surfaces that look up are no ceilings
+
+
+def is_photometric(name: str) -> bool:
+    """Return whether a file is a photometric file by its suffix."""
+    from gi_core.files.formats.photometry_file import SUFFIXES
+
+    return Path(name).suffix.lower() in SUFFIXES
+
+
+def change(window: Window, asked: ChangeLight) -> None:
+    from gi_core.files.edits import Light
+
+    found = asked.light
+    window.session.change_scene(Light(found.name, asked.values, number=found.number), first=asked.first)
+
+
+def add(window: Window, asked: AddLamp) -> None:
+    """Add a lamp below the ceiling, over the surface clicked last, else over the middle of the picture."""
+    if asked.kind == FILE:
+        choose_file(window, None)
+        return
+    _add(window, asked.kind, new_light(asked.kind, _room(window)))
+
+
+def choose_file(window: Window, lamp: LightId | None) -> None:
+    """Ask for a photometric file for a lamp, or for a new one."""
+    folder = str(Path(window.files.suggestion(window.session)).parent)
+    window.files.dialog.open("Choose a luminaire", folder, dialogs.LUMINAIRES, partial(use_file, window, lamp))
+
+
+def use_file(window: Window, lamp: LightId | None, name: str, at: np.ndarray | None = None) -> None:
+    """Give a lamp the distribution of a photometric file, or add one with it; at (3,) [m]: over this place."""
+    from gi_core.files.edits import Light
+
+    file, room = os.path.abspath(os.path.expanduser(name)), _room(window, at)
+    if lamp is None:
+        _add(window, Path(file).stem, photometric({}, room), file)
+        return
+    kept = in_place_of(window.session.lights[lamp], room.photometric)
+    window.session.change_scene(Light(lamp.name, photometric(kept, room), file, number=lamp.number))
+
+
+def choose_file_for_selected(window: Window) -> None:
+    lamp = window.viewport.lamps.selected
+    if lamp in window.session.lights:
+        choose_file(window, lamp)
+
+
+def duplicate(window: Window) -> None:
+    """Put a copy of the selected lamp beside it."""
+    from gi_core.files.edits import Light
+
+    session, found = window.session, window.viewport.lamps.selected
+    light = session.lights.get(found) if found is not None else None
+    if found is None or light is None:
+        window.log("surfaces that shine cannot be copied; make the lamp movable first", WARNING)
+        return
+    values: Values = ()
+    if isinstance(light, PlacedLight):
+        right = window.viewport.view.camera.basis()[0]
+        values = (("position", three(np.array(light.position) + ASIDE * session.chosen.scene_size * right)),)
+    session.change_scene(Light(_free_name(window, found.name), values, of=found.name, number=found.number))
+
+
+def remove(window: Window) -> None:
+    """Remove the selected lamp; of a lamp of several lights, the selected one."""
+    from gi_core.files.edits import Darken
+
+    session, found = window.session, window.viewport.lamps.selected
+    if found is None:
+        return
+    several = sum(other.name == found.name for other in session.lights) > 1
+    if len(session.model.emitters.lamps.names) == 1 and not several:
+        window.log("the last lamp stays: without it there is no light; add another one first", WARNING)
+        return
+    session.change_scene(Darken(found.name, found.number if several else None))
+
+
+def replace_faces(window: Window) -> None:
+    """Put a panel in place of the light of the selected lamp's surfaces."""
+    from gi_core.files.edits import Darken, Light
+
+    session, found = window.session, window.viewport.lamps.selected
+    if found is None:
+        return
+    values = panel_of_faces(session.scene, found.name, session.chosen.scene_size)
+    if values is None:
+        window.log(f"{found.name} shines in all directions: no panel can stand for it; add a bulb beside it", WARNING)
+        return
+    session.change_scene(Darken(found.name), Light(found.name, values))
+
+
+def toggle_marks(window: Window) -> None:
+    lamps = window.viewport.lamps
+    lamps.are_shown = not lamps.are_shown
+
+
+def _add(window: Window, name: str, values: Values, file: str = "") -> None:
+    from gi_core.files.edits import Light
+
+    window.session.change_scene(Light(_free_name(window, name), values, file))
+
+
+def _free_name(window: Window, name: str) -> str:
+    from gi_core.files.load import free_name
+
+    session = window.session
+    taken = (*session.model.emitters.lamps.names, *(m.name for m in session.scene.materials))
+    return free_name((*taken, *(light.name for light in session.scene.lights), *(e.name for e in session.edits)), name)
+
+
+def _room(window: Window, at: np.ndarray | None = None) -> Room:
+    """Return the place of a new lamp: over a point (3,) [m], the surface clicked last, or the picture's middle."""
+    from gi_core.geometry.error import luminance
+
+    session, camera = window.session, window.viewport.view.camera
+    up, size = np.array(session.scene.up, np.float64), session.chosen.scene_size
+    if at is None and window.viewport.clicked is not None:
+        at = window.viewport.clicked.point
+    if at is None:
+        view = window.viewport.view
+        hit = session.picker.pick(*camera.ray(0.5, 0.5, view.aspect), session.pose_list, session.settings.cull)
+        at = hit.point if hit is not None else np.array(camera.pivot)
+        at = at - BESIDE * size * camera.basis()[2]  # before the surface
+    below = session.picker.pick(at, -up, session.pose_list, True)
+    floor = below.point if below is not None else at
+    above = session.picker.pick(floor + BESIDE * size * up, up, session.pose_list, True)
+    height = above.distance + BESIDE * size if above is not None else float("inf")
+    e = session.model.emitters
+    placed = [flux for light, flux in zip(e.lamps.names, luminance(e.flux_of_lamps).tolist(), strict=True) if light]
+    flux = float(np.mean(placed)) if placed else 1.0
+    return Room(floor, height, up, size, session.scene.units == "photometric", flux)

@@ -1,0 +1,260 @@
+"""Lamps over the picture: a mark per light that has a place, which the mouse selects, moves, turns and aims."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from imgui_bundle import imgui
+
+from app.session.lights import Directed, LightId, towards, turned
+from app.window import drag, theme
+from app.window.view import CLICK_PIXELS
+from gi_core.scene import Pose
+from gi_core.scene.pose import rotation
+from gi_core.scene.types import Light, PhotometricLight, PlacedLight
+
+if TYPE_CHECKING:
+    from app.draw.camera import Bounds
+    from app.session.session import Session
+    from app.window.view import View
+    from gi_core.files.edits import Values
+
+MARK_EM, AIM_EM, RAY_EM = 0.42, 0.34, 0.24  # radii of marks and aims, length of a mark's rays
+REACH_EM = 0.8  # of the mouse
+RAYS = 8  # of a mark
+SHOWN_THROUGH = 1e-3  # of the distance: a surface so near a light does not hide it
+AIM_SHARE = 0.2  # of the scene's size: distance of the aim where the light meets nothing
+LIT, OFF = (1.0, 0.88, 0.6), (0.55, 0.55, 0.57)
+HIDDEN = 0.35  # opacity of marks behind surfaces
+AIM = "aim"  # beside the modes of a drag
+WORDS = {**drag.MODES, AIM: "shines at the surface under the cursor"}
+
+
+class Mark(NamedTuple):
+    """A light in the picture."""
+
+    id: LightId
+    light: PlacedLight
+    at: tuple[float, float]  # [points] in the window
+    hidden: bool  # behind a surface
+
+
+class Held(NamedTuple):
+    """A light that the mouse holds."""
+
+    id: LightId
+    light: PlacedLight  # at the press
+    mode: str
+    grab: drag.Grab
+
+
+class LampHandles:
+    """`update` and `draw` once per frame; `press`, then `follow` in each frame until `held` is None."""
+
+    def __init__(self) -> None:
+        self.are_shown = True
+        self.selected: LightId | None = None  # number 1 where a lamp consists of faces
+        self.held: Held | None = None
+        self._marks: list[Mark] = []
+        self._aim: tuple[float, float] | None = None  # of the selected light, in the window
+        self._target = np.zeros(3)  # the same [m]
+        self._under: tuple[LightId, bool] | None = None  # light under the cursor; whether its aim is
+        self._asked: tuple | None = None
+        self._moved = False  # since the press
+
+    @property
+    def takes_mouse(self) -> bool:
+        """Whether the cursor is over a mark, or holds one."""
+        return self.held is not None or self._under is not None
+
+    @property
+    def under_cursor(self) -> LightId | None:
+        """The light whose mark is under the cursor."""
+        mark = self._nearest(imgui.get_io().mouse_pos)
+        return mark[0] if mark is not None else None
+
+    def adopt(self, session: Session, before: Session | None) -> None:
+        """Show the lamps of a session; before: the one before an edit. The light that it adds is then selected."""
+        self._asked, now = None, session.lights
+        if before is not None:
+            known = before.lights
+            added = [found for found in now if found not in known]
+            self.selected = added[-1] if added else self.selected
+        if self.selected is not None and self.selected not in now:
+            names = session.model.emitters.lamps.names
+            self.selected = LightId(self.selected.name) if self.selected.name in names else None
+
+    # Marks ------------------------------------------------------------------------------------------
+
+    def update(self, session: Session, view: View, hovered: bool) -> None:
+        """Find the marks, and the one under the cursor; hovered: the cursor is over the picture."""
+        lights = session.lights if self.are_shown else {}
+        asked = view.camera, view.origin, view.size, tuple(lights.items()), session.version, self.selected
+        if asked != self._asked:
+            self._asked = asked
+            placed = {found: light for found, light in lights.items() if isinstance(light, PlacedLight)}
+            points = np.array([light.position for light in placed.values()], np.float64).reshape(-1, 3)
+            self._marks = [
+                Mark(found, light, at, self._is_hidden(session, view, light))
+                for (found, light), at in zip(placed.items(), view.on_screen(points), strict=True)
+                if at is not None
+            ]
+            self._find_aim(session, view, lights.get(self.selected) if self.selected is not None else None)
+        if self.held is None:
+            self._under = self._nearest(imgui.get_io().mouse_pos) if hovered else None
+
+    def _is_hidden(self, session: Session, view: View, light: PlacedLight) -> bool:
+        eye = view.camera.eye()
+        way = np.array(light.position) - eye
+        far = float(np.linalg.norm(way))
+        hit = session.picker.pick(eye, way / max(far, 1e-300), session.pose_list, session.settings.cull)
+        return hit is not None and hit.distance < far * (1 - SHOWN_THROUGH)
+
+    def _find_aim(self, session: Session, view: View, light: Light | None) -> None:
+        self._aim = None
+        if isinstance(light, PlacedLight) and isinstance(light, Directed):
+            place, d = np.array(light.position), np.array(light.direction, np.float64)
+            d /= np.linalg.norm(d)
+            hit = session.picker.pick(place, d, session.pose_list, False)
+            self._target = place + d * AIM_SHARE * session.chosen.scene_size if hit is None else hit.point
+            (self._aim,) = view.on_screen(self._target[None])
+
+    def _nearest(self, mouse) -> tuple[LightId, bool] | None:
+        """Return the mark under the cursor; hidden ones count only while they are selected."""
+        reach = REACH_EM * imgui.get_font_size()
+        if self._aim is not None and math.dist(self._aim, mouse) < reach:
+            return self.selected, True
+        near = [(math.dist(m.at, mouse), m) for m in self._marks if not m.hidden or m.id == self.selected]
+        distance, mark = min(near, key=lambda pair: pair[0], default=(math.inf, None))
+        return (mark.id, False) if distance < reach else None
+
+    # Drags ------------------------------------------------------------------------------------------
+
+    def press(self, session: Session, view: View, mode: str) -> bool:
+        """Take a press of the mouse on a mark; return False where there is none."""
+        if self._under is None:
+            return False
+        found, aims = self._under
+        light = session.lights.get(found)
+        if not isinstance(light, PlacedLight):
+            return False
+        u, v = view.uv(imgui.get_io().mouse_pos)
+        place = np.array(light.position, np.float64)
+        grab = drag.Grab(found.name, mode, place, Pose(light.position), view.camera, u, v, place, place)
+        self.selected, self._moved = found, False
+        self.held = Held(found, light, AIM if aims else mode, grab)
+        return True
+
+    def follow(self, session: Session, view: View, room: Bounds) -> None:
+        """Change the light by the cursor; end when no button is down."""
+        held, io = self.held, imgui.get_io()
+        u, v = view.uv(io.mouse_pos)
+        way = math.hypot((u - held.grab.u) * view.size[0], (v - held.grab.v) * view.size[1])
+        if imgui.is_mouse_pos_valid() and (way >= CLICK_PIXELS or self._moved):
+            self._change(session, self._values(session, view, u, v, room))
+        if not (imgui.is_mouse_down(0) or imgui.is_mouse_down(1)):
+            self.held = None
+
+    def _values(self, session: Session, view: View, u: float, v: float, room: Bounds) -> Values:
+        light, grab = self.held.light, self.held.grab._replace(camera=view.camera)
+        if self.held.mode == AIM and isinstance(light, Directed):
+            hit = session.picker.pick(*view.camera.ray(u, v, view.aspect), session.pose_list, session.settings.cull)
+            way = hit.point - np.array(light.position) if hit is not None else np.zeros(3)
+            return towards(light, way) if np.linalg.norm(way) > 0 else ()
+        pose = drag.dragged(grab, u, v, view.aspect, room)
+        if self.held.mode == drag.TURN:
+            R = rotation(pose)
+            return turned(light, view.camera.up, math.degrees(_angle(R, np.array(view.camera.up, np.float64))))
+        return (("position", pose.position),)
+
+    def _change(self, session: Session, values: Values) -> None:
+        from gi_core.files import edits
+
+        found, now = self.held.id, session.lights.get(self.held.id)
+        if values and now is not None and any(getattr(now, key) != value for key, value in values):
+            session.change_scene(edits.Light(found.name, values, number=found.number), first=not self._moved)
+            self._moved = True
+
+    def cancel(self, session: Session) -> bool:
+        """Restore the light; return False without a drag."""
+        if self.held is None:
+            return False
+        self.held = None
+        if self._moved:
+            session.undo()
+        return True
+
+    # Drawing ----------------------------------------------------------------------------------------
+
+    def draw(self, session: Session, view: View) -> None:
+        """Draw the marks into the current window."""
+        (x, y), (w, h) = view.origin, view.size
+        levels = dict(zip(session.model.emitters.lamps.names, session.light.snapshot.levels.max(axis=1), strict=True))
+        drawing = imgui.get_window_draw_list()
+        drawing.push_clip_rect((x, y), (x + w, y + h), True)
+        for mark in self._marks:
+            self._draw_mark(mark, view, levels.get(mark.id.name, 1.0) > 0)
+        drawing.pop_clip_rect()
+
+    def _draw_mark(self, mark: Mark, view: View, is_on: bool) -> None:
+        em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
+        chosen = mark.id == self.selected
+        pointed = self._under is not None and self._under[0] == mark.id
+        opacity = 1.0 if chosen or pointed or not mark.hidden else HIDDEN
+        edge = imgui.get_color_u32((*(theme.ACCENT if chosen else (0.05, 0.05, 0.06)), opacity))
+        fill = imgui.get_color_u32((*(LIT if is_on else OFF), opacity))
+        if chosen:
+            _draw_outline(mark.light, view, edge)
+            self._draw_aim(mark, edge)
+        r = MARK_EM * em * (1.15 if pointed else 1.0)
+        for k in range(RAYS):
+            c, s = math.cos(2 * math.pi * k / RAYS), math.sin(2 * math.pi * k / RAYS)
+            a, b = r * 1.25, r * 1.25 + RAY_EM * em
+            ends = (mark.at[0] + a * c, mark.at[1] + a * s), (mark.at[0] + b * c, mark.at[1] + b * s)
+            drawing.add_line(*ends, imgui.get_color_u32((0.05, 0.05, 0.06, 0.8 * opacity)), theme.pixels(3.0))
+            drawing.add_line(*ends, fill, theme.pixels(1.5))
+        drawing.add_circle_filled(mark.at, r, fill)
+        drawing.add_circle(mark.at, r, edge, 0, theme.pixels(2.0))
+
+    def _draw_aim(self, mark: Mark, colour: int) -> None:
+        if self._aim is None:
+            return
+        em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
+        drawing.add_line(mark.at, self._aim, colour, theme.pixels(1.5))
+        drawing.add_circle(self._aim, AIM_EM * em, colour, 0, theme.pixels(2.0))
+        drawing.add_circle_filled(self._aim, 0.3 * AIM_EM * em, colour)
+
+    def hint(self, mode: str) -> str:
+        """Return one line about the current drag, or a drag of the mark under the cursor; "" for neither."""
+        if self.held is not None:
+            return f"{self.held.id.name} {WORDS[self.held.mode]}  ·  Esc cancels"
+        if self._under is None:
+            return ""
+        found, aims = self._under
+        if aims:
+            return f"Drag the aim of {found.name}: it {WORDS[AIM]}"
+        others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
+        return f"Drag lamp {found.name}: it {WORDS[mode]}{others}"
+
+
+def _angle(R: np.ndarray, up: np.ndarray) -> float:
+    """Return the angle [rad] of a rotation (3, 3) about an axis (3,)."""
+    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    return math.atan2(float(skew @ up) / float(np.linalg.norm(up)), (float(np.trace(R)) - 1) / 2)
+
+
+def _draw_outline(light: PlacedLight, view: View, colour: int) -> None:
+    """Draw the rectangle of a luminaire that has a size."""
+    if not isinstance(light, PhotometricLight) or min(light.size) <= 0:
+        return
+    from gi_core.lights.photometric import axes
+
+    axis, c0 = axes(light)
+    a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(c0, axis)
+    corners = np.array(light.position) + np.stack([-a - b, a - b, a + b, b - a])
+    places = view.on_screen(corners)
+    for p, q in zip(places, [*places[1:], places[0]], strict=True):
+        if p is not None and q is not None:
+            imgui.get_window_draw_list().add_line(p, q, colour, theme.pixels(2.0))

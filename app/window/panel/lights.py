@@ -1,0 +1,167 @@
+"""The selected lamp: place, aim, beam and size of its light; lamps added, copied and removed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from imgui_bundle import imgui
+
+from app.session.lights import Directed, LightId, aim_of, aimed, beam
+from app.session.new_lights import BULB, NEW, PANEL, SKY, SPOT, SUN
+from app.window.panel import widgets as ui
+from gi_core.scene.pose import three
+from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PlacedLight, PointLight, SpotLight
+
+if TYPE_CHECKING:
+    from app.window.panel.facts import Facts
+    from gi_core.files.edits import Values
+
+SPEED = 1e-3  # of the scene size per pixel of a drag
+LEAST_SIDE = 1e-3  # [m] of a panel
+KINDS = {
+    BULB: "A point that shines equally in all directions.",
+    SPOT: "A point that shines into a cone.",
+    PANEL: "A rectangle of constant luminance, as a ceiling panel.",
+    SUN: "Parallel light.",
+    SKY: "An overcast sky: a dome of constant luminance. Rooms need an opening.",
+}
+FILE = "from a file..."
+
+_headings: dict[LightId, float] = {}  # last heading: straight down has none
+_held = [False]  # a field: its next value belongs to the same step of undo
+
+
+class ChangeLight(NamedTuple):
+    """Request to change a light; not `first`: the next value of a field that is still held."""
+
+    light: LightId
+    values: Values
+    first: bool = True
+
+
+class SelectLamp(NamedTuple):
+    """Request to select a lamp by one of its lights; None: none."""
+
+    light: LightId | None
+
+
+class AddLamp(NamedTuple):
+    """Request to add a lamp of a kind of NEW, or FILE."""
+
+    kind: str
+
+
+def draw(facts: Facts, actions: set[Any]) -> None:
+    """Draw the selected lamp, and the buttons that add, copy and remove lamps."""
+    if facts.lamp is not None:
+        light = facts.lights.get(facts.lamp)
+        imgui.push_id("light")
+        if light is not None:
+            _light(facts.lamp, light, facts, actions)
+        imgui.pop_id()
+    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
+    if facts.lamp is not None:
+        _buttons(facts, actions, half)
+    imgui.set_next_item_width(-1)
+    if imgui.begin_combo("##Add lamp", "Add a lamp..."):
+        for kind in (*NEW, FILE):
+            if imgui.selectable(kind.capitalize(), False)[0]:
+                actions.add(AddLamp(kind))
+            ui.tip(KINDS.get(kind, "A luminaire by its maker's IES or EULUMDAT file (.ies, .ldt)."))
+        imgui.end_combo()
+    ui.tip("It hangs below the ceiling over the middle of the picture, or over the surface clicked last. Photometric "
+           "files may be dropped on the picture too.")  # fmt: skip
+
+
+def head(lamp: LightId, facts: Facts, actions: set[Any]) -> None:
+    """Name the selected lamp and the kind of its light; of several lights, choose one."""
+    ui.number(
+        lamp.name, _kind(facts.lights.get(lamp)), "The selected lamp, and its kind. Click its row to select none."
+    )
+    several = [found for found in facts.lights if found.name == lamp.name]
+    if len(several) > 1:
+        ui.label("Light")
+        if imgui.begin_combo("##which", f"{lamp.number} of {len(several)}"):
+            for found in several:
+                if imgui.selectable(f"{found.number} of {len(several)}", found == lamp)[0]:
+                    actions.add(SelectLamp(found))
+            imgui.end_combo()
+        ui.tip("Lights of one name are one lamp. Each has its own place.")
+
+
+def _kind(light: Light | None) -> str:
+    match light:
+        case None:
+            return "surfaces that shine"
+        case PointLight():
+            return BULB
+        case SpotLight():
+            return SPOT
+        case PhotometricLight():
+            from gi_core.files.formats.lights_table import COSINE
+
+            return PANEL if light.intensity is COSINE else "photometric"
+        case DirectionalLight():
+            return SUN
+    return SKY
+
+
+def _light(lamp: LightId, light: Light, facts: Facts, actions: set[Any]) -> None:
+    if isinstance(light, PlacedLight):
+        values, *done = ui.fields("Position", light.position, SPEED * facts.scene_size, "%.3f")
+        ui.tip("Position [m]: x, y, z. Drag, or double-click to type. In the picture, drag the lamp's mark.")
+        _changed(lamp, (("position", three(values)),), done, actions)
+    if isinstance(light, Directed):
+        tilt, heading, turn = aim_of(light, facts.up, _headings.get(lamp, 0.0))
+        _headings[lamp] = heading
+        angles: tuple[float, ...] = tilt, heading
+        about = "Angle from straight down, and about the vertical [degrees]"
+        if isinstance(light, PhotometricLight):
+            angles, about = (tilt, heading, turn), f"{about}; then about the lamp's own axis"
+        values, *done = ui.fields("Aim", angles, 0.5, "%.1f°", ("tilt", "heading", "turn")[: len(angles)])
+        ui.tip(f"{about}. In the picture, drag the ring where the lamp's axis meets a surface.")
+        tilt, heading, turn = (*values, turn)[:3]
+        if done[0]:
+            _headings[lamp] = heading
+        _changed(lamp, aimed(light, tilt, heading, turn, facts.up), done, actions)
+    if isinstance(light, SpotLight):
+        cone = light.inner_degrees, light.outer_degrees
+        values, *done = ui.fields("Beam", cone, 0.2, "%.1f°", ("inner", "outer"))
+        ui.tip("Angles from the axis: up to the first the light is full, at the second it ends. The flux stays.")
+        _changed(lamp, beam(light, values[0], values[1]), done, actions)
+    if isinstance(light, PhotometricLight):
+        values, *done = ui.fields("Size", light.size, SPEED * facts.scene_size, "%.3f", ("C0", "C90"))
+        ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
+        a, b = (max(v, 0.0) for v in values)
+        sides = (a, b) if a == b == 0 else (max(a, LEAST_SIDE), max(b, LEAST_SIDE))
+        _changed(lamp, (("size", sides),), done, actions)
+        ui.label("File")
+        if imgui.button((Path(facts.light_file).name if facts.light_file else "Choose...") + "###file", (-1, 0)):
+            actions.add("lamp file")
+        ui.tip("Give this lamp the distribution of an IES or EULUMDAT file (.ies, .ldt).")
+
+
+def _changed(lamp: LightId, values: Values, done: list[bool], actions: set[Any]) -> None:
+    edited, begins, _ = done
+    _held[0] &= not begins
+    if edited:
+        actions.add(ChangeLight(lamp, values, first=not _held[0]))
+        _held[0] = True
+
+
+def _buttons(facts: Facts, actions: set[Any], half: float) -> None:
+    light = facts.lights.get(facts.lamp) if facts.lamp is not None else None
+    if light is not None:
+        if imgui.button("Duplicate lamp", (half, 0)):
+            actions.add("duplicate lamp")
+        ui.tip("Put a copy of the lamp beside it.")
+    else:
+        if imgui.button("Make movable###lamp", (half, 0)):
+            actions.add("replace lamp")
+        ui.tip("Put a panel of the same flux and size in place of the light of these surfaces: it can be moved and "
+               "turned. The surfaces stay, dark.")  # fmt: skip
+    imgui.same_line()
+    if imgui.button("Remove lamp", (-1, 0)):
+        actions.add("remove lamp")
+    ui.tip("Remove the lamp. Surfaces that shine stay, dark.")
