@@ -22,8 +22,9 @@ import numpy as np
 
 from app.rest.scheduler import RestWork
 from app.rest.timed_gathering import NO_ERRORS
+from app.session.new_lights import panel_of_faces
 from app.settings import Settings, make_solver, open_scene
-from gi_core.files.edits import Edit, Finish, Freeze, Promote, edited
+from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Promote, edited
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
 from gi_core.scene import Scene
 from gi_core.solver import Solver, before_edit
@@ -35,18 +36,30 @@ COLOUR = (0.3, 0.5, 0.7)
 TIMES = 0.0, 1.0, 3.0, 6.0, 10.0, 20.0, 30.0  # s after the first picture
 
 
-def edit_of(scene: Scene, what: str) -> Edit:
-    """Return the edit: "freeze" the first mobile, "promote:x,y,z", or a material or mobile by name."""
+def edits_of(scene: Scene, what: str) -> list[Edit]:
+    """Return the edits: "freeze" the first mobile, "promote:x,y,z", a lamp, or a material or mobile by name.
+
+    "light:NAME:x,y,z" moves a light, "panel:NAME" puts one in place of the faces of a lamp.
+    """
+    kind, _, of = what.partition(":")
     if what == "freeze":
-        return Freeze(scene.mobiles[0].name, scene.mobiles[0].pose)
-    if what.startswith("promote:"):
-        x, y, z = (float(c) for c in what.partition(":")[2].split(","))
-        return Promote("promoted", (x, y, z))
-    return Finish(what, (("reflectance", COLOUR),))
+        return [Freeze(scene.mobiles[0].name, scene.mobiles[0].pose)]
+    if kind == "promote":
+        x, y, z = (float(c) for c in of.split(","))
+        return [Promote("promoted", (x, y, z))]
+    if kind == "light":
+        name, _, place = of.partition(":")
+        return [Light(name, (("position", tuple(float(c) for c in place.split(","))),))]
+    if kind == "panel":
+        values = panel_of_faces(scene, of, float(np.ptp(scene.static.vertices, axis=0).max()))
+        return [Darken(of), Light(of, values or ())]
+    return [Finish(what, (("reflectance", COLOUR),))]
 
 
-def after(solver: Solver, scene: Scene, settings: Settings, with_light: bool) -> list[tuple[float, np.ndarray, Solver]]:
-    """Return the irradiance of the pictures after an edit, with their times [s]."""
+def after(
+    solver: Solver, scene: Scene, settings: Settings, with_light: bool
+) -> list[tuple[float, np.ndarray, float, Solver]]:
+    """Return times [s], irradiance and stated errors of the pictures after an edit."""
     given = before_edit(solver)
     other = make_solver(scene, settings, given.photons)
     if with_light and given.light is not None:
@@ -54,7 +67,8 @@ def after(solver: Solver, scene: Scene, settings: Settings, with_light: bool) ->
     begun, found = time.process_time(), []
 
     def look() -> None:
-        found.append(((time.process_time() - begun) / GAIN, other.drawn(other.irradiance).irradiance, other))
+        seconds, light = (time.process_time() - begun) / GAIN, other.drawn(other.irradiance).irradiance
+        found.append((seconds, light, other.frame_light.static.error, other))
 
     for progress in other.solve_steps():
         if progress.picture:
@@ -63,13 +77,15 @@ def after(solver: Solver, scene: Scene, settings: Settings, with_light: bool) ->
     while found[-1][0] - found[0][0] < TIMES[-1] and (task := work.next_task(NO_ERRORS)) is not None:
         task.run()
         look()
-    return [(t - found[0][0], E, s) for t, E, s in found]
+    return [(t - found[0][0], *picture) for t, *picture in found]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
-    parser.add_argument("edit", help='a material or a mobile, "freeze", or "promote:x,y,z"')
+    parser.add_argument(
+        "edit", help='a material or a mobile, "freeze", "promote:x,y,z", "light:NAME:x,y,z", "panel:NAME"'
+    )
     parser.add_argument("--gather", type=float, default=30.0, help="CPU s before the edit")
     parser.add_argument("--points", type=int, default=400)
     parser.add_argument("--noise", type=float, default=1.5, help="of the truth [%%]")
@@ -87,18 +103,21 @@ def main() -> None:
             task.run()
         g = solver.frame_light.static.gathered
         print(f"{asked.scene}, {asked.edit}: gathered to {100 * g.error:.1f} % before the edit")
-        changed = edited(scene, [edit_of(scene, asked.edit)])
+        changed = edited(scene, edits_of(scene, asked.edit))
         settings = replace(settings, photons=solver.photons)
         print("| light of the static part | " + " | ".join(f"{t:g} s" for t in TIMES) + " | noise of truth |")
         for name, with_light in ROWS:
             os.environ["GI_VIEWER_REFERENCE_DIR"] = str(Path(folder) / name)
             pictures = after(solver, changed, settings, with_light)
-            other = pictures[0][2]
+            other = pictures[0][-1]
             rows, weights = draw_by_area(in_view(other), other.model.object_receivers.areas, asked.points, 10)
             *_, sample = gather_sample(other.model, other.poses, rows, weights, 1, 1e-2 * asked.noise)
-            shown = [next(E for t, E, _ in reversed(pictures) if t <= time_) for time_ in TIMES]
+            at_times = [next(p for p in reversed(pictures) if p[0] <= time_) for time_ in TIMES]
+            shown = [picture[1] for picture in at_times]
             errors = " | ".join(f"{100 * sample.error(E):.1f} %" for E in shown)
             print(f"| {name} | {errors} | {100 * sample.noise:.1f} % |", flush=True)
+            stated = " | ".join("" if p[2] == float("inf") else f"{100 * p[2]:.1f} %" for p in at_times)
+            print(f"| its stated error | {stated} | |", flush=True)
             if asked.pictures is not None:
                 save(asked.pictures, other, shown, "with" if with_light else "without")
 

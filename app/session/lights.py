@@ -26,6 +26,11 @@ class LightId(NamedTuple):
     number: int = 1  # among the lights of its name, from 1
 
 
+def words_for(lamp: str) -> str:
+    """Return the name of a lamp, as a sentence has it."""
+    return lamp if "lamp" in lamp.lower() else f"lamp {lamp}"
+
+
 def numbered(lights: Iterable[Light]) -> dict[LightId, Light]:
     """Return lights by name and number."""
     count: dict[str, int] = {}

@@ -167,6 +167,7 @@ def words_of(before: Sequence[Edit], after: Sequence[Edit]) -> str:
 
 
 def _words(edits: Sequence[Edit], others: Sequence[Edit]) -> str:
+    from app.session.lights import words_for
     from gi_core.files.edits import Darken, Duplicate, Finish, Freeze, Insert, Light, Promote, Remove
 
     verbs = {Finish: "edited", Insert: "inserted", Duplicate: "duplicated", Remove: "removed", Promote: "made movable",
@@ -180,9 +181,13 @@ def _words(edits: Sequence[Edit], others: Sequence[Edit]) -> str:
         verb = verbs.get(type(edit), "")
         if isinstance(edit, Light):
             is_new = (edit.of or "type" in dict(edit.light)) and (edit.name, edit.number) not in lights
-            verb, thing = "added" if is_new else "edited", f"lamp {thing}"
+            replaced = any(isinstance(other, Darken) and other.name == thing for other in edits)
+            verb = "made movable" if replaced else "added" if is_new else "edited"
+            thing = words_for(thing)
         elif isinstance(edit, Darken):
-            thing = f"lamp {thing}"
+            if any(isinstance(other, Light) and other.name == thing for other in edits):
+                continue
+            thing = words_for(thing)
         things.setdefault(verb, []).append(thing)
     return "; ".join(f"{verb}: {', '.join(names)}" for verb, names in things.items())
 

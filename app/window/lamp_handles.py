@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from imgui_bundle import imgui
 
-from app.session.lights import Directed, LightId, towards, turned
+from app.session.lights import Directed, LightId, towards, turned, words_for
 from app.window import drag, theme
 from app.window.view import CLICK_PIXELS
 from gi_core.scene import Pose
@@ -229,14 +229,14 @@ class LampHandles:
     def hint(self, mode: str) -> str:
         """Return one line about the current drag, or a drag of the mark under the cursor; "" for neither."""
         if self.held is not None:
-            return f"{self.held.id.name} {WORDS[self.held.mode]}  ·  Esc cancels"
+            return f"{words_for(self.held.id.name)} {WORDS[self.held.mode]}  ·  Esc cancels"
         if self._under is None:
             return ""
         found, aims = self._under
         if aims:
-            return f"Drag the aim of {found.name}: it {WORDS[AIM]}"
+            return f"Drag the aim of {words_for(found.name)}: it {WORDS[AIM]}"
         others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
-        return f"Drag lamp {found.name}: it {WORDS[mode]}{others}"
+        return f"Drag {words_for(found.name)}: it {WORDS[mode]}{others}"
 
 
 def _angle(R: np.ndarray, up: np.ndarray) -> float:

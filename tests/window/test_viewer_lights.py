@@ -174,6 +174,7 @@ def test_surfaces_that_shine_become_a_panel(play):
         assert "make the lamp movable first" in viewer.log.last.text
         change(hand, viewer, lambda: viewer._do("replace lamp"))
         session = viewer.session
+        assert viewer.log.last.text == "made movable: lamp"
         panel = session.lights[LightId("lamp")]
         assert panel.position == pytest.approx((0.5, 0.995, 0.5), abs=2e-3) and panel.size == pytest.approx((0.3, 0.3))
         assert panel.direction == pytest.approx((0.0, -1.0, 0.0)) and not any(

@@ -12,6 +12,7 @@ from imgui_bundle import imgui
 from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of
 from app.session.lights import LightId
 from app.settings import LampSetting, Settings
+from app.window import theme
 from app.window.panel import lights
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
@@ -121,9 +122,8 @@ def _row(
     imgui.same_line(0, gap)
     name_at, most = imgui.get_cursor_pos_x(), min(names, MOST_NAME * width)
     chosen = facts.lamp is not None and facts.lamp.name == lamp.name
-    imgui.push_style_color(
-        imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text if lit else imgui.Col_.text_disabled)
-    )
+    usual = imgui.get_style_color_vec4(imgui.Col_.text if lit else imgui.Col_.text_disabled)
+    imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*theme.ACCENT, 1.0) if chosen else usual)
     imgui.align_text_to_frame_padding()
     if imgui.selectable(f"{ui.shortened(lamp.name, most)}###select", chosen, 0, (most, 0))[0]:
         actions.add(lights.SelectLamp(None if chosen else LightId(lamp.name)))
