@@ -14,6 +14,7 @@ MOUSE = (
     ("Alt or right drag it", "move it in the image plane"),
     ("Ctrl + drag it", "turn it about the vertical axis"),
     ("Ctrl or Shift + click it", "select several objects, which then move as one"),
+    ("Drag a lamp's mark", "move the lamp, with the same keys; drag its ring to aim it"),
     ("Drag empty space", "orbit"),
     ("Right drag empty space", "look around; with W A S D fly, Q and E down and up, Shift faster"),
     ("Shift or middle drag", "pan"),

@@ -148,6 +148,7 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
             }
         }
         kinds |= {"sky": {"radiance": colour}}
+        kinds["panel"] = {"position": g.reals(3), "direction": direction, "flux": colour, "size": [0.5, 0.2]}
         kind = g.pick(*kinds)
         lights.append(
             _some(
