@@ -277,7 +277,9 @@ class BeforeEdit(NamedTuple):
 
 def before_edit(solver: Solver) -> BeforeEdit:
     """Return what a solver of an edited scene begins with."""
-    return BeforeEdit(photons_of(solver), solver.frame_light.static.before_edit(solver.frame.background))
+    light = solver.frame_light
+    unreached = light.unreached.static.rows
+    return BeforeEdit(photons_of(solver), light.static.before_edit(solver.frame.background, unreached))
 
 
 def edited_solver(solver: Solver, scene: Scene) -> Solver:

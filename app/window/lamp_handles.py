@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MARK_EM, AIM_EM, RAY_EM = 0.42, 0.34, 0.24  # radii of marks and aims, length of a mark's rays
 REACH_EM = 0.8  # of the mouse
 RAYS = 8  # of a mark
-SHOWN_THROUGH = 1e-3  # of the distance: a surface so near a light does not hide it
+HOUSING = 0.03  # of the scene's size: a surface so near a light, such as its shade, does not hide it
 AIM_SHARE = 0.2  # of the scene's size: distance of the aim where the light meets nothing
 LIT, OFF = (1.0, 0.88, 0.6), (0.55, 0.55, 0.57)
 HIDDEN = 0.35  # opacity of marks behind surfaces
@@ -110,7 +110,7 @@ class LampHandles:
         way = np.array(light.position) - eye
         far = float(np.linalg.norm(way))
         hit = session.picker.pick(eye, way / max(far, 1e-300), session.pose_list, session.settings.cull)
-        return hit is not None and hit.distance < far * (1 - SHOWN_THROUGH)
+        return hit is not None and hit.distance < far - HOUSING * session.chosen.scene_size
 
     def _find_aim(self, session: Session, view: View, light: Light | None) -> None:
         self._aim = None

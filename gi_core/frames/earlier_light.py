@@ -43,15 +43,18 @@ class EarlierLight(NamedTuple):
     setting: Setting
     emitters: Emitters
     static: StaticPart
+    unreached: np.ndarray  # (k,) int64 receivers that light cannot reach
     by_photons: dict[int, np.ndarray]  # number of photons -> their irradiance per lamp (n, 3 G) float32 [W/m2]
 
 
-def earlier_light(b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> EarlierLight:
+def earlier_light(
+    b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float, unreached: np.ndarray
+) -> EarlierLight:
     """Return light of a background's static part, to be changed by edits; arguments as in EarlierLight."""
     by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
-    return EarlierLight(
-        _places(b.model), per_lamp, deviation, error, b.setting, b.model.emitters, _static(b.model), by_photons
-    )
+    m = b.model
+    scene = m.emitters, _static(m), unreached
+    return EarlierLight(_places(m), per_lamp, deviation, error, b.setting, *scene, by_photons)
 
 
 class EditedLight:
@@ -63,6 +66,7 @@ class EditedLight:
         self._lamps = unchanged_lamps(earlier.emitters, model.emitters)
         edited = edited_faces(earlier.static, _static(model))
         self._stays = edited is not None and not edited.any()  # the static part: so does the light of unchanged lamps
+        self._unreached = earlier.unreached if edited is not None else np.zeros(0, np.int64)  # by the same geometry
         self._weights = model.object_receivers.areas[: len(self._rows)]
         self._threads = model.threads
         self._shown: tuple[Background, int] | None = None
@@ -90,6 +94,7 @@ class EditedLight:
             smooth(light, REACH, around, self._threads)
             variance, change = light[:, VARIANCE], light[:, VARIANCE + 1 :]
         E, of_change = np.maximum(G + change, 0.0), np.sqrt(CORRELATED * variance / 3.0)
+        E[self._unreached] = 0.0  # smoothing would light them a little
         kept = self._kept(G)
         of_kept = kept * self._at_receivers(self.earlier.deviation)
         lit = max(float(self._weights @ luminance(sum_of_lamps(E))), 1e-300)

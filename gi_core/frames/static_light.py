@@ -154,17 +154,20 @@ class StaticLight:
 
     # -- edits ------------------------------------------------------------------------------------
 
-    def before_edit(self, shown: Background | None) -> EarlierLight | None:
-        """Return the light on show for the scene after an edit; None where photons alone light frames."""
+    def before_edit(self, shown: Background | None, unreached: np.ndarray) -> EarlierLight | None:
+        """Return the light on show for the scene after an edit; None where photons alone light frames.
+
+        unreached (k,): receivers that light cannot reach.
+        """
         if shown is None or not shown.estimate.photons or self.setting.light == "photons":
             return None
         if self.is_gathered and self.shows_earlier:
             return self._edited.earlier
         if self.is_gathered:
-            return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error)
+            return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error, unreached)
         light, noise = shown.irradiance_per_lamp(shown.estimate.photons), _photon_noise(shown)
         deviation = noise * luminance(sum_of_lamps(light))
-        return earlier_light(shown, light, deviation, noise) if math.isfinite(noise) else None
+        return earlier_light(shown, light, deviation, noise, unreached) if math.isfinite(noise) else None
 
     def begin_with(self, earlier: EarlierLight) -> None:
         """Show light gathered before an edit, changed as photons say, until there is better."""

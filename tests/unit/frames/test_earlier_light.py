@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver, before_edit
 from tests.physics.test_edits import room
+from tests.support.scene_builders import box, merge
 
 GIVEN = {"photons": 16_384, "radius": 0.12, "seed": 5, "light": "best"}
 RED = (("reflectance", (0.7, 0.2, 0.1)),)
@@ -120,6 +123,18 @@ def test_lamps_that_stay_keep_their_light(before):
     left = np.concatenate([per_lamp["lamp"], per_lamp["spot"]], axis=1)
     assert np.array_equal(without.frame_light.static.gathered.per_lamp, left)
     assert without.frame_light.static.gathered.error <= g.error
+
+
+def test_a_moved_light_leaves_unreached_receivers_dark():
+    """Smoothing lit those in the ceiling a little, so that they were not filled: a lamp's side turned black."""
+    plain = room()
+    hung = merge(plain.static, box((0.2, 0.2, 0.8), (0.8, 0.8, 1.05), 3, 3))  # its upper corners in the ceiling
+    before = solved(replace(plain, static=hung), photons=65_536)
+    unreached = before.frame_light.unreached.static.rows
+    moved = after(before, Light("bulb", (("position", (0.1, 0.5, 0.85)),)))
+    assert len(unreached) > 8 and (moved.static_irradiance[unreached] == 0).all()
+    assert (moved.drawn(moved.irradiance).irradiance[unreached] > 0).any(axis=1).all()
+    assert np.array_equal(moved.irradiance, moved.from_scratch())
 
 
 def test_without_gathered_light_all_photons_stand_in():
