@@ -168,7 +168,7 @@ def removed_lamps(edits: Iterable[Edit]) -> set[str]:
     """Return the names of lamps that edits have removed; settings may still name them, for an undo."""
     removed: set[str] = set()
     for edit in edits:
-        if isinstance(edit, Darken):
+        if isinstance(edit, Darken) and edit.number is None:
             removed.add(edit.name)
         elif isinstance(edit, Light):
             removed.discard(edit.name)

@@ -211,6 +211,7 @@ def test_changes_of_a_light_are_one_edit():
     copy = Light("bulb 2", (), of="bulb")
     assert with_edit((there, copy), HIGHER) == (there, copy, HIGHER), "the copy is of the light before"
     assert with_edit((there, Darken("bulb")), PANEL) == (there, Darken("bulb"), PANEL)
+    assert removed_lamps((Darken("bulb", 1),)) == set(), "others of that name are left"
     assert removed_lamps((Darken("bulb"), Darken("spot"), PANEL, Light("bulb", PANEL.light))) == {"spot"}
 
 

@@ -13,7 +13,8 @@ from app.session.opening import Opening
 from app.settings import LampSetting, Settings
 from app.window.actions import lamps as actions
 from app.window.panel.lights import FILE, AddLamp, ChangeLight, SelectLamp
-from gi_core.files.edits import Light, edited
+from gi_core.files.edits import Darken, Light, edited
+from gi_core.lights.lamps import OTHERS
 from gi_core.scene import PointLight, SpotLight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
@@ -262,6 +263,41 @@ def test_angles_of_the_panel_turn_a_lamp(play):
         assert not viewer.viewport.lamps.takes_mouse and not viewer.viewport.lamps.are_shown
 
     assert errors(play(script, open_with=open_lit)) == []
+
+
+def test_of_a_lamp_alone_that_is_removed_the_others_come_back(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer.session.want(dataclasses.replace(viewer.session.settings, solo="bulb"))
+        hand.wait_for_light()
+        assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [0.0, 1.0, 0.0]
+        viewer._do(SelectLamp(BULB))
+        hand.ctx.yield_(2)
+        change(hand, viewer, lambda: viewer._do("remove"))
+        assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [1.0, 1.0]
+
+    assert errors(play(script, open_with=open_lit)) == []
+
+
+def test_the_weaker_lamps_together_cannot_be_edited(play):
+    places = [(0.1 + 0.04 * k, 0.9, 0.5) for k in range(20)]
+    bulbs = tuple(PointLight(f"bulb {k}", place, (1.0 + k, 1.0, 1.0)) for k, place in enumerate(places))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer._do(SelectLamp(LightId(OTHERS)))
+        for action in ("remove lamp", "duplicate lamp", "replace lamp"):
+            hand.ctx.yield_(3)
+            viewer._do(action)
+            assert "select one by its mark" in viewer.log.last.text and viewer.session.edits == ()
+        viewer._do(SelectLamp(LightId("bulb 0")))
+        hand.ctx.yield_(3)
+        assert "bulb 0" not in viewer._facts().lamps
+        viewer._do("remove lamp")
+        assert viewer.session.edits == (Darken("bulb 0"),)
+
+    scene = dataclasses.replace(support.room(), lights=bulbs)
+    assert errors(play(script, open_with=support.opening(scene))) == []
 
 
 def test_levels_of_a_removed_lamp_are_no_mistake(folder):

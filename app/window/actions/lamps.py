@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from app.session.new_lights import Room, in_place_of, new_light, panel_of_faces,
 from app.window import dialogs
 from app.window.actions.parts import Window
 from app.window.panel.lights import FILE, AddLamp, ChangeLight
+from gi_core.lights.lamps import OTHERS
 from gi_core.scene.pose import three
 from gi_core.scene.types import PlacedLight
 
@@ -76,9 +78,11 @@ def duplicate(window: Window) -> None:
     """Put a copy of the selected lamp beside it."""
     from gi_core.files.edits import Light
 
-    session, found = window.session, window.viewport.lamps.selected
-    light = session.lights.get(found) if found is not None else None
-    if found is None or light is None:
+    session, found = window.session, _selected(window)
+    if found is None:
+        return
+    light = session.lights.get(found)
+    if light is None:
         window.log("surfaces that shine cannot be copied; make the lamp movable first", WARNING)
         return
     values: Values = ()
@@ -92,13 +96,15 @@ def remove(window: Window) -> None:
     """Remove the selected lamp; of a lamp of several lights, the selected one."""
     from gi_core.files.edits import Darken
 
-    session, found = window.session, window.viewport.lamps.selected
+    session, found = window.session, _selected(window)
     if found is None:
         return
     several = sum(other.name == found.name for other in session.lights) > 1
     if len(session.model.emitters.lamps.names) == 1 and not several:
         window.log("the last lamp stays: without it there is no light; add another one first", WARNING)
         return
+    if session.settings.solo == found.name and not several:
+        session.want(replace(session.settings, solo=""))  # else all others would stay dark
     session.change_scene(Darken(found.name, found.number if several else None))
 
 
@@ -106,7 +112,7 @@ def replace_faces(window: Window) -> None:
     """Put a panel in place of the light of the selected lamp's surfaces."""
     from gi_core.files.edits import Darken, Light
 
-    session, found = window.session, window.viewport.lamps.selected
+    session, found = window.session, _selected(window)
     if found is None:
         return
     values = panel_of_faces(session.scene, found.name, session.chosen.scene_size)
@@ -119,6 +125,15 @@ def replace_faces(window: Window) -> None:
 def toggle_marks(window: Window) -> None:
     lamps = window.viewport.lamps
     lamps.are_shown = not lamps.are_shown
+
+
+def _selected(window: Window) -> LightId | None:
+    """Return the selected lamp, None with a line in the log for several together."""
+    found = window.viewport.lamps.selected
+    if found is not None and found.name == OTHERS:
+        window.log("these are several lamps: select one by its mark in the picture", WARNING)
+        return None
+    return found
 
 
 def _add(window: Window, name: str, values: Values, file: str = "") -> None:
@@ -153,6 +168,8 @@ def _room(window: Window, at: np.ndarray | None = None) -> Room:
     above = session.picker.pick(floor + BESIDE * size * up, up, session.pose_list, True)
     height = above.distance + BESIDE * size if above is not None else float("inf")
     e = session.model.emitters
-    placed = [flux for light, flux in zip(e.lamps.names, luminance(e.flux_of_lamps).tolist(), strict=True) if light]
-    flux = float(np.mean(placed)) if placed else 1.0
+    far = {light.name for light in session.scene.lights if not isinstance(light, PlacedLight)}
+    fluxes = zip(e.lamps.names, luminance(e.flux_of_lamps).tolist(), strict=True)
+    near = [flux for name, flux in fluxes if flux > 0 and name not in far]  # neither sun nor sky
+    flux = float(np.mean(near)) if near else 1.0
     return Room(floor, height, up, size, session.scene.units == "photometric", flux)

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from app.session.lights import Directed, LightId, aim_of, aimed, beam
 from app.session.new_lights import BULB, NEW, PANEL, SKY, SPOT, SUN
 from app.window.panel import widgets as ui
+from gi_core.lights.lamps import OTHERS
 from gi_core.scene.pose import three
 from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PlacedLight, PointLight, SpotLight
 
@@ -61,7 +62,7 @@ def draw(facts: Facts, actions: set[Any]) -> None:
             _light(facts.lamp, light, facts, actions)
         imgui.pop_id()
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
-    if facts.lamp is not None:
+    if facts.lamp is not None and facts.lamp.name != OTHERS:
         _buttons(facts, actions, half)
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##Add lamp", "Add a lamp..."):
@@ -76,9 +77,8 @@ def draw(facts: Facts, actions: set[Any]) -> None:
 
 def head(lamp: LightId, facts: Facts, actions: set[Any]) -> None:
     """Name the selected lamp and the kind of its light; of several lights, choose one."""
-    ui.number(
-        lamp.name, _kind(facts.lights.get(lamp)), "The selected lamp, and its kind. Click its row to select none."
-    )
+    kind = "the weaker ones together" if lamp.name == OTHERS else _kind(facts.lights.get(lamp))
+    ui.number(lamp.name, kind, "Selected lamp, and its kind. Click its row to select none.")
     several = [found for found in facts.lights if found.name == lamp.name]
     if len(several) > 1:
         ui.label("Light")
