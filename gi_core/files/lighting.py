@@ -6,13 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from gi_core.files.completion import default_lights
 from gi_core.files.finishing import Values
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.lights_table import Luminaires, changed_light, read_light
+from gi_core.files.formats.mesh_file import part_of
 from gi_core.files.formats.toml_fields import Table
 from gi_core.scene import types
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.types import LightScene, Scene
+from gi_core.scene.types import LightScene, Mesh, Scene
 from gi_core.scene.validate import check_lamp, lamps_of
 
 
@@ -27,7 +31,10 @@ class Light(NamedTuple):
 
 
 class Darken(NamedTuple):
-    """Remove a lamp: its lights, and the emission of its faces; with a number, one of its lights."""
+    """Remove a lamp: its lights, and the emission of its faces; with a number, one of its lights.
+
+    Of a default light the faces go too.
+    """
 
     name: str
     number: int | None = None
@@ -77,7 +84,15 @@ def darkened(scene: Scene, name: str, number: int | None) -> Scene:
         scene = replace(scene, lights=(*scene.lights[:place], *scene.lights[place + 1 :]))
     else:
         materials = tuple(m._replace(emission=(0.0, 0.0, 0.0)) if m.name == name else m for m in scene.materials)
-        scene = replace(scene, lights=tuple(light for light in scene.lights if light.name != name), materials=materials)
+        lights = tuple(light for light in scene.lights if light.name != name)
+        scene = replace(scene, lights=lights, materials=materials, static=_without_stand_in(scene, name))
     there = lamps_of(scene)
     kept = (LightScene(s.name, tuple(level for level in s.levels if level.lamp in there)) for s in scene.light_scenes)
     return replace(scene, light_scenes=tuple(kept))
+
+
+def _without_stand_in(scene: Scene, name: str) -> Mesh:
+    """Return the static part without the faces of a default light: they would stay as a dark plate."""
+    these = np.array([m.name == name for m in scene.materials], bool)[scene.static.face_material]
+    stands_in = name == default_lights.NAME and default_lights.lit_by_stand_ins(scene)
+    return part_of(scene.static, ~these) if stands_in and these.any() else scene.static

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gi_core.bsdf.ggx import further_albedo
 from gi_core.discs import region
 from gi_core.estimators import ESTIMATORS
+from gi_core.files.completion import default_lights
 from gi_core.files.edits import (
     Darken,
     Duplicate,
@@ -213,6 +214,18 @@ def test_changes_of_a_light_are_one_edit():
     assert with_edit((there, Darken("bulb")), PANEL) == (there, Darken("bulb"), PANEL)
     assert removed_lamps((Darken("bulb", 1),)) == set(), "others of that name are left"
     assert removed_lamps((Darken("bulb"), Darken("spot"), PANEL, Light("bulb", PANEL.light))) == {"spot"}
+
+
+def test_the_plate_of_a_default_light_goes_with_it(tmp_path):
+    """It would hang dark over the user's own lamps."""
+    scene = load_scene(str(write_glb(tmp_path / "room.glb", 3 * BOX, BOX_FACES[:, ::-1])))
+    own = Light("own", (("type", "point"), ("position", (0.1, 0.2, 0.3)), ("flux", (1.0, 1.0, 1.0))))
+    lamps = {m.name for m in scene.materials if max(m.emission) > 0}
+    assert lamps == {default_lights.NAME} and default_lights.lit_by_stand_ins(scene)
+    lit = edited(scene, [own, Darken(default_lights.NAME)])
+    assert Solver(lit, photons=0).lamps.names == ("own",)
+    of_plate = np.array([m.name == default_lights.NAME for m in scene.materials])[scene.static.face_material]
+    assert of_plate.any() and len(lit.static.faces) == len(scene.static.faces) - of_plate.sum()
 
 
 def test_light_scenes_forget_a_removed_lamp():

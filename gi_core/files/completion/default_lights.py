@@ -21,6 +21,7 @@ LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp m
 ASIDE = (0.25, 0.5, 0.8)  # of the headroom: where else it may hang
 OPEN_AWAY = 0.5  # of the scene's size: without a ceiling, how far the lamp is above everything, and towards the camera
 OPEN_SIDE = 0.8  # of the scene's size
+NAME = "default light"  # material of the lamp
 SAID = "no light in the file: "  # the note about it begins so
 
 
@@ -83,7 +84,7 @@ def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) ->
     along = np.cross(normal, across)
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     corners = np.array([centre + side / 2 * (a * across + b * along) for a, b in signs])
-    material = Material("default light", (0.0, 0.0, 0.0), (RADIANCE,) * 3)
+    material = Material(NAME, (0.0, 0.0, 0.0), (RADIANCE,) * 3)
     note = f"{SAID}a lamp of {side:.3g} x {side:.3g} m hangs {where}"
     return replace(
         scene,
