@@ -59,7 +59,6 @@ class LampHandles:
         self.held: Held | None = None
         self._marks: list[Mark] = []
         self._aim: tuple[float, float] | None = None  # of the selected light, in the window
-        self._target = np.zeros(3)  # the same [m]
         self._under: tuple[LightId, bool] | None = None  # light under the cursor; whether its aim is
         self._asked: tuple | None = None
         self._moved = False  # since the press
@@ -118,8 +117,8 @@ class LampHandles:
             place, d = np.array(light.position), np.array(light.direction, np.float64)
             d /= np.linalg.norm(d)
             hit = session.picker.pick(place, d, session.pose_list, False)
-            self._target = place + d * AIM_SHARE * session.chosen.scene_size if hit is None else hit.point
-            (self._aim,) = view.on_screen(self._target[None])
+            target = place + d * AIM_SHARE * session.chosen.scene_size if hit is None else hit.point
+            (self._aim,) = view.on_screen(target[None])
 
     def _nearest(self, mouse) -> tuple[LightId, bool] | None:
         """Return the mark under the cursor; hidden ones count only while they are selected."""

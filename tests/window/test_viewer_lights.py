@@ -12,6 +12,7 @@ from app.session.lights import LightId
 from app.session.opening import Opening
 from app.settings import LampSetting, Settings
 from app.window.actions import lamps as actions
+from app.window.drag import TURN_SPEED
 from app.window.panel.lights import FILE, AddLamp, ChangeLight, SelectLamp
 from gi_core.files.edits import Darken, Light, edited
 from gi_core.lights.lamps import OTHERS
@@ -93,6 +94,18 @@ def test_the_aim_is_dragged_over_surfaces(play):
         way = np.subtract(target, spot.position)
         assert spot.direction == pytest.approx(way / np.linalg.norm(way), abs=0.02) and spot.position == (0.2, 0.8, 0.6)
         assert is_that_of_a_new_solver(viewer.session)
+
+        # Ctrl turns it about the vertical, where it is.
+        at = hand.at(spot.position)
+        change(hand, viewer, lambda: hand.drag(at, (at[0] + 80, at[1]), modifier=keys().mod_ctrl, steps=4))
+        turned = viewer.session.scene.lights[1]
+        assert turned.position == spot.position and turned.direction[1] == pytest.approx(spot.direction[1], abs=1e-6)
+        view = viewer.viewport.view
+        degrees = 80 / view.size[1] * TURN_SPEED
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        x, _, z = spot.direction
+        assert turned.direction[::2] == pytest.approx((c * x + s * z, c * z - s * x), abs=0.03)
+        change(hand, viewer, lambda: viewer._do("undo"))
 
         # Esc during a drag brings the light back.
         ctx, at = hand.ctx, hand.at(spot.position)
