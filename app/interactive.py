@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.settings import Settings, UsageError, make_solver, read_scene
 from gi_core.scene import Camera, Scene
 from gi_core.solver import Solver
 
@@ -49,9 +50,9 @@ def show(scene: Scene, **settings) -> int:
     from app.window.run import run
 
     def load(asked: Settings) -> Scene:
-        return scene if asked.scene == scene.name else open_scene(asked)
+        return scene if asked.scene == scene.name else read_scene(asked)
 
-    return run(Settings(scene=scene.name, **settings), open_with=lambda asked: Opening(asked, load))
+    return run(Settings(scene=scene.name, **settings), open_with=partial(Opening, load=load))
 
 
 def png(scene: Scene | Solver) -> bytes:

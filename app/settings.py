@@ -193,16 +193,33 @@ class Settings:
 
 def open_scene(settings: Settings) -> Scene:
     """Return the edited scene with its mobiles at the poses of the settings. Raises SceneError."""
-    from gi_core.files.edits import edited, removed_lamps
+    from gi_core.files.edits import edited
+
+    return as_asked(edited(read_scene(settings), settings.edits, settings.allow_outside), settings)
+
+
+def read_scene(settings: Settings) -> Scene:
+    """Return the scene without edits. Raises SceneError."""
     from gi_core.files.load import load_scene
+
+    options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
+    scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
+    return replace(scene, units=settings.units or scene.units)
+
+
+def of_files(settings: Settings) -> tuple:
+    """Return the settings that read_scene() depends on."""
+    s = settings
+    return s.scene, s.mobiles, s.max_edge, s.up, s.allow_outside, s.units
+
+
+def as_asked(scene: Scene, settings: Settings) -> Scene:
+    """Return an edited scene with its camera and its mobiles as in the settings. Raises SceneError."""
+    from gi_core.files.edits import removed_lamps
     from gi_core.lights.lamps import OTHERS
     from gi_core.scene import Camera
     from gi_core.scene.validate import check_lamp
 
-    options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
-    scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
-    scene = replace(scene, units=settings.units or scene.units)
-    scene = edited(scene, settings.edits, settings.allow_outside)
     for name in settings.levels(()):  # before kernels compile
         if name != OTHERS and name not in removed_lamps(settings.edits):
             check_lamp(_place_of(settings, "lamps", name, scene.name), name, scene)

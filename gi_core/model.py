@@ -45,7 +45,7 @@ class Model:
 
     def __init__(self, scene: Scene, threads: int | None = None, rays: str | None = None):
         check_scene(scene)
-        rays = checked(rays)
+        self.given = scene
         self.origins = np.array([origin_of(mesh) for mesh in (scene.static, *(m.mesh for m in scene.mobiles))])
         self.names = [m.name for m in scene.mobiles]
         if len(set(self.names)) != len(self.names):
@@ -53,7 +53,15 @@ class Model:
         self.scene = scene = self._shifted(scene)
         self.threads = available_cores() if threads is None else threads
         self.surfaces, self.object_receivers = flatten(scene)
-        self.accelerator = Accelerator(self.surfaces, self.threads, rays)
+        self.accelerator = Accelerator(self.surfaces, self.threads, checked(rays))
+        self.static = transforms([])
+        self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
+        self.shapes = Shapes()
+        self._light()
+
+    def _light(self) -> None:
+        """Prepare the lights of the scene; epsilons depend on their places."""
+        scene = self.scene
         centres, radii = bounding_spheres(self.surfaces)
         start = self.transforms(self.start_poses()).position[1:]
         mobiles = [p + s * (radii[o] + np.abs(centres[o])) for o, p in enumerate(start, 1) for s in (-1, 1)]
@@ -66,9 +74,21 @@ class Model:
         self.emitters = build_emitters(scene, self.surfaces, *lit)
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
         self.eps = np.float32(END_EXTENSION * self.world.size)
-        self.static = transforms([])
-        self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
-        self.shapes = Shapes()
+
+    def relit(self, scene: Scene) -> Model | None:
+        """Return the model of a scene that differs in lights and poses alone, with the same geometry; None: in more.
+
+        Raises SceneError for an invalid scene.
+        """
+        if not _same_objects(self.given, scene):
+            return None
+        check_scene(scene)
+        other = copy.copy(self)
+        for name in ("lights", "lamp_of_face"):
+            other.__dict__.pop(name, None)
+        other.given, other.scene = scene, self._shifted(scene)
+        other._light()
+        return other
 
     def _shifted(self, scene: Scene) -> Scene:
         """Return the scene with its places relative to `origins[0]`, and mobiles' meshes to their own origins."""
@@ -225,6 +245,16 @@ class Model:
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
         out[own[rises]] = True
         return out
+
+
+def _same_objects(a: Scene, b: Scene) -> bool:
+    """Return whether two scenes share all objects, materials and probes."""
+
+    def parts(scene: Scene) -> list:
+        meshes = (scene.static, *(m.mesh for m in scene.mobiles))
+        return [*map(id, (*meshes, *scene.materials)), *(m.name for m in scene.mobiles), scene.probes]
+
+    return parts(a) == parts(b)
 
 
 def _check_reach(scene: Scene, surfaces: Surfaces, reach: float) -> None:

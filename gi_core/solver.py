@@ -37,6 +37,16 @@ Posed = Pose | np.ndarray
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
 
 
+def _model(scene: Scene, threads: int | None, rays: str | None, earlier: Photons | None) -> Model:
+    """Return the model of a scene; its geometry is that before the edit, where the edit has changed lights alone."""
+    before = earlier.model if earlier is not None else None
+    if before is not None and threads in (None, before.threads) and rays in (None, before.accelerator.rays):
+        relit = before.relit(scene)
+        if relit is not None:
+            return relit
+    return Model(scene, threads, rays)
+
+
 def _summary(solver: Solver) -> str:
     where, light = f'"{solver.scene.name}", {len(solver.irradiance):,} receivers', solver.setting.estimator
     return f"<Solver of {where}: {solver.frame.photons:,} photons, {light}>"
@@ -59,7 +69,7 @@ class Solver:
         an edit; others: fields of `gi_core.estimators.setting.Setting` beside their defaults. Raises SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
-        self.model = Model(scene, checked("threads", threads), rays)
+        self.model = _model(scene, checked("threads", threads), rays, earlier)
         self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)

@@ -136,6 +136,10 @@ class DrawnObject:
     def is_textured(self) -> bool:
         return self._places is not None
 
+    def draws(self, mesh: DrawMesh) -> bool:
+        """Return whether its buffers are those of a mesh, with any emission."""
+        return all(a is b for a, b in zip(self._mesh._replace(emission=mesh.emission), mesh, strict=True))
+
     def _layer(self, k: int) -> Layer:
         """Return a layer, creating it at first use."""
         if k not in self._layers:

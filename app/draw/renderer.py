@@ -98,7 +98,12 @@ class Renderer:
         self.samples = samples
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
-        """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays."""
+        """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays.
+
+        Meshes that differ from the last ones in emission alone are not uploaded again.
+        """
+        if len(meshes) == len(self._objects) and all(o.draws(m) for o, m in zip(self._objects, meshes, strict=True)):
+            return
         textures, made = [t for mesh in meshes for t in mesh.textures], []
         if self._programs.sharp is None and any(mesh.reflectors for mesh in meshes):
             sharp = (_program(self.ctx, "surface.vert", "surface.frag", *more) for more in (SHARP, SHARP_TEXTURED))

@@ -44,8 +44,9 @@ class OpenScene:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings  # the user's
-        self._opened: Scene
-        self._scene: Scene  # that, in other units
+        self.opened: Opened
+        self._given: Scene
+        self._scene: Scene  # that, in the units of the settings
         self.model: Model
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
@@ -63,9 +64,9 @@ class OpenScene:
         """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
         from app.draw.motion import paths_of
 
-        solver, self.light = opened.solver, light
+        self.opened, self.light, solver = opened, light, opened.solver
         self._meshes, self.picker = opened.meshes, opened.picker
-        self._opened = self._scene = solver.scene
+        self._given = self._scene = solver.scene
         self.model, self.chosen = solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
@@ -74,9 +75,9 @@ class OpenScene:
     @property
     def scene(self) -> Scene:
         """The scene, in the units of the settings, else in those of its files."""
-        units = self.settings.units or self._opened.units
+        units = self.settings.units or self._given.units
         if units != self._scene.units:
-            self._scene = replace(self._opened, units=units)
+            self._scene = replace(self._given, units=units)
         return self._scene
 
     @property

@@ -18,13 +18,18 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from typing import IO, TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from app.rest.static_job import load
-from app.settings import Settings, make_solver, open_scene
+from app.settings import Settings, as_asked, make_solver, of_files, read_scene
 from app.worker import daemon, without_frames
 
 if TYPE_CHECKING:
+    from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
     from app.session.first_look import FirstLook
+    from gi_core.files.edits import Versions
+    from gi_core.model import Model
     from gi_core.scene import Scene
     from gi_core.solver import BeforeEdit, Solver
 
@@ -43,20 +48,27 @@ class Opened(NamedTuple):
 
     settings: Settings  # with every None filled in
     solver: Solver
-    meshes: tuple  # one DrawMesh per object
+    versions: Versions  # of its scene
+    meshes: tuple[DrawMesh, ...]  # one per object
     picker: Picker
+
+
+class Before(NamedTuple):
+    """A scene on show, as its next edit begins with it."""
+
+    opened: Opened
+    results: Callable[[], BeforeEdit]  # waits for the solver's thread
 
 
 class Opening:
     """Runs in a thread: `phase`, `detail` and `fraction` until it is done, then `result` or `problem`."""
 
     def __init__(
-        self, settings: Settings, load: Callable[[Settings], Scene] = open_scene,
-        earlier: Callable[[], BeforeEdit] | None = None,
-    ) -> None:  # fmt: skip
-        """earlier: returns results of the scene before its last edit; called in this thread."""
+        self, settings: Settings, load: Callable[[Settings], Scene] = read_scene, before: Before | None = None
+    ) -> None:
+        """load: returns the scene without edits; before: the scene on show, of which this is an edit."""
         self.settings = settings
-        self._load, self._earlier = load, earlier
+        self._load, self._before = load, before
         self.phase, self.detail = IMPORTING, ""
         self.fraction: float | None = None  # None: unknown
         self.result: Opened | None = None
@@ -90,13 +102,23 @@ class Opening:
 
             self._compile(compile_ahead.DIFFUSE)
             self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
-            scene = self._load(self.settings)
+            versions = self._versions()
+            scene = as_asked(versions.scenes[-1], self.settings)
             self._stop_if_cancelled()
             if (surfaces := compile_ahead.surfaces_of(scene)) != compile_ahead.DIFFUSE:
                 self._compile(surfaces)
-            self.result = self._open(scene)
+            self.result = self._open(scene, versions)
         except BaseException as problem:  # shown in the window, or raised by the caller
             self.problem = without_frames(problem)
+
+    def _versions(self) -> Versions:
+        """Return the versions of the scene; files are read again only where it is no edit of the scene on show."""
+        from gi_core.files.edits import Versions
+
+        shown = self._before.opened if self._before is not None else None
+        same = shown is not None and of_files(shown.settings) == of_files(self.settings)
+        versions = shown.versions if shown is not None and same else Versions((self._load(self.settings),))
+        return versions.after(self.settings.edits, self.settings.allow_outside)
 
     def _compile(self, surfaces: str) -> None:
         """Compile the kernels for a kind of surfaces that the disk cache lacks; show a first look meanwhile."""
@@ -122,7 +144,7 @@ class Opening:
                 self.fraction = meter.fraction
                 self.detail = _time_left(time.perf_counter() - started, self.fraction)
                 time.sleep(POLL)
-            if looking.poll() and self._load is open_scene:  # other scenes have no file to look at
+            if looking.poll() and self._load is read_scene:  # other scenes have no file to look at
                 self.warnings.append(f"the first look failed: {_last_line(look_errors, looking.returncode)}")
             if compiler.returncode:
                 # Not fatal: the kernels are then compiled at their first use, with a pause.
@@ -136,22 +158,19 @@ class Opening:
                 found = pickle.load(stream)
                 if not isinstance(found, Exception):
                     self.look = found
-                elif self._load is open_scene:
+                elif self._load is read_scene:
                     self._refused = found
 
-    def _open(self, scene: Scene) -> Opened:
-        from app.draw.draw_mesh import draw_meshes
-        from app.draw.picking import Picker
+    def _open(self, scene: Scene, versions: Versions) -> Opened:
         from gi_core.base.kernel_cache import problems
         from gi_core.display.first_look import LookLight
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
-        earlier = self._earlier() if self._earlier is not None else None
+        earlier = self._before.results() if self._before is not None else None
         solver = make_solver(scene, self.settings, earlier and earlier.photons)
         if self.look is not None and math.isfinite(self.look.noise):
             solver.begin_with_look(LookLight(self.look.drawn, self.look.noise))
-        meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
-        picker = Picker(solver.surfaces, solver.model.origins)
+        meshes, picker = self._drawn(solver.model, earlier and earlier.photons.model)
         for _ in load(solver) if solver.light == "best" else ():
             self._stop_if_cancelled()
         if earlier is not None and earlier.light is not None and solver.frame_light.static.lacks_gathered:
@@ -163,7 +182,7 @@ class Opening:
             self.fraction = progress.fraction
             if progress.picture:
                 break
-        if solver.poses:
+        if solver.poses and not (self._before is not None and self._before.opened.solver.poses):
             solver.move_all(solver.poses)  # loads the kernels of a drag's frames
         settings = replace(
             self.settings,
@@ -174,7 +193,19 @@ class Opening:
             light=solver.light,
         )
         self.warnings += problems
-        return Opened(settings, solver, meshes, picker)
+        return Opened(settings, solver, versions, meshes, picker)
+
+    def _drawn(self, model: Model, earlier: Model | None) -> tuple[tuple[DrawMesh, ...], Picker]:
+        """Return draw meshes and picker of a model: those of the scene on show, if its surfaces are the same."""
+        from app.draw.draw_mesh import draw_meshes
+        from app.draw.picking import Picker
+
+        if earlier is not None and model.surfaces is earlier.surfaces:
+            shown = self._before.opened
+            if np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
+                return shown.meshes, shown.picker
+        meshes = draw_meshes(model.surfaces, model.lamp_of_face, model.object_receivers.normals)
+        return meshes, Picker(model.surfaces, model.origins)
 
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.cli import saved_scene
-from app.session.opening import COMPILING
+from app.session.opening import COMPILING, Before
 from app.session.session import Asked, Session
 from app.settings import Settings
 
@@ -60,7 +60,7 @@ class Reload:
     def _edit(self, now: Session, asked: Asked) -> None:
         """Open the current scene with other edits; settings and photons that the edit does not touch stay."""
         settings = replace(now.settings, edits=asked.edits, poses=())
-        open_with = partial(self._open_with, earlier=now.light.before_edit)
+        open_with = partial(self._open_with, before=Before(now.opened, now.light.before_edit))
         self._begin(now, settings, same=True, open_with=open_with, doing="editing")
         self._edited = asked
 

@@ -122,7 +122,8 @@ class Session(OpenScene):
             self.playing &= not self.light.move_failed
         elif not self.dragging and not (editing and self.clock() - self._moved_at < STILL):
             self.light.settle()
-            self.light.refine(budget, self.settings if still and not editing else None)
+            if not self.is_editing:  # the scene after the edit has other light
+                self.light.refine(budget, self.settings if still and not editing else None)
             self.points.add(self.light.snapshot.rest.point)
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()

@@ -33,7 +33,7 @@ from gi_core.scene.validate import check_scene
 
 __all__ = [
     "KINDS", "Darken", "Duplicate", "Edit", "EditError", "Finish", "Freeze", "Insert", "Light", "Promote", "Remove",
-    "edited", "files_of_edits", "names_after", "piece_at", "removed_lamps", "with_edit",
+    "Versions", "edited", "files_of_edits", "names_after", "piece_at", "removed_lamps", "with_edit",
 ]  # fmt: skip
 
 
@@ -99,21 +99,35 @@ KINDS: dict[str, type[Edit]] = {
 ADDING, TAKING = (Insert, Duplicate, Promote), (Remove, Freeze)  # a mobile
 
 
+class Versions(NamedTuple):
+    """A scene, and those after each of some edits. Others begin at the last version that they share with these."""
+
+    scenes: tuple[Scene, ...]  # the scene without edits first
+    edits: tuple[Edit, ...] = ()
+
+    def after(self, edits: Sequence[Edit], allow_outside: bool = False) -> Versions:
+        """Return the versions of other edits. Raises EditError, as edited()."""
+        same = [a == b for a, b in zip(self.edits, edits, strict=False)]
+        kept = [*same, False].index(False)
+        scenes = list(self.scenes[: kept + 1])
+        for number, edit in enumerate(edits[kept:], kept):
+            try:
+                scenes.append(_edited(scenes[-1], edit, allow_outside))
+                if number == len(edits) - 1:
+                    check_scene(scenes[-1])
+            except SceneError as problem:
+                refused = EditError(str(problem))
+                refused.number = number
+                raise refused from None
+        return Versions(tuple(scenes), tuple(edits))
+
+
 def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> Scene:
     """Return a scene after edits, in order; allow_outside: as for load_scene(), of inserted files.
 
     Raises EditError for a name that the scene does not have at that point, or has already, and for a bad value.
     """
-    for number, edit in enumerate(edits):
-        try:
-            scene = _edited(scene, edit, allow_outside)
-            if number == len(edits) - 1:
-                check_scene(scene)
-        except SceneError as problem:
-            refused = EditError(str(problem))
-            refused.number = number
-            raise refused from None
-    return scene
+    return Versions((scene,)).after(edits, allow_outside).scenes[-1]
 
 
 def names_after(names: Iterable[str], before: Sequence[Edit], after: Sequence[Edit]) -> set[str]:

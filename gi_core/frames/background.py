@@ -95,7 +95,7 @@ class Photons:
         self.model, self.seed = model, seed
         self.traced = 0  # photons, without those taken over
         self._known = None
-        if earlier is not None:
+        if earlier is not None and model.surfaces is not earlier.model.surfaces:
             model.take_over_shapes(earlier.model)
         if earlier is not None and earlier.count and earlier.seed == seed:
             self._known = known_paths(earlier.model, model, earlier.subset(earlier.count)[0])

@@ -65,7 +65,8 @@ class EditedLight:
         self._rows = _rows_of(_places(model), earlier.places)
         self._lamps = unchanged_lamps(earlier.emitters, model.emitters)
         edited = edited_faces(earlier.static, _static(model))
-        self._stays = edited is not None and not edited.any()  # the static part: so does the light of unchanged lamps
+        stays = edited is not None and not edited.any()  # the static part: so does the light of unchanged lamps
+        self._changes = np.flatnonzero(np.repeat((self._lamps < 0) | (not stays), 3))  # columns of light per lamp
         self._unreached = earlier.unreached if edited is not None else np.zeros(0, np.int64)  # by the same geometry
         self._weights = model.object_receivers.areas[: len(self._rows)]
         self._threads = model.threads
@@ -78,22 +79,23 @@ class EditedLight:
 
     def show(self, b: Background, around: Neighbours, gathered: StaticGather) -> None:
         """Let gathered light be that before the edit with the change that the photons of a background say."""
-        photons = self.photons(b)
+        photons, columns = self.photons(b), self._changes
         if not photons or self._shown == (b, photons):
             return
         self._shown = b, photons
         G = self._known(self.earlier.per_lamp)
-        change = self._change(b, photons, G)
+        change = self._change(b, photons, G[:, columns])
         fewer = max((n for n in b.estimate.subsets if n in self.earlier.by_photons and 2 * n <= photons), default=0)
         variance = np.zeros(len(G))
         if fewer:
-            apart = sum_of_lamps(change - self._change(b, fewer, G)) ** 2 / (photons / fewer - 1)
+            apart = sum_of_lamps(change - self._change(b, fewer, G[:, columns])) ** 2 / (photons / fewer - 1)
             everywhere = np.ones(len(G), bool)
             variance = averaged(around, apart.sum(axis=1), everywhere, self._threads)
             light = np.concatenate([sum_of_lamps(change), variance[:, None], change], axis=1)
             smooth(light, REACH, around, self._threads)
             variance, change = light[:, VARIANCE], light[:, VARIANCE + 1 :]
-        E, of_change = np.maximum(G + change, 0.0), np.sqrt(CORRELATED * variance / 3.0)
+        E, of_change = G.copy(), np.sqrt(CORRELATED * variance / 3.0)
+        E[:, columns] = np.maximum(G[:, columns] + change, 0.0)
         E[self._unreached] = 0.0  # smoothing would light them a little
         kept = self._kept(G)
         of_kept = kept * self._at_receivers(self.earlier.deviation)
@@ -120,14 +122,12 @@ class EditedLight:
         return out
 
     def _change(self, b: Background, photons: int, G: np.ndarray) -> np.ndarray:
-        """Return d (n, 3 G) [W/m2], see the module."""
-        B = self._known(self.earlier.by_photons[photons])
-        F = b.irradiance_per_lamp(photons).astype(np.float32).astype(np.float64)  # equal light leaves no difference
+        """Return d (n, k) [W/m2] in the columns that change, see the module; G (n, k)."""
+        B = self._known(self.earlier.by_photons[photons])[:, self._changes]
+        F = b.irradiance_per_lamp(photons)[:, self._changes]
+        F = F.astype(np.float32).astype(np.float64)  # equal light leaves no difference
         less = F < B
-        change = np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
-        if self._stays:
-            change[:, np.repeat(self._lamps >= 0, 3)] = 0.0
-        return change
+        return np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
 
 
 def _static(model: Model) -> StaticPart:

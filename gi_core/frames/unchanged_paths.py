@@ -57,6 +57,8 @@ def edited_faces(before: StaticPart, now: StaticPart) -> np.ndarray | None:
     """Return which faces (F,) bool of the static part reflect differently after an edit; None: they are others."""
     old, new = before.surfaces, now.surfaces
     faces = old.face_range(0)
+    if old is new:
+        return np.zeros(faces.stop, bool)
     same = (
         np.array_equal(old.vertices[0], new.vertices[0])
         and np.array_equal(old.faces[0], new.faces[0])

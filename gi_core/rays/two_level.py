@@ -14,6 +14,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import rotate, rotate_back
+from gi_core.base.vectors import box
 from gi_core.bsdf.surface import Bsdfs, build_bsdfs
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces
@@ -144,6 +145,6 @@ def enclosing_sphere(*points: np.ndarray) -> tuple[np.ndarray, float]:
     every = np.concatenate([np.asarray(p, np.float64).reshape(-1, 3) for p in points])
     if not len(every):
         return np.zeros(3), 0.0
-    low, high = every.min(axis=0), every.max(axis=0)
+    low, high = box(every)
     diagonal = high - low
     return (low + high) / 2, 0.5 * math.sqrt(float((diagonal * diagonal).sum()))

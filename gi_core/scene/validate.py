@@ -6,6 +6,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from gi_core.base.vectors import box
 from gi_core.bsdf.models import Lobe
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import as_pose
@@ -150,9 +151,8 @@ def _named(scene: str, kind: str, record) -> str:
 
 def check_size(where: str, mesh: Mesh) -> None:
     """Raise SceneError for a mesh whose faces are smaller or larger than SIZES."""
-    extent = (
-        float(np.ptp(np.asarray(mesh.vertices)[np.reshape(mesh.faces, -1)], axis=0).max()) if len(mesh.faces) else 1
-    )
+    low, high = box(np.asarray(mesh.vertices)[np.reshape(mesh.faces, -1)]) if len(mesh.faces) else (0, 1)
+    extent = float(np.max(high - low))
     if not SIZES[0] <= extent <= SIZES[1]:
         raise SceneError(f"{where} must be {SIZES[0]:g} to {SIZES[1]:g} m large, got {extent:.3g}; write a scale")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from PIL import Image
 import app
 from app import interactive
 from app.draw.tonemap import to_display
+from app.session.opening import Before
 from app.settings import Settings, UsageError
+from gi_core.files.edits import Finish
 from gi_core.scene import Camera, Pose
-from gi_core.solver import Solver
+from gi_core.solver import Solver, before_edit
 from tests.cli.test_render import card, checkered_room, shot_of
 from tests.support.document_examples import ROOT
 from tests.support.viewer_support import room
@@ -95,6 +98,11 @@ def test_show_opens_the_window_with_the_scene(monkeypatch):
     opening._thread.join()
     assert opening.problem is None and opening.result.solver.scene.name == "mine"
     assert opening.result.solver.photons == 4000 and settings.scene == "mine"
+    results = partial(before_edit, opening.result.solver)
+    edit = Finish("red", (("reflectance", (0.1, 0.2, 0.3)),))
+    after = open_with(replace(opening.result.settings, edits=(edit,)), before=Before(opening.result, results))
+    after._thread.join()
+    assert after.problem is None and (0.1, 0.2, 0.3) in [m.reflectance for m in after.result.solver.scene.materials]
     monkeypatch.setattr(window, "why_no_window", lambda: "no display")
     with pytest.raises(UsageError, match="no window: no display; app.render draws without one"):
         app.show(scene)

@@ -15,12 +15,14 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.files.edits import (
     Darken,
     Duplicate,
+    EditError,
     Finish,
     Freeze,
     Insert,
     Light,
     Promote,
     Remove,
+    Versions,
     edited,
     piece_at,
     with_edit,
@@ -132,8 +134,10 @@ EDITS = {
 def test_an_edited_solver_equals_a_new_one(kind, estimator):
     solver = solved(room(), estimator=estimator)
     solver.move("ball", TURNED)
-    scene = edited(room(), [EDITS[kind]])
+    scene = edited(solver.scene, [EDITS[kind]])
     other = edited_solver(solver, scene)
+    lights_alone = isinstance(EDITS[kind], Light) or kind == "lights removed"
+    assert (other.surfaces is solver.surfaces) == lights_alone, "geometry is prepared again only where it may differ"
     other.solve()
     new = solved(scene, estimator=estimator)
     new.move_all({name: pose for name, pose in solver.poses.items() if name in new.poses})
@@ -323,6 +327,23 @@ def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
     assert np.array_equal(a.mesh.vertices, b.mesh.vertices) and np.array_equal(a.mesh.faces, b.mesh.faces)
     placed = edited(scene, [Insert("thing", str(thing), TURNED)]).mobiles[-1]
     assert placed.pose == TURNED
+
+
+def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
+    thing = write_glb(tmp_path / "thing.glb", BOX * 0.05, BOX_FACES)
+    insert, there = Insert("thing", str(thing), TURNED), EDITS["duplicate"]
+    both = Versions((room(),)).after([insert, there])
+    thing.unlink()  # it is not read again
+    for edits in ([insert], [insert, EDITS["remove"]], [insert, there, HIGHER], [insert, there]):
+        versions = both.after(edits)
+        assert versions.edits == tuple(edits) and len(versions.scenes) == len(edits) + 1
+        assert versions.scenes[1] is both.scenes[1]
+    assert both.after([insert, there]).scenes[-1] is both.scenes[-1]
+    assert both.after([]).scenes == both.scenes[:1]
+    assert [m.name for m in both.after([insert, EDITS["remove"]]).scenes[-1].mobiles] == ["ball", "thing"]
+    with pytest.raises(EditError, match=r"there is no such mesh file") as problem:
+        both.after([there, insert])
+    assert problem.value.number == 1
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,14 @@ from app.session.opening import Opening
 from app.settings import Settings
 from app.window import window
 from app.window.viewer import Viewer
-from gi_core.files.edits import edited
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import Hand
 
 FLOOR = (0.25, 0.0, 0.75)
 
 
-def open_edited(settings: Settings, earlier=None) -> Opening:
-    return Opening(settings, load=lambda settings: edited(support.room(), settings.edits), earlier=earlier)
+def open_edited(settings: Settings, before=None) -> Opening:
+    return Opening(settings, load=lambda _: support.room(), before=before)
 
 
 def main() -> None:

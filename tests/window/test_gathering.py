@@ -43,7 +43,7 @@ def opened(light: str = "best") -> Session:
     solver = Solver(SCENE, photons=3000, radius=0.06)
     solver.configure(light=light)
     session = Session(settings, Log(), open_with=lambda settings: None)
-    session.adopt(Opened(settings, solver, (), None))
+    session.adopt(Opened(settings, solver, None, (), None))
     return session
 
 

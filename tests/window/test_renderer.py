@@ -215,6 +215,24 @@ def test_wipe_shows_one_layer_per_side(ctx, samples):
 
 
 @pytest.mark.gl
+def test_geometry_is_uploaded_once(ctx):
+    """Other emission is no other geometry; a moved vertex is."""
+    from app.draw.renderer import Renderer
+
+    mesh, *_ = square((0.8, 0.1, 0.1))
+    renderer = Renderer(ctx)
+    renderer.set_scene((mesh,))
+    (drawn,) = renderer._objects
+    renderer.set_scene((mesh._replace(emission=mesh.emission + 1.0),))
+    assert renderer._objects == [drawn]
+    for others in ((mesh._replace(positions=mesh.positions * 2),), (mesh, mesh)):
+        renderer.set_scene(others)
+        assert drawn not in renderer._objects and len(renderer._objects) == len(others)
+    renderer.release()
+    assert ctx.error == "GL_NO_ERROR"
+
+
+@pytest.mark.gl
 @pytest.mark.parametrize("scale", [1, 2, 4])
 def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
     """Block means are the picture at 1x, but for edges; the viewport keeps its size."""

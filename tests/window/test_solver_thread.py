@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from app.draw.camera import from_camera, scene_bounds
 from app.session.log import Log
-from app.session.opening import Opened
 from app.session.picture import Picture
 from app.session.reload import Reload
 from app.session.session import Session
@@ -37,7 +36,7 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
     opened = support.opened(replace(support.SETTINGS, photons=2000, budget=16.0), support.room(1))
     session = Session(opened.settings, Log(), open_with=lambda settings: None)
-    session.adopt(Opened(opened.settings, Guarded(opened.solver), opened.meshes, opened.picker))
+    session.adopt(opened._replace(solver=Guarded(opened.solver)))
     camera = from_camera(session.scene.camera, session.scene.up, scene_bounds(session.model, session.poses))
     reload = Reload(lambda settings: None)
     seen = set()

@@ -30,8 +30,8 @@ AWAY = Pose((0.7, 0.4, 0.6))
 RED = (0.8, 0.1, 0.1)
 
 
-def open_edited(settings: Settings, earlier=None) -> Opening:
-    return Opening(settings, load=lambda settings: edited(support.room(), settings.edits), earlier=earlier)
+def open_edited(settings: Settings, before=None) -> Opening:
+    return Opening(settings, load=lambda _: support.room(), before=before)
 
 
 def change(hand, viewer, do) -> None:
@@ -432,8 +432,8 @@ def test_the_panel_edits_the_part_that_was_clicked(play, monkeypatch, folder):
 
     monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
 
-    def open_parts(settings: Settings, earlier=None) -> Opening:
-        return Opening(settings, load=lambda settings: edited(two_part_room(), settings.edits), earlier=earlier)
+    def open_parts(settings: Settings, before=None) -> Opening:
+        return Opening(settings, load=lambda _: two_part_room(), before=before)
 
     def textured(viewer) -> int:
         (block,) = viewer.session.scene.mobiles

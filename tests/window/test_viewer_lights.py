@@ -36,8 +36,8 @@ def lit_room():
     return dataclasses.replace(support.room(), lights=(bulb, spot))
 
 
-def open_lit(settings: Settings, earlier=None) -> Opening:
-    return Opening(settings, load=lambda settings: edited(lit_room(), settings.edits), earlier=earlier)
+def open_lit(settings: Settings, before=None) -> Opening:
+    return Opening(settings, load=lambda _: lit_room(), before=before)
 
 
 def is_that_of_a_new_solver(session) -> bool:

@@ -17,7 +17,6 @@ from app.settings import Settings
 from app.window.actions import objects as actions
 from app.window.panel.objects import angles_of, turned
 from app.window.panel.widgets import unsigned_zero
-from gi_core.files.edits import edited
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
 from gi_core.solver import Solver
@@ -150,8 +149,8 @@ def two_blocks():
     return replace(room, mobiles=(left, right))
 
 
-def open_edited(settings: Settings, earlier=None) -> Opening:
-    return Opening(settings, load=lambda settings: edited(two_blocks(), settings.edits), earlier=earlier)
+def open_edited(settings: Settings, before=None) -> Opening:
+    return Opening(settings, load=lambda _: two_blocks(), before=before)
 
 
 @pytest.mark.gl

@@ -41,7 +41,7 @@ def opened(scene=SCENE) -> Session:
     solver.configure(light="best")
     clock = support.Clock()
     session = Session(settings, Log(), lambda settings: None, clock, support.Behind(clock, TASK))
-    session.adopt(Opened(settings, solver, (), None))
+    session.adopt(Opened(settings, solver, None, (), None))
     return session
 
 
