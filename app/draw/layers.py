@@ -33,7 +33,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     world = visible.place([along_light(m, *c, w) for m, c, w in zip(meshes, lit_by, by_vertex, strict=True)], at)
     radiance = raycast.both_sides(lit_by, by_vertex)
     above = raycast.above_textures(meshes, shot.gloss(), by_vertex)
-    sharp = shot.sharp()
+    sharp, faces = shot.sharp(), shot.light_faces()
     white = raycast.both_sides([colours(mesh, drawn.irradiance, False) for mesh in meshes], by_vertex)
     bare = raycast.both_sides([(mesh.reflectance, mesh.reflectance) for mesh in meshes], [None] * len(meshes))
     steps = raycast.pixel_steps(eye, height) if world.textures else None
@@ -48,8 +48,10 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
         E = math.pi * raycast.seen_radiance(world, *white, *seen, None, strip.eye)[0]
         rho = raycast.seen_radiance(dark, *bare, *seen, steps, strip.eye)[0]
         lit = (facing | ~world.one_sided[seen[0]])[:, None]
+        rays, bright = faces.seen(strip, world)
         for layer, values in zip(out, (light * lit, E * lit, rho * lit, np.ones((len(hit), 1))), strict=True):
-            rays = np.zeros((len(strip.face), values.shape[1]))
-            rays[hit] = values
-            layer[strip.rows] = strip.resolved(rays)
+            of_rays = np.zeros((len(strip.face), values.shape[1]))
+            of_rays[hit] = values
+            of_rays[rays] = bright if layer is out.colour else float(layer is out.coverage)
+            layer[strip.rows] = strip.resolved(of_rays)
     return out

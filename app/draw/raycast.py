@@ -28,6 +28,7 @@ from gi_core.geometry.texture_footprint import footprints
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 if TYPE_CHECKING:
+    from app.draw.light_faces import LightFaces
     from gi_core.gloss.light import GlossLight
 
 GRID_ROWS = 16  # of rays that measure visible light, times the samples of a pixel
@@ -53,6 +54,7 @@ def picture(
     gains: Gains = NEUTRAL,
     gloss: Sequence[tuple[np.ndarray, np.ndarray] | None] | None = None,
     sharp: Sharp | None = None,
+    faces: LightFaces | None = None,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
@@ -60,7 +62,8 @@ def picture(
     `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
     None for all 1; `scale`: false colours in place of the tone map; `gains`: white balance;
     `gloss`: radiance (D, 3) above the texture of front and back per object, None where there is none; `sharp`: returns
-    which of some hits of a strip reflect sharply, and the radiance of their gloss in place of `gloss`.
+    which of some hits of a strip reflect sharply, and the radiance of their gloss in place of `gloss`; `faces`: of
+    luminaires.
     """
     width, height = size
     weights = [None] * len(meshes) if weights is None else weights
@@ -73,6 +76,12 @@ def picture(
     for strip in strips(accelerator, at, world, camera, size, cull, progress):
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
         display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above, pixel, sharp)
+        if faces is not None:
+            rays, radiance = faces.seen(strip, world)
+            bright = (
+                to_display(radiance, exposure, tone_map, gains) if scale is None else false_colours(radiance, scale)
+            )
+            display[rays] = bright
         out[strip.rows] = np.round(strip.resolved(display))
     return out
 

@@ -20,6 +20,7 @@ from app.draw.gl_gloss import GlossTexture
 from app.draw.gl_mirrors import FAR, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GLTextures
+from app.draw.light_faces import LightFaces
 from app.draw.unlit import BACKGROUND, UNLIT
 from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import LUMINANCE
@@ -90,6 +91,8 @@ class Renderer:
         self._sky = _program(ctx, "screen.vert", "sky.frag")
         self._sky_screen = ctx.vertex_array(self._sky, [])
         self._lights: BareLights | None = None
+        self._faces = LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3)))
+        self._bright: DrawnObject | None = None  # these faces; None: there are none
         self._objects: list[DrawnObject] = []
         self._used_textures: list[Texture] = []
         self._targets: _Targets | None = None
@@ -148,6 +151,18 @@ class Renderer:
         for k, o in enumerate(self._objects):
             o.shine(None if lights is None else lights.strength[k])
         self._mirrors.forget()
+
+    def set_light_faces(self, faces: LightFaces) -> None:
+        """Show the faces of luminaires."""
+        if all(np.array_equal(a, b) for a, b in zip(faces, self._faces, strict=True)):
+            return
+        if self._bright is not None:
+            self._bright.release()
+        self._faces, self._bright = faces, None
+        if len(faces.corners):
+            mesh = faces.mesh
+            self._bright = DrawnObject(self.ctx, self._programs, mesh)
+            self._bright.upload(mesh.emission, mesh.emission)
 
     def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
@@ -302,6 +317,9 @@ class Renderer:
                 return reflector.way != PLANAR and reflector.number == view.skipped
 
             o.draw_calls(self._textures, look.cull, layer, sharp, left_out)
+        if self._bright is not None and look.is_light and not mirrored:
+            _place(self._programs.surface, view.view_projection, look.models[0], view.eye)
+            self._bright.draw(cull=True)
 
     def _draw_outline_of_faces(self, targets: _Targets, look: Look, faces: np.ndarray) -> None:
         """Draw a line round the visible part of some faces of the static part; a wall has a whole room in front."""
@@ -370,7 +388,7 @@ class Renderer:
         return np.frombuffer(data, np.uint8).reshape(h, w, 3)[::-1]
 
     def release(self) -> None:
-        for o in self._objects:
+        for o in (*self._objects, *([] if self._bright is None else [self._bright])):
             o.release()
         if self._targets is not None:
             self._targets.release()

@@ -12,6 +12,7 @@ from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.draw_mesh import DrawMesh, dimmed, draw_meshes
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
+from app.draw.light_faces import LightFaces, light_faces
 from app.draw.metering import metered
 from app.draw.reflected import Mirrors
 from app.draw.tonemap import srgb_decode
@@ -73,6 +74,10 @@ class Shot:
         given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around, lights
         return Mirrors(s.model.accelerator, s.model.transforms(s.poses), *given).reflected
 
+    def light_faces(self) -> LightFaces:
+        """Return the bright faces of the luminaires."""
+        return light_faces(self.solver.model, self.solver.levels)
+
     def weights(self, o: int) -> np.ndarray | None:
         """Return interpolation weights of front and back (D, 2); None: all 1."""
         return weights(self.meshes[o], self.solver.drawn(self.solver.irradiance).weights)
@@ -100,6 +105,7 @@ class Shot:
             self.gains,
             self.gloss(),
             self.sharp(),
+            self.light_faces() if s.shows_radiance else None,
         )
         return (
             picture

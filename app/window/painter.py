@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from app.draw.bare_lights import bare_lights
+from app.draw.light_faces import light_faces
 from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.window import view_content, window
@@ -84,6 +85,7 @@ class Painter:
         snapshot = session.light.snapshot
         self.renderer.set_gloss(snapshot.gloss)
         self.renderer.set_lights(bare_lights(session.model, session.meshes, snapshot.poses, snapshot.levels))
+        self.renderer.set_light_faces(light_faces(session.model, snapshot.levels))
         for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
                 painted = view_content.paint(

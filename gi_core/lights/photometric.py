@@ -56,6 +56,17 @@ def flux_of(gammas: np.ndarray, planes: np.ndarray, intensity: np.ndarray) -> fl
     return float(_shares(gamma, _across(plane, intensity.T)[:, -1])[-1])
 
 
+def share_ahead(light: PhotometricLight) -> float:
+    """Return the share of a luminaire's flux within 90 degrees of its axis."""
+    gammas, planes, intensity = light.gammas_degrees, light.planes_degrees, light.intensity
+    ahead = gammas[gammas < 90.0]
+    if not len(ahead) or len(ahead) == len(gammas):
+        return float(len(ahead) > 0)
+    across = np.array([np.interp(90.0, gammas, row) for row in intensity])[:, None]
+    part = flux_of(np.append(ahead, 90.0), planes, np.concatenate([intensity[:, : len(ahead)], across], axis=1))
+    return part / flux_of(gammas, planes, intensity)
+
+
 def _table(light: PhotometricLight) -> np.ndarray:
     gamma, plane = np.radians(light.gammas_degrees), np.radians(light.planes_degrees)
     flux = flux_of(light.gammas_degrees, light.planes_degrees, light.intensity)

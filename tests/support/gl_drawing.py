@@ -64,6 +64,7 @@ def upload(drawing, shot) -> None:
         drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
         drawing.set_irradiance(o, shot.solver.drawn(shot.solver.irradiance).irradiance)
     drawing.set_gloss(shot.solver.frame.gloss)
+    drawing.set_light_faces(shot.light_faces())
     drawing.set_lights(bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels))
 
 
