@@ -110,6 +110,13 @@ def _size(solver: Solver) -> str:
     return f"{solver.scene_size:.4g} m (longest side of the box of 98 % of the light's hits)"
 
 
+def _flux(flux: np.ndarray, unit: str) -> str:
+    """Return a flux (3,) as its luminance, which the window shows too, and its channels where they differ."""
+    whole = float(luminance(flux))
+    number = f"{whole:.4g}" if whole < 1e4 else f"{whole:,.0f}"
+    return f"{number} {unit}" + (f", RGB {triple(flux)}" if np.ptp(flux) > 1e-3 * flux.max() else "")
+
+
 def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
     """Return a row per material that emits and per other light."""
     unit = "lm" if scene.units == "photometric" else "W"
@@ -120,12 +127,12 @@ def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
     for k in np.unique(material):
         faces = material == k
         flux = emitters.flux[area][faces].sum(axis=0)
-        text = f"{triple(flux)} {unit} from {int(faces.sum()):,} triangles"
+        text = f"{_flux(flux, unit)}, from {int(faces.sum()):,} triangles"
         rows.append((f'light "{scene.materials[k].name}"', text))
     named = [light for light in scene.lights if max(_strength(light)) > 0]
     for light, flux in zip(named, emitters.flux[~area], strict=True):
         kind = type(light).__name__.removesuffix("Light").lower()
-        rows.append((f'light "{light.name}"', f"{triple(flux)} {unit}, {kind}"))
+        rows.append((f'light "{light.name}"', f"{_flux(flux, unit)}, {kind}"))
     if not rows:
         rows.append(("lights", "none: the picture is black; give a material emission, or add a light"))
     fates = {name: float(luminance(flux)) for name, flux in solver.frame.fates.items()}
