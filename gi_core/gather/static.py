@@ -27,6 +27,7 @@ from gi_core.model import Model
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 24  # until 1 % noise; the first noise is known after two
+FIRST_PHASE = 0.15  # of the time, roughly
 SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
 SAMPLE_NOISE = 2.0  # ... by paths of so many times its noise, ...
 SAMPLE_ROUNDS = 48  # ... in smaller rounds: the first two are known sooner
@@ -117,7 +118,7 @@ class StaticGather:
         self._lamp_deviation = np.zeros((0, self._channels // 3))
         self.left = self.error = float("inf")
         self.is_earlier = False  # the light is that of show_earlier()
-        self._first_phase = 0.0  # fraction done of it
+        self._first_phase = self._fraction = 0.0  # fractions done
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
 
@@ -167,8 +168,16 @@ class StaticGather:
 
     @property
     def fraction(self) -> float:
-        """Fraction done, 0 .. 1: a half per phase, each in proportion to 1 / noise, which is its error."""
-        return 1.0 if self.enough else 0.5 * (self._first_phase + min(ENOUGH / self._left, 1.0))
+        """Fraction of the paths needed, 0 .. 1, as predicted so far; phase 1 is FIRST_PHASE of it. It never falls."""
+        if self.enough:
+            return 1.0
+        paths = (ENOUGH / self._left) ** 2
+        if self.state is not None and len(sets := self.state.sets):
+            known = math.isfinite(self._left)
+            paths = float(sets.mean()) / (self.state.rounds / paths if known else ROUNDS)
+        now = FIRST_PHASE * self._first_phase + (1 - FIRST_PHASE) * min(paths, 1.0)
+        self._fraction = max(self._fraction, now)
+        return self._fraction
 
     def relative_noise(self, levels: np.ndarray) -> float:
         """Return the relative noise at levels (G, 3) of the lamps over that at the scene file's; 1 without light."""
@@ -201,7 +210,7 @@ class StaticGather:
 
         for new in f.steps(field):
             if new:
-                done = min(LOW * ENOUGH / f.noise, 1.0) if f.noise > 0 else 1.0
+                done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
                 self._first_phase = max(self._first_phase, done)
             yield False
             if new and (f.noise < self.noise or self.is_earlier):
