@@ -196,6 +196,7 @@ class ReferenceRounds(Rounds):
         rounds: int = ROUNDS,
         levels: np.ndarray | None = None,
         per_lamp: bool = False,
+        smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
     ):
         """Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
 
@@ -217,7 +218,8 @@ class ReferenceRounds(Rounds):
         if state is not None and state.mean.shape[1] != channels:
             raise ValueError(f"the state has {state.mean.shape[1]} channels, but there are {channels}")
         state = ReferenceState.empty(n, channels) if state is None else ReferenceState(*(a.copy() for a in state))
-        super().__init__(gatherer.paths, luminance_of_all, weights, state, rounds, least=gatherer.least_set)
+        given = gatherer.paths, luminance_of_all, weights, state, rounds, smoothed
+        super().__init__(*given, least=gatherer.least_set)
 
 
 def luminance_of_all(values: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.gather.denoise import denoise
+from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
@@ -26,11 +26,12 @@ from gi_core.model import Model
 
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
-ROUNDS = 24  # until 1 % noise; the first noise is known after two
+ROUNDS = 32  # until 1 % noise; the first noise is known after two
 FIRST_PHASE = 0.15  # of the time, roughly
 SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
 SAMPLE_NOISE = 2.0  # ... by paths of so many times its noise, ...
 SAMPLE_ROUNDS = 48  # ... in smaller rounds: the first two are known sooner
+POOLED = 8  # means over neighbours by which pilots and squared errors of whole paths are pooled
 GROUPS = 8  # of receivers whose paths are alike in noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
@@ -198,7 +199,7 @@ class StaticGather:
 
     def _single_bounces(self, photons: Callable[[], PhotonLight | None]) -> Iterator[bool | None]:
         f = self._final
-        known = np.inf if self.state is None else self.state.noise(self.weights)
+        known = np.inf if self.state is None else self._noise_of_paths(self.state)
         theirs = photons()
         if theirs is None or not min(known, f.noise) > LOW * ENOUGH:
             return
@@ -241,11 +242,11 @@ class StaticGather:
     def _whole_paths(self) -> Iterator[bool | None]:
         given = self._model.scene, *self._points, self._seed, self._paid
         more = {"model": self._model, "state": self.state, "mobiles": False, "rounds": ROUNDS, "per_lamp": True}
-        rounds = ReferenceRounds(*given, **more)
+        rounds = ReferenceRounds(*given, **more, smoothed=self._pooled_pilots)
         looked_at, self._first_phase = 1, 1.0
         while not self.enough:
             if self.state is not None and (done := self.state.rounds) > looked_at:
-                looked_at, noise = done, self.state.noise(self.weights)
+                looked_at, noise = done, self._noise_of_paths(self.state)
                 if noise < max(self.error, LOW * ENOUGH):
                     mean, error = self.state.mean, self.state.standard_error
                     yield from self._take_over(mean[:, -self._channels :], error[:, :3], error[:, 3:], noise)
@@ -254,6 +255,31 @@ class StaticGather:
                 rounds.step()
                 self.state = rounds.state
                 yield False
+
+    def _pooled(self, values: np.ndarray) -> np.ndarray:
+        """Return means (n, k) over the surroundings of each receiver."""
+        everywhere = np.ones(len(values), bool)
+        for _ in range(POOLED):
+            values = averaged(self._near, values, everywhere, self._model.threads)
+        return values
+
+    def _pooled_pilots(self, pilot: np.ndarray) -> np.ndarray:
+        """Return mean and deviation (n, 2) of the pilots of the surroundings: where most light comes on few paths,
+        those of a single receiver miss it, and so would its sets."""
+        mean, square = self._pooled(np.stack([pilot[:, 0], (pilot**2).sum(axis=1)], axis=1)).T
+        return np.stack([mean, np.sqrt(np.maximum(square - mean**2, 0.0))], axis=1)
+
+    def _noise_of_paths(self, state: ReferenceState) -> float:
+        """Return the relative l1 noise of whole paths: inf before two rounds, nan without receivers or light.
+
+        Squared errors are means over surroundings: where no path has met the light, a receiver has no error itself.
+        """
+        if len(state.sets) and state.rounds < 2:
+            return math.inf
+        squares = luminance(state.standard_error[:, :3])[:, None] ** 2
+        light = float(self.weights @ luminance(state.mean[:, :3]))
+        noise = float(self.weights @ np.sqrt(self._pooled(squares)[:, 0]))
+        return math.sqrt(2 / math.pi) * noise / light if light > 0 else math.nan
 
     def _known(self, photons: np.ndarray) -> np.ndarray:
         """Return the irradiance per lamp (n, 3 G) [W/m2] at the ends of single bounces: of the last pair, or photons.
