@@ -64,12 +64,15 @@ class Viewport:
     def adopt(self, session: Session, keep_view: bool = False) -> None:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved.
 
-        Mobiles that an edit adds are then selected.
+        Mobiles and lights that an edit adds are then selected.
         """
         appeared = tuple(name for name in session.poses if keep_view and name not in self.session.poses)
         same_faces = keep_view and len(session.scene.static.faces) == len(self.session.scene.static.faces)
         self.clicked, self._pressed = self.clicked if same_faces else None, None
+        before = self.lamps.selected
         self.lamps.adopt(session, self.session if keep_view else None)
+        if self.lamps.selected not in (None, before):
+            self.select_lamp(self.lamps.selected)
         self.session = session
         self.shown = self._drawn = self._surface = None
         self.scale_fit.forget()

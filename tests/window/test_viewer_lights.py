@@ -164,10 +164,13 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(play, folder):
         change(hand, viewer, lambda: viewer._do("undo"))
         assert viewer.session.light.snapshot.levels.max(axis=1) == pytest.approx([1.0, 1.0, 1.0, 0.5], rel=1e-4)
 
-        for kind, name in (("panel", "panel"), ("spot", "spot 2"), ("sun", "sun")):
+        for kind, name, x in (("panel", "panel", 0.5), ("spot", "spot 2", 0.65), ("sun", "sun", 0.8)):
+            floor = hand.at((x, 0.0, 0.9))  # away from the aim of the last one
+            hand.drag(floor, floor, steps=1)
+            hand.wait(lambda: viewport.clicked is not None and viewport.lamps.selected is None)
             change(hand, viewer, lambda kind=kind: viewer._do(AddLamp(kind)))
             light = viewer.session.scene.lights[-1]
-            assert light.name == name and viewport.lamps.selected == LightId(name)
+            assert light.name == name and viewport.lamps.selected == LightId(name) and viewport.clicked is None
             if kind != "sun":
                 assert 0.9 < light.position[1] < 0.995 and light.direction == (0.0, -1.0, 0.0)
         assert is_that_of_a_new_solver(viewer.session)
