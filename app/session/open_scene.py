@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.scene.types import Light
 
 
+LEAST_LAMP = 0.03  # of the scene's size: box of a light without a size
 GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
 
 
@@ -118,6 +119,19 @@ class OpenScene:
         numbers = [1 + self.model.names.index(name) for name in names]
         points = [self.model.vertices_at(o, self.poses if poses is None else poses) for o in numbers]
         return np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
+
+    def box_of_lamp(self, lamp: LightId) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the corners (3,) [m] of the box round a light that has a place, else round a lamp's faces, or None."""
+        from gi_core.scene.types import PhotometricLight, PlacedLight
+
+        light, mesh = self.lights.get(lamp), self.scene.static
+        if isinstance(light, PlacedLight):
+            least = LEAST_LAMP * self.chosen.scene_size
+            side = max(least, *light.size) if isinstance(light, PhotometricLight) else least
+            return np.array(light.position) - side / 2, np.array(light.position) + side / 2
+        shining = [m.name == lamp.name and max(m.emission) > 0 for m in self.scene.materials]
+        points = mesh.vertices[mesh.faces[np.array(shining, bool)[mesh.face_material]]].reshape(-1, 3)
+        return (points.min(axis=0), points.max(axis=0)) if len(points) else None
 
     @property
     def irradiance(self) -> np.ndarray:

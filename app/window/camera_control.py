@@ -15,6 +15,7 @@ from gi_core.scene import Camera
 from gi_core.scene.pose import three
 
 if TYPE_CHECKING:
+    from app.session.lights import LightId
     from app.session.session import Session
     from app.window.view import View
 
@@ -121,12 +122,12 @@ class CameraControl:
     def go_home(self) -> None:
         self.fly_to(self.home)
 
-    def frame(self, names: tuple[str, ...]) -> None:
-        """Show objects by name, or everything without one, from the present direction."""
+    def frame(self, names: tuple[str, ...], lamp: LightId | None) -> None:
+        """Show objects by name, else a lamp, or everything without either, from the present direction."""
         s, camera, bounds, margin = self.session, self.view.camera, self._lit, 1.0
-        if names:
-            low, high = s.box_of(names)
-            bounds, margin = Bounds(three(low), three(high)), MARGIN
+        box = s.box_of(names) if names else s.box_of_lamp(lamp) if lamp is not None else None
+        if box is not None:
+            bounds, margin = Bounds(three(box[0]), three(box[1])), MARGIN
         distance = margin * bounds.radius / math.sin(camera.fov / 2)
         self.fly_to(replace(camera, pivot=three(bounds.centre), distance=distance))
 

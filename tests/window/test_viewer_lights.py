@@ -181,6 +181,22 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(play, folder):
     assert errors(play(script, open_with=open_lit)) == []
 
 
+def test_key_f_frames_the_selected_lamp(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        for lamp, place in ((SPOT, (0.2, 0.8, 0.6)), (LightId("lamp"), (0.5, 0.995, 0.5))):
+            viewer._do(SelectLamp(lamp))
+            hand.press(keys().f)
+            hand.wait(lambda place=place: viewer.viewport.view.camera.pivot == pytest.approx(place, abs=1e-3))
+        hand.wait(lambda: not viewer.viewport.control.is_moving)
+        near = viewer.viewport.view.camera.distance
+        viewer._do(SelectLamp(None))
+        hand.press(keys().f)
+        hand.wait(lambda: viewer.viewport.view.camera.distance > 2 * near)
+
+    assert errors(play(script, open_with=open_lit)) == []
+
+
 def test_surfaces_that_shine_become_a_panel(play):
     def script(hand, viewer):
         hand.wait_for_light()

@@ -126,7 +126,7 @@ ACTIONS = {
     ),
     "promote": Action(objects.promote, label="Make clicked object movable"),
     "freeze": Action(objects.freeze, label="Make object static"),
-    "frame": Action(views.frame, (K.f,), "F", "show the selected objects, or everything", label="Frame selected"),
+    "frame": Action(views.frame, (K.f,), "F", "show what is selected, or everything", label="Frame selected"),
     "top": Action(partial(views.look_along, None), label="Top"),
     "front": Action(partial(views.look_along, 0), label="Front"),
     "side": Action(partial(views.look_along, 1), label="Side"),

@@ -11,8 +11,8 @@ def look_along(quarter_turns: int | None, window: Window) -> None:
 
 
 def frame(window: Window) -> None:
-    """Show the selected objects, or everything."""
-    window.viewport.control.frame(window.viewport.selection)
+    """Show the selected objects or lamp, or everything."""
+    window.viewport.control.frame(window.viewport.selection, window.viewport.lamps.selected)
 
 
 def bookmark(window: Window) -> None:
