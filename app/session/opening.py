@@ -103,7 +103,7 @@ class Opening:
             self._compile(compile_ahead.DIFFUSE)
             self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
             versions = self._versions()
-            scene = as_asked(versions.scenes[-1], self.settings)
+            scene = as_asked(versions.last, self.settings)
             self._stop_if_cancelled()
             if (surfaces := compile_ahead.surfaces_of(scene)) != compile_ahead.DIFFUSE:
                 self._compile(surfaces)
@@ -117,7 +117,7 @@ class Opening:
 
         shown = self._before.opened if self._before is not None else None
         same = shown is not None and of_files(shown.settings) == of_files(self.settings)
-        versions = shown.versions if shown is not None and same else Versions((self._load(self.settings),))
+        versions = shown.versions if shown is not None and same else Versions({0: self._load(self.settings)})
         return versions.after(self.settings.edits, self.settings.allow_outside)
 
     def _compile(self, surfaces: str) -> None:

@@ -6,7 +6,7 @@ photon paths that an edit does not touch.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -96,30 +96,37 @@ KINDS: dict[str, type[Edit]] = {
     kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze, Light, Darken)
 }
 
+KEPT = 3  # versions of a scene
 ADDING, TAKING = (Insert, Duplicate, Promote), (Remove, Freeze)  # a mobile
 
 
 class Versions(NamedTuple):
-    """A scene, and those after each of some edits. Others begin at the last version that they share with these."""
+    """A scene, and those after the last of some edits. Others begin at the last version that they share with these."""
 
-    scenes: tuple[Scene, ...]  # the scene without edits first
+    scenes: Mapping[int, Scene]  # by number of edits: 0 and the last KEPT, as each edit of the static part copies it
     edits: tuple[Edit, ...] = ()
+
+    @property
+    def last(self) -> Scene:
+        return self.scenes[len(self.edits)]
 
     def after(self, edits: Sequence[Edit], allow_outside: bool = False) -> Versions:
         """Return the versions of other edits. Raises EditError, as edited()."""
         same = [a == b for a, b in zip(self.edits, edits, strict=False)]
-        kept = [*same, False].index(False)
-        scenes = list(self.scenes[: kept + 1])
-        for number, edit in enumerate(edits[kept:], kept):
+        shared = [*same, False].index(False)
+        scenes = {number: scene for number, scene in self.scenes.items() if number <= shared}
+        first = max(scenes)
+        scene = scenes[first]
+        for number, edit in enumerate(edits[first:], first):
             try:
-                scenes.append(_edited(scenes[-1], edit, allow_outside))
+                scene = scenes[number + 1] = _edited(scene, edit, allow_outside)
                 if number == len(edits) - 1:
-                    check_scene(scenes[-1])
+                    check_scene(scene)
             except SceneError as problem:
                 refused = EditError(str(problem))
                 refused.number = number
                 raise refused from None
-        return Versions(tuple(scenes), tuple(edits))
+        return Versions({k: v for k, v in scenes.items() if k == 0 or k > len(edits) - KEPT}, tuple(edits))
 
 
 def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> Scene:
@@ -127,7 +134,7 @@ def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> 
 
     Raises EditError for a name that the scene does not have at that point, or has already, and for a bad value.
     """
-    return Versions((scene,)).after(edits, allow_outside).scenes[-1]
+    return Versions({0: scene}).after(edits, allow_outside).last
 
 
 def names_after(names: Iterable[str], before: Sequence[Edit], after: Sequence[Edit]) -> set[str]:

@@ -332,15 +332,23 @@ def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
 def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
     thing = write_glb(tmp_path / "thing.glb", BOX * 0.05, BOX_FACES)
     insert, there = Insert("thing", str(thing), TURNED), EDITS["duplicate"]
-    both = Versions((room(),)).after([insert, there])
+    both = Versions({0: room()}).after([insert, there])
     thing.unlink()  # it is not read again
     for edits in ([insert], [insert, EDITS["remove"]], [insert, there, HIGHER], [insert, there]):
         versions = both.after(edits)
-        assert versions.edits == tuple(edits) and len(versions.scenes) == len(edits) + 1
+        assert versions.edits == tuple(edits) and set(versions.scenes) == set(range(len(edits) + 1))
         assert versions.scenes[1] is both.scenes[1]
-    assert both.after([insert, there]).scenes[-1] is both.scenes[-1]
-    assert both.after([]).scenes == both.scenes[:1]
-    assert [m.name for m in both.after([insert, EDITS["remove"]]).scenes[-1].mobiles] == ["ball", "thing"]
+    assert both.after([insert, there]).last is both.last
+    assert both.after([]).last is both.scenes[0]
+    assert [m.name for m in both.after([insert, EDITS["remove"]]).last.mobiles] == ["ball", "thing"]
+
+    # Old versions are dropped; edits that share no other begin at the first.
+    lights = [HIGHER._replace(light=(("position", (0.7, 0.3, 0.1 * k)),)) for k in range(1, 6)]
+    many = Versions({0: room()}).after(lights)
+    assert set(many.scenes) == {0, 3, 4, 5}
+    fewer = many.after(lights[:2])
+    assert set(fewer.scenes) == {0, 1, 2}
+    assert next(light for light in fewer.last.lights if light.name == "bulb").position == (0.7, 0.3, 0.2)
     with pytest.raises(EditError, match=r"there is no such mesh file") as problem:
         both.after([there, insert])
     assert problem.value.number == 1
