@@ -174,7 +174,7 @@ class StaticGather:
             return 1.0
         paths = (ENOUGH / self._left) ** 2
         if self.state is not None and len(sets := self.state.sets):
-            known = math.isfinite(self._left)
+            known = math.isfinite(self._left) and self.state.rounds > 0  # restored light has a noise, but no rounds yet
             paths = float(sets.mean()) / (self.state.rounds / paths if known else ROUNDS)
         now = FIRST_PHASE * self._first_phase + (1 - FIRST_PHASE) * min(paths, 1.0)
         self._fraction = max(self._fraction, now)

@@ -150,6 +150,17 @@ def test_progress_goes_up_to_the_end(monkeypatch):
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
 
 
+def test_restored_light_goes_on(gathered):
+    """Its noise is known before the first round of its own paths."""
+    before = solved(5_000)
+    light = gathered.frame_light.static.gathered.light | {"_left": 0.03}
+    before.frame_light.static.gathered = g = StaticGather.restored(before.model, 0, light)
+    steps = before.gather_steps()
+    while g.state is None or not g.state.sets.any():
+        fraction = next(steps).fraction
+    assert 0 < fraction < 1
+
+
 def test_error_at_levels_is_scaled_as_noise_is():
     """Of two lamps the first brings ten times the light, with a fifth of the relative noise."""
     lamps = PointLight("bright", (0.5, 0.5, 0.9), (10.0,) * 3), PointLight("dim", (0.4, 0.5, 0.9), (1.0,) * 3)
