@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
+from gi_core.base.grouping import group_of
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis, cosine_hemisphere
 from gi_core.base.vec import cross, dot, rotate, weighted
@@ -37,16 +38,18 @@ class Glossy(NamedTuple):
 
     reflectance: np.ndarray  # (F, 3) float64, hemispherical albedo of the diffuse part
     albedo: np.ndarray  # (F, 3) float64, hemispherical albedo of all parts
-    lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha; nan: diffuse
+    kind: np.ndarray  # (F,) int32 into `lobes`: few are distinct, and stay in the processor's cache; -1: diffuse
+    lobes: np.ndarray  # (K, 5) float64: F0 red, green, blue, F90, alpha
     once: np.ndarray  # see ggx.albedos()
 
 
 class Tabulated(NamedTuple):
-    """Reflection of F faces, some by tables: the first four fields as Glossy."""
+    """Reflection of F faces, some by tables: the first five fields as Glossy."""
 
     reflectance: np.ndarray
     albedo: np.ndarray
-    lobe: np.ndarray  # alpha -1 - k: table k
+    kind: np.ndarray
+    lobes: np.ndarray  # alpha -1 - k: table k
     once: np.ndarray
     tables: Tables
     tangent: np.ndarray  # (F, 3) float64 unit, in the object's space
@@ -62,7 +65,11 @@ def build_bsdfs(reflectance: np.ndarray, lobe: np.ndarray, tables: Tables, tange
     albedo = reflectance + ggx.gloss_albedo(lobe)
     for k in range(len(tables.head)):
         albedo[lobe[:, 4] == -1 - k] += table_albedo(tables, k)
-    glossy = Glossy(reflectance, albedo, lobe, ggx.albedos())
+    kind, faces = np.full(len(lobe), -1, np.int32), np.flatnonzero(~np.isnan(lobe[:, 4]))
+    kind[faces] = group_of(list(lobe[faces].T.copy().view(np.int64)))
+    lobes = np.empty((kind.max() + 1, 5))
+    lobes[kind[faces]] = lobe[faces]
+    glossy = Glossy(reflectance, albedo, kind, lobes, ggx.albedos())
     return Tabulated(*glossy, tables, tangent) if len(tables.head) else glossy
 
 
@@ -159,7 +166,7 @@ def _not_sampled(bsdfs, f, i, n, t, u, v, s):
 
 @kernel
 def _has_lobe(bsdfs, f):
-    return not math.isnan(bsdfs.lobe[f, 4])
+    return bsdfs.kind[f] >= 0
 
 
 @kernel
@@ -180,7 +187,7 @@ def _arriving(d, a, b, n):
 def _ggx_scattered(bsdfs, f, i, n, t, u, v, s, w):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
-    lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
+    lobe, rho = bsdfs.lobes[bsdfs.kind[f]], bsdfs.reflectance[f]
     x, y, z, red, green, blue = ggx.scattered(bsdfs.once, lobe, rho, ix, iy, iz, u, v, s, w)
     return weighted((x, y, z), a, b, n), (red, green, blue)
 
@@ -189,7 +196,7 @@ def _ggx_scattered(bsdfs, f, i, n, t, u, v, s, w):
 def _ggx_value(bsdfs, f, i, o, n, t):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
-    lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
+    lobe, rho = bsdfs.lobes[bsdfs.kind[f]], bsdfs.reflectance[f]
     return ggx.value(bsdfs.once, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
 
 
@@ -197,7 +204,7 @@ def _ggx_value(bsdfs, f, i, o, n, t):
 def _ggx_pdf(bsdfs, f, i, o, n, t):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
-    lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
+    lobe, rho = bsdfs.lobes[bsdfs.kind[f]], bsdfs.reflectance[f]
     return ggx.pdf(bsdfs.once, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
 
 
@@ -205,7 +212,7 @@ def _ggx_pdf(bsdfs, f, i, o, n, t):
 def _ggx_sampled(bsdfs, f, i, n, t, u, v, s):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
-    means, lobe, rho = bsdfs.once, bsdfs.lobe[f], bsdfs.reflectance[f]
+    means, lobe, rho = bsdfs.once, bsdfs.lobes[bsdfs.kind[f]], bsdfs.reflectance[f]
     x, y, z = ggx.sample(means, lobe, rho, ix, iy, iz, u, v, s)
     red, green, blue, p = 0.0, 0.0, 0.0, 0.0
     share = ggx.gloss_share(means, lobe, rho, iz)
@@ -230,7 +237,8 @@ def _along(bsdfs, R, f):
 @kernel
 def _number(bsdfs, f):
     """Return the table of face f, < 0: it has GGX."""
-    return -1 - int(bsdfs.lobe[f, 4]) if bsdfs.lobe[f, 4] < 0.0 else -1
+    alpha = bsdfs.lobes[bsdfs.kind[f], 4]
+    return -1 - int(alpha) if alpha < 0.0 else -1
 
 
 @kernel

@@ -17,7 +17,7 @@ import numpy as np
 
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
-from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
+from gi_core.gather.one_bounce import NO_RAYS, Bounces, Exchange, Field, meet
 from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter, starts
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
@@ -140,5 +140,5 @@ class FinalGather:
         none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 3)))  # no mobile is met
         known = Field(s.corner_front, s.corner_back, field)
         bounces = Bounces(1 << m, normals, at.rotation[0], direction, distance, face)
-        meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, none)
+        meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, NO_RAYS, none)
         return total

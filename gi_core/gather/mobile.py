@@ -25,7 +25,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather import one_bounce
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
-from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, take_bounces
+from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, for_cells
 from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
@@ -61,6 +61,7 @@ class LampSamples(NamedTuple):
 
     lights: Lights
     candidates: Candidates  # on area lights
+    in_cells: Candidates  # fewer of them, see for_cells()
     picks: np.ndarray  # of delta lights, see `next_event.picks`
 
 
@@ -171,7 +172,7 @@ class MobileGather:
         """Return where 2^m paths per receiver of mobile o look for lamps."""
         lights, every = self._lights_of(o, at), np.arange(1 << m)[None]
         some = candidates(self._seed, m, lights.area)
-        return LampSamples(lights, some, picks(self._seed, m, 0, every, lights.delta))
+        return LampSamples(lights, some, for_cells(some), picks(self._seed, m, 0, every, lights.delta))
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch of 2^m paths per receiver."""
@@ -205,14 +206,14 @@ class MobileGather:
 
         Of a glossy mobile, write `bounced`, as in PathLight, and return the direct light too.
         """
-        s, (lights, some, pick) = self._model.surfaces, lamps
+        s, (lights, every, in_cells, pick) = self._model.surfaces, lamps
         n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
         positions = to_world_at(R, p, self._positions[batch.rows])
         normals = to_world_at(R, 0 * p, self._normals[batch.rows])
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
         ends = starts(np.arange(n), np.arange(n), positions, normals)
-        to_lamps = some, pick, 1 << m, ends, lights, far, gap
+        to_lamps = every, pick, 1 << m, ends, lights, far, gap
         rays, blocked = batch.shadow.occluded(at, lambda: join_lamps(world.bsdfs, *to_lamps))
         add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
         distance, face = batch.bounce.nearest(at)
@@ -222,13 +223,14 @@ class MobileGather:
         glossy, first = batch.mobile in self._glossy, batch.rows.start << m
         known = Field(s.corner_front, s.corner_back, static)
         bounces = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
-        total = np.zeros((count, 3)) if glossy else light.bounced
-        met = one_bounce.meet(world, at, lights.area, lights.sky, known, bounces, self.first, first, total, out)
+        by_ray = bounced[batch.rows] if glossy else one_bounce.NO_RAYS
+        met = one_bounce.meet(
+            world, at, lights.area, lights.sky, known, bounces, self.first, first, light.bounced, by_ray, out
+        )
         hits = Exchange(*(a[:met].copy() for a in out))
         if not glossy:
             return hits, None
-        take_bounces(total, light.bounced, bounced[batch.rows])
-        return hits, direct_light(batch.rows, R[0], positions, lights.area, some, rays, blocked)
+        return hits, direct_light(batch.rows, R[0], positions, lights.area, in_cells, rays, blocked)
 
 
 def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:

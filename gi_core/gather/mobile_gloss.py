@@ -39,7 +39,7 @@ class DirectLight(NamedTuple):
     rotation: np.ndarray  # (3, 3) float64, of their mobile
     positions: np.ndarray  # (n, 3) float64 [m], in the world
     lights: AreaLights
-    candidates: Candidates  # all where they are few, at last one of each stratum: more in a cell add time alone
+    candidates: Candidates  # see for_cells()
     first: np.ndarray  # (n + 1,) int64 into `ray`
     ray: np.ndarray  # (k,) int32 into the next three, in the order of receivers
     stratum: np.ndarray  # (s,) int64 of the candidates, or -1
@@ -80,6 +80,11 @@ class PathLight(NamedTuple):
         run_ranges(work, len(rows), threads, GRAIN)
 
 
+def for_cells(of: Candidates) -> Candidates:
+    """Return all candidates where they are few, at last one of each stratum: more in a cell add time alone."""
+    return thinned(of, min(max(len(of.face) // ROOM, 1), CANDIDATES))
+
+
 def direct_light(
     rows: slice, rotation: np.ndarray, positions: np.ndarray, lights: AreaLights, candidates: Candidates, rays: Shadows,
     blocked: np.ndarray,
@@ -88,8 +93,9 @@ def direct_light(
     first = np.zeros(rows.stop - rows.start + 1, np.int64)
     ray = np.empty(len(blocked), np.int32)
     _order(rays.row, blocked, first, ray)
-    some = thinned(candidates, min(max(len(candidates.face) // ROOM, 1), CANDIDATES))
-    return DirectLight(rows, rotation, positions, lights, some, first, ray, rays.stratum, rays.direction, rays.value)
+    return DirectLight(
+        rows, rotation, positions, lights, candidates, first, ray, rays.stratum, rays.direction, rays.value
+    )
 
 
 @kernel
@@ -106,24 +112,6 @@ def _order(rows, blocked, first, ray):
         if not blocked[j]:
             first[rows[j]] -= 1
             ray[first[rows[j]]] = j
-
-
-@kernel
-def take_bounces(light, total, bounced):
-    """Add light (n P, 3) of bounces to the sums (n, 3) of their receivers; write it to bounced (n, 3, P).
-
-    Noise makes single bounces negative: cells, which are shares, take these as none.
-    """
-    paths = bounced.shape[2]
-    for i in range(len(total)):
-        red = green = blue = 0.0
-        for p in range(paths):
-            r, g, b = row(light, i * paths + p)
-            bounced[i, 0, p], bounced[i, 1, p], bounced[i, 2, p] = max(r, 0.0), max(g, 0.0), max(b, 0.0)
-            red, green, blue = red + r, green + g, blue + b
-        total[i, 0] += red
-        total[i, 1] += green
-        total[i, 2] += blue
 
 
 @kernel

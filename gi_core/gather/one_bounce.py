@@ -16,6 +16,8 @@ from gi_core.base.vec import dot, rotate
 from gi_core.bsdf import lambertian
 from gi_core.lights.next_event import share_of_bounce
 
+NO_RAYS = np.empty((0, 3, 1), np.float32)  # of meet(): the light of single rays is not wanted
+
 
 class Bounces(NamedTuple):
     """P bounce rays from each of n receivers, and their hits."""
@@ -45,22 +47,28 @@ class Exchange(NamedTuple):
 
 
 @kernel
-def meet(world, at, lights, sky, field, rays, first, base, total, out):
-    """Add to `total` the light of rays that hit lamps, the sky and the static part: (n, 3 G), or (n P, 3 G) of each.
+def meet(world, at, lights, sky, field, rays, first, base, total, by_ray, out):
+    """Add to total (n, 3 G) the light of rays that hit lamps, the sky and the static part.
 
-    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Hits on mobiles
-    are written to `out`, an Exchange: its corners are counted from receiver `first`, its rays from `base`. Returns
-    their number. The loop is in one piece: helpers for sky, lamp and corners made it a third slower.
+    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. by_ray (n, 3, P)
+    float32 gets the light of each ray, over all lamps, or is NO_RAYS. Noise makes light negative, which counts as
+    none in by_ray. Hits on mobiles are written to `out`, an Exchange: its corners are counted from receiver `first`,
+    its rays from `base`. Returns their number. The loop is in one piece: helpers for sky, lamp and corners made it a
+    third slower.
     """
-    n, known, static_faces, by_ray = 0, field.irradiance, world.first_face[1], len(total) == len(rays.face)
+    n, known, static_faces, each = 0, field.irradiance, world.first_face[1], len(by_ray) > 0
+    by_ray[:] = np.float32(0.0)
     for k in range(len(rays.face)):
         row, f = k // rays.paths, rays.face[k]
-        to = k if by_ray else row
+        path = k - row * rays.paths
         d = rotate(rays.rotation, rays.directions[k])
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
-                    total[to, 3 * sky.lamp + c] += math.pi * sky.radiance[c]
+                    light = math.pi * sky.radiance[c]
+                    total[row, 3 * sky.lamp + c] += light
+                    if each:
+                        by_ray[row, c, path] += light
             continue
         R = at.rotation[0] if f < static_faces else at.rotation[world.face_object[f]]
         facing = -dot(d, rotate(R, world.normals[f]))
@@ -70,7 +78,10 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
                 p_bounce = lambertian.pdf(max(dot(d, rays.normals[row]), 0.0))
                 share = share_of_bounce(p_bounce, facing, rays.distance[k], lights.density[e])
                 for c in range(3):
-                    total[to, 3 * lights.lamp[e] + c] += math.pi * lights.radiance[e, c] * share
+                    light = math.pi * lights.radiance[e, c] * share
+                    total[row, 3 * lights.lamp[e] + c] += light
+                    if each:
+                        by_ray[row, c, path] += light
         elif world.two_sided[f]:
             corners = field.corner_back[f]
         else:
@@ -80,7 +91,10 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
             for g in range(0, known.shape[1], 3):
                 for c in range(3):
                     E = (known[u, g + c] + known[v, g + c] + known[w, g + c]) / 3.0
-                    total[to, g + c] += world.bsdfs.albedo[f, c] * E
+                    light = world.bsdfs.albedo[f, c] * E
+                    total[row, g + c] += light
+                    if each:
+                        by_ray[row, c, path] += max(light, 0.0)
             continue
         out.ray[n] = base + k
         for c in range(3):

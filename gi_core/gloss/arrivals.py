@@ -35,7 +35,7 @@ def arrivals(
     discs: GlossDiscs, o: int, parts: list[tuple[int, Segments]], at: Transforms, weights: np.ndarray
 ) -> Arrivals:
     """Return the rays of segments, each part with its sign, at object o's receivers; weights (G, 3): of the lamps."""
-    found = [(sign, c) for sign, segments in parts for c in discs.crossed(o, segments, at)]
+    found = [(parts[k][0], c) for k, c in discs.crossed(o, [segments for _, segments in parts], at)]
     n, sizes = discs.count(o), [len(c.lines.low) for _, c in found]
     rays, receiver = np.empty((sum(sizes), RAY), np.int64), [np.empty(0, np.int32)]
     direction, lines = [np.empty((0, 3), np.float32)], [np.empty(0, np.int32)]

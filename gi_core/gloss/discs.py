@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +16,7 @@ from gi_core.discs.search.predicate import Discs, Lines, lines
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import IntersectionLog, Sums
-from gi_core.photons.paths import Segments
+from gi_core.photons.paths import Segments, take
 from gi_core.rays.accelerator import Transforms
 
 CELL_RADII = 2.0  # edge of the cells of the search: the discs of a flat surface lie in one layer, decision 37
@@ -66,22 +68,25 @@ class GlossDiscs:
         own, back = self.model.receiver_sides[rows], np.full(n, NONE, np.int32)
         return DiscIndex(Discs(positions, normals, own, back, np.float32(self.radius), region), cell_radii=CELL_RADII)
 
-    def crossed(self, o: int, segments: Segments, at: Transforms) -> list[Crossings]:
-        """Return the crossings of segments with object o's discs at poses, in parts."""
-        count, model = self.count(o), self.model
-        if not (segments.size and count):
+    def crossed(self, o: int, parts: Sequence[Segments], at: Transforms) -> list[tuple[int, Crossings]]:
+        """Return the crossings of segments with object o's discs at poses, each with the index of its part."""
+        count, model, ends = self.count(o), self.model, np.cumsum([0, *(part.size for part in parts)])
+        if not (ends[-1] and count):
             return []
         search = self._searches[o]
 
-        def find(_, first, last):
-            part = Segments(*(a[first:last] for a in segments))
-            ready, room = lines(part, at.rotation[o], at.position[o], model, self.radius), ROOM * (last - first)
+        def find(segments: Segments) -> Crossings:
+            ready, room = lines(segments, at.rotation[o], at.position[o], model, self.radius), ROOM * segments.size
             while True:
                 log = IntersectionLog.of(room)
                 search.accumulate(ready, 1, Sums.zeros(count, model.emitters.lamps.channels)._replace(log=log))
                 if log.count[0] <= room:
                     n = int(log.count[0])
-                    return Crossings(log.receiver[:n], log.line[:n], ready, part.photon, part.bounce)
+                    return Crossings(log.receiver[:n], log.line[:n], ready, segments.photon, segments.bounce)
                 room = int(log.count[0])
 
-        return run_ranges(find, segments.size, model.threads, GRAIN)
+        def work(_, first, last):
+            ranges = [(max(first - a, 0), min(last, b) - a) for a, b in itertools.pairwise(ends)]
+            return [(k, find(take(parts[k], slice(*r)))) for k, r in enumerate(ranges) if r[0] < r[1]]
+
+        return list(itertools.chain(*run_ranges(work, int(ends[-1]), model.threads, GRAIN)))

@@ -112,7 +112,7 @@ class RayLists:
             some = segments.photon < min(photons, MOST_PHOTONS)
             segments = Segments(*(a[some] for a in segments))
         out = []
-        for c in self.discs.crossed(o, segments, at):
+        for _, c in self.discs.crossed(o, [segments], at):
             n, line = len(c.line), c.lines
             rays = _Rays(np.empty(n, np.int64), np.empty((n, 3), np.float32), np.empty((n, 3), np.float32))
             given = c.receiver, c.line, line.direction, line.flux, line.lamp, c.photon, c.bounce

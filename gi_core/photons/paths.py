@@ -16,7 +16,8 @@ from gi_core.base.threads import run_ranges
 from gi_core.geometry.sides import NONE
 from gi_core.rays.accelerator import line
 
-WRITE_GRAIN = 4096  # segments per thread
+WRITE_GRAIN = 4096  # segments per thread ...
+SUFFIX_GRAIN = 512  # ... or suffixes, of one segment or more
 END_EXTENSION = 1e-4  # of the world's size: extension behind the hit, so that discs in the plane of the hit are crossed
 
 
@@ -197,6 +198,13 @@ def _write_rows(offsets, position, side, flux, lamp, eps, photons, rows, first, 
         _write(offsets, position, side, flux, lamp, eps, photons[j], rows[j], j, out)
 
 
+@kernel
+def _write_behind(offsets, position, side, flux, lamp, eps, photons, vertices, rows, first, last, out):
+    for j in range(first, last):
+        for k in range(vertices[j], offsets[photons[j] + 1] - 1):
+            _write(offsets, position, side, flux, lamp, eps, photons[j], k, rows[j] + k - vertices[j], out)
+
+
 def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int) -> Segments:
     """Return the whole segments of photons first .. last - 1."""
     out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
@@ -214,4 +222,20 @@ def segments_at(
         _write_rows(*paths, eps, photons, vertices, first, last, tuple(out))
 
     run_ranges(work, len(vertices), threads, WRITE_GRAIN)
+    return out
+
+
+def segments_behind(
+    paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray, low: np.ndarray, threads: int
+) -> Segments:
+    """Return all segments of photons (n,) behind vertices (n,), photon-major; the first of each begins at low (n,)."""
+    counts = paths.offsets[photons + 1] - 1 - vertices
+    ends = np.cumsum(counts)
+    rows, out = ends - counts, empty_segments(int(ends[-1]) if len(ends) else 0)
+
+    def work(_, first, last):
+        _write_behind(*paths, eps, photons, vertices, rows, first, last, tuple(out))
+
+    run_ranges(work, len(photons), threads, SUFFIX_GRAIN)
+    out.low[rows] = low
     return out

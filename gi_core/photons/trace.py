@@ -119,7 +119,7 @@ def _scatter(seed, world, at, photon, vertex, start, end, side, flux, lamp, fate
     return goes_on, dx, dy, dz, (a, b, c)
 
 
-@kernel
+@inlined
 def _scatter_glossy(seed, world, at, photon, vertex, start, end, side, flux):
     """Scatter a photon at a glossy side: return whether it survives, its direction (x, y, z) and flux (three int32)."""
     f = side >> 1

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.photons.paths import PathVertices, Segments, empty_segments, segments_at
+from gi_core.photons.paths import PathVertices, Segments, empty_segments, segments_behind
 
 
 class RemovedSuffixes(NamedTuple):
@@ -38,12 +38,7 @@ class RemovedSuffixes(NamedTuple):
 
     def segments(self, threads: int = 1) -> Segments:
         """Return the suffixes as segments, photon-major."""
-        counts = self.paths.offsets[self.photon + 1] - 1 - self.vertex
-        row = np.repeat(np.arange(len(counts)), counts)
-        step = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-        out = segments_at(self.paths, self.eps, self.photon[row], self.vertex[row] + step, threads)
-        out.low[step == 0] = self.low
-        return out
+        return segments_behind(self.paths, self.eps, self.photon, self.vertex, self.low, threads)
 
 
 def no_removed_suffixes(paths: PathVertices, eps: np.float32) -> RemovedSuffixes:

@@ -80,7 +80,7 @@ from tests.unit.gather.test_gloss_gather import gathered
 from tests.window.test_highlights import LIGHTS, scene, shot_of
 
 kernels = [gloss_gather._aim, gloss_gather._add_lit, gloss_gather._add_rays, path_tracer.arrive, path_tracer.scatter]
-kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.take_bounces, mobile_gloss.add_exchanged]
+kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.add_exchanged]
 kernels += [highlights._aim, highlights._add]
 compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(compile_ahead.TABLES), None))
 before = [k.signatures for k in kernels]
