@@ -225,6 +225,13 @@ def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
     return table
 
 
+def _frozen(value: Any) -> Any:
+    """Return a value of a table with tuples in place of lists, as edits have them."""
+    if isinstance(value, dict):
+        return {key: _frozen(v) for key, v in value.items()}
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
 def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
     """Return the edit of a table of a saved scene. Raises SceneError."""
     from gi_core.files.edits import KINDS
@@ -242,7 +249,7 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
                 x, y, z, *quaternion = table.vector(field, 7)
                 given[field] = Pose((x, y, z), tuple(quaternion))
         elif field in VALUES:
-            given[field] = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in table.table(field).items())
+            given[field] = tuple((k, _frozen(v)) for k, v in table.table(field).items())
         elif field == "number":
             given[field] = table.count(field, kind._field_defaults[field])
         elif field == "file" and (field in table or field not in kind._field_defaults):

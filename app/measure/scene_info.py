@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 PILOT = 20_000  # photons: the escaped share has an error of a third of a percent
-LISTED = 12  # materials with a line each
+LISTED = 12  # materials with a line each, besides all with gloss
 HEAD = ("materials", "diffuse reflectance", "triangles", "area", "")
 LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
 
@@ -232,15 +232,16 @@ def material_lines(scene, surfaces) -> list[str]:
         rho = (s.reflectance[faces] * s.areas[faces, None]).sum(axis=0) / max(area, 1e-300)
         cells = f'"{names[k]}"', triple(np.round(rho, 3)), f"{len(faces):,}", f"{100 * area / whole:.3g} %"
         kind = _kind(s.two_sided[faces], textured[faces], s.emission[faces]) + _gloss(noise[faces], way[faces])
-        rows.append((area, names[k], (*cells, kind)))
+        rows.append((area, names[k], (*cells, kind), not np.isnan(noise[faces]).all()))
     rows.sort(key=lambda row: -row[0])
-    shown = [HEAD, *(cells for *_, cells in rows[:LISTED])]
+    listed = [place < LISTED or row[3] for place, row in enumerate(rows)]
+    shown = [HEAD, *(row[2] for row, line in zip(rows, listed, strict=True) if line)]
     widths = [max(len(row[k]) for row in shown) + 2 for k in range(len(HEAD))]
     lines = ["".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in shown]
-    rest = rows[LISTED:]
+    rest = [row for row, line in zip(rows, listed, strict=True) if not line]
     if rest:
-        share = 100 * sum(area for area, *_ in rest) / whole
-        named = ", ".join(f'"{name}"' for _, name, _ in rest)
+        share = 100 * sum(row[0] for row in rest) / whole
+        named = ", ".join(f'"{row[1]}"' for row in rest)
         lines.append(f"and {len(rest)} more on {share:.3g} % of the area: {named}")
     return lines
 

@@ -22,7 +22,7 @@ from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.part_names import material_named, part_named
 from gi_core.scene.pose import three
-from gi_core.scene.types import Mesh, Mobile, Scene
+from gi_core.scene.types import Material, Mesh, Mobile, Scene
 
 Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file
 MOST_SCALE = 50.0  # of colours under metal that is taken off: less than 2 % is no colour
@@ -213,7 +213,7 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool, part
         return ()
     m = scene.materials[mesh.face_material[area.argmax()]]
     if m.brdf:
-        return (("brdf", m.brdf[0].model), *m.brdf[0].parameters)
+        return _models_of(m)
     base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
     if m.gloss is None:
         return (base,)
@@ -222,3 +222,12 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool, part
     found = as_metal_rough(np.maximum(np.array(base[1]) - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
     colour = ("reflectance", three(np.minimum(found.base, 0.98)))
     return colour, ("metallic", found.metallic), ("roughness", found.roughness), ("ior", found.ior)
+
+
+def _models_of(m: Material) -> Values:
+    """Return the models of a material: one by its name and parameters, a linear combination as tables."""
+    scale = (("scale", True),) if m.scaled else ()
+    if len(m.brdf) == 1 and m.brdf[0].factor == 1.0:
+        return ("brdf", m.brdf[0].model), *scale, *m.brdf[0].parameters
+    parts = ({"model": lobe.model, "factor": lobe.factor, **dict(lobe.parameters)} for lobe in m.brdf)
+    return ("brdf", tuple(parts)), *scale

@@ -113,6 +113,13 @@ EDITS = {
     "metal": Finish("screen", (("reflectance", (0.9, 0.6, 0.2)), ("metallic", 1.0), ("roughness", 0.4))),
     "varnish": Finish("ball", (("reflectance", (0.1, 0.8, 0.2)), ("roughness", 0.5), ("ior", 1.6))),
     "model": Finish("box", (("brdf", "ward"), ("kd", 0.2), ("ax", 0.4), ("scale", True))),
+    "mixture": Finish(
+        "box",
+        (
+            ("brdf", ({"model": "oren_nayar", "factor": 0.7, "rho": (0.4, 0.2, 0.1)}, {"model": "phong", "ks": 0.2})),
+            ("scale", True),
+        ),
+    ),
     "part": Finish("box", (("reflectance", (0.2, 0.2, 0.9)),), part="wall"),
     "glaze": Finish("box", (("roughness", 0.3),), part="crate"),
     "shared": Finish("wall", (("reflectance", (0.1, 0.5, 0.2)),)),
@@ -408,10 +415,21 @@ def test_a_finish_is_read_back():
         scene = edited(room(), [edit])
         found = dict(finish_of(scene, Model(scene).surfaces, edit.name, of_static=name == "metal"))
         for key, value in edit.material:
-            if key == "brdf":
+            if key in ("brdf", "scale"):
                 assert found[key] == value
-            elif key != "scale":
+            else:
                 assert np.allclose(found[key], value, rtol=1e-6)
+
+
+def test_a_linear_combination_is_read_back_with_factors():
+    """The panel showed the first model alone, and the next edit left out the others."""
+    scene = edited(room(), [EDITS["mixture"]])
+    first, second = dict(finish_of(scene, Model(scene).surfaces, "box", of_static=False))["brdf"]
+    assert (first["model"], first["factor"], first["rho"]) == ("oren_nayar", 0.7, (0.4, 0.2, 0.1))
+    assert (second["model"], second["factor"], second["ks"]) == ("phong", 1.0, (0.2, 0.2, 0.2))
+    again = (("brdf", (first | {"factor": 0.5}, second)), ("scale", True))
+    box = edited(scene, [Finish("box", again)]).materials[-1]
+    assert [lobe.factor for lobe in box.brdf] == [0.5, 1.0] and box.scaled
 
 
 def test_a_metal_has_further_reflections_alone_where_faces_have_colours():

@@ -1,4 +1,4 @@
-"""The reflection of the selected surface: its model and the parameters of that model."""
+"""The reflection of the selected surface: its model, or a linear combination of some, and their parameters."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 BRIGHTEST = 0.98  # reflectance, as for files
 COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 DIFFUSE, METAL_ROUGH = "diffuse", "metal-rough"
+MOST_FACTOR = 1.0  # of a model in a linear combination
 COLOURS = "reflectance", "kd", "rho", "C"  # parameters that carry on the colour of another model
 
 
@@ -71,22 +72,32 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
             return s
     values = dict(facts.material)
     model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
+    combined = isinstance(model, tuple)
     ui.label("Model")
-    names = list(models())
-    changed, k = imgui.combo("##Model", names.index(model), [_title(name) for name in names], len(names))
+    names = [*models(), *(["combination"] if combined else [])]
+    chosen_now = len(names) - 1 if combined else names.index(model)
+    changed, k = imgui.combo("##Model", chosen_now, [_title(name) for name in names], len(names))
     ui.tip("Model of reflection. Photons that met the surface are traced again; the picture stays until then.")
     if not imgui.is_any_item_active():
         _held.clear()
-    if changed:
+    if changed and not (combined and k == chosen_now):
         given = starting(names[k], values)
         actions.add(Refinish(facts.surface, _kept(given) if facts.textured else given, part=facts.part))
         return s
     edited, keeps = False, facts.textured
-    for name, parameter in models()[model].items():
-        value, moved = _edit(name, parameter, values.get(name, parameter.default))
-        if moved:
-            values[name], edited = value, True
-            keeps &= name != "reflectance"
+    if combined:
+        parts = tuple(_draw_part(k, part) for k, part in enumerate(model))
+        edited = parts != model
+        values["brdf"] = parts
+    else:
+        for name, parameter in models()[model].items():
+            value, moved = _edit(name, parameter, values.get(name, parameter.default))
+            if moved:
+                values[name], edited = value, True
+                keeps &= name != "reflectance"
+    if "brdf" in values:
+        values, moved = _draw_scale(values)
+        edited |= moved
     if facts.textured:
         _dim(_about_texture(model))
     if facts.loading is not None:  # first gloss: kernels compile
@@ -96,6 +107,28 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         actions.add(Refinish(facts.surface, _kept(given) if keeps else given, target not in _held, facts.part))
         _held[:] = [target]
     return s
+
+
+def _draw_part(number: int, part: dict[str, Any]) -> dict[str, Any]:
+    """Draw a model of a linear combination; return it with the values of its widgets."""
+    from gi_core.bsdf.models.common import Parameter
+
+    imgui.push_id(number)
+    imgui.separator_text(f"{number + 1}. {_title(part['model'])}")
+    part = dict(part)
+    factor = Parameter(1.0, 0.0, max(MOST_FACTOR, part["factor"]), False, "factor of this model in the sum")
+    for name, parameter in ({"factor": factor} | models()[part["model"]]).items():
+        value, moved = _edit(name, parameter, part[name])
+        part[name] = value if moved else part[name]
+    imgui.pop_id()
+    return part
+
+
+def _draw_scale(values: dict[str, Any]) -> tuple[dict[str, Any], bool]:
+    """Draw whether a surface is darkened; return the values, and whether that has changed."""
+    changed, scale = imgui.checkbox("Darken above 100 %", values.get("scale", False))
+    ui.tip("Where the models reflect more light than arrives, the surface is darkened to it. Otherwise it is refused.")
+    return (values | {"scale": scale} if changed else values), changed
 
 
 def title(facts: Facts) -> str:
@@ -114,7 +147,7 @@ def _kept(values: Values) -> Values:
     return tuple((name, value) for name, value in values if name != "reflectance")
 
 
-def _about_texture(model: str) -> str:
+def _about_texture(model: str | tuple) -> str:
     if model == DIFFUSE:
         return "Textured: a new reflectance replaces the texture."
     if model == METAL_ROUGH:
@@ -125,6 +158,8 @@ def _about_texture(model: str) -> str:
 def starting(model: str, before: dict[str, Any]) -> Values:
     """Return first values of a model, with the colour of values before."""
     values = {name: p.default for name, p in models()[model].items()}
+    if isinstance(before.get("brdf"), tuple):
+        before = before["brdf"][0]
     colour = next((before[name] for name in COLOURS if name in before), None)
     own = next((name for name in COLOURS if name in values), None)
     if colour is not None and own is not None:

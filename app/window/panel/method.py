@@ -51,7 +51,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
                       "How rays at glossy vertices are kept.\n"
                       "QuadTree (summarised): sums in 64 cells of directions; the graphics card evaluates them.\n"
-                      "List: every ray, as in the report; the processor evaluates all of them for each view.\n"
+                      "List: every ray, as in the report; every ray is evaluated for each view.\n"
                       "QuadTree (all rays): single rays only in cells where the lobe is bright.")  # fmt: skip
     _progress("Static part", facts.gathered, "photons are better",
               "Error of the gathered light on the static part. Gathering ends at 0.7 %.")  # fmt: skip

@@ -1,6 +1,6 @@
 """Lewis: f = ks (n + 2) / (2 pi) cos^n(a), a between o and the mirror direction of i; Phong made plausible.
 
-Parameters: kd, ks in [0, 1]; exponent n in [1, 1000]. MTL's Ks and Ns are read as this model.
+Parameters: kd, ks in [0, 1]; exponent n in [1, 1000].
 Flaws: the lobe is cut by the horizon and carries no 1 / cos, so the albedo falls from ks to 0.10 ks at 89 degrees (n =
 20), where real gloss grows.
 """
