@@ -124,7 +124,7 @@ class LiveError:
         """Time a frame of all photons TIMED_FRAMES times, then compute one of a subset, one frame per call."""
         if (m := self._measured) is None:
             m = self._measured = Measured(self._solver.twin())
-            if not self._solver.frame_light.static.is_gathered:  # then photons light mobiles too
+            if self._solver.light == "photons":  # then they light mobiles too
                 m.twin.configure(subset_only=True)
         twin = m.twin
         if len(m.seconds) < TIMED_FRAMES:

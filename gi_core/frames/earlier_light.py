@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.steps import finish
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background
-from gi_core.frames.control_variate import CORRELATED, REACH
+from gi_core.frames.smoothed_photons import smoothed_by_subset
 from gi_core.frames.unchanged_paths import StaticPart, edited_faces
-from gi_core.gather.denoise import VARIANCE, averaged, smooth
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
@@ -86,15 +86,12 @@ class EditedLight:
         G = self._known(self.earlier.per_lamp)
         change = self._change(b, photons, G[:, columns])
         fewer = max((n for n in b.estimate.subsets if n in self.earlier.by_photons and 2 * n <= photons), default=0)
-        variance = np.zeros(len(G))
+        of_change = np.zeros(len(G))
         if fewer:
-            apart = sum_of_lamps(change - self._change(b, fewer, G[:, columns])) ** 2 / (photons / fewer - 1)
-            everywhere = np.ones(len(G), bool)
-            variance = averaged(around, apart.sum(axis=1), everywhere, self._threads)
-            light = np.concatenate([sum_of_lamps(change), variance[:, None], change], axis=1)
-            smooth(light, REACH, around, self._threads)
-            variance, change = light[:, VARIANCE], light[:, VARIANCE + 1 :]
-        E, of_change = G.copy(), np.sqrt(CORRELATED * variance / 3.0)
+            both = sum_of_lamps(change), sum_of_lamps(self._change(b, fewer, G[:, columns]))
+            given = *both, photons / fewer, around, np.ones(len(G), bool), self._threads, change
+            change, of_change = finish(smoothed_by_subset(*given))
+        E = G.copy()
         E[:, columns] = np.maximum(G[:, columns] + change, 0.0)
         E[self._unreached] = 0.0  # smoothing would light them a little
         kept = self._kept(G)

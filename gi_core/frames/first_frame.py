@@ -156,6 +156,7 @@ class FirstFrame:
         """Prepare the photons added, and compute the frame from them."""
         fraction = b.added / max(wanted, 1)
         yield from _prepare(b, fraction)
+        yield from (Progress("smoothing", fraction, False) for _ in self._light.static.smooth_steps(b))
         self._light.static.compare(b)
         if b.added == wanted > 0 or self._light.static.is_gathered:  # few photons leave gaps in their own light
             yield from self.find_unreached(b, fraction)

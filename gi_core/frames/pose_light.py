@@ -42,10 +42,11 @@ class PoseLight:
             irradiance[found.rows[found.used]] = found.mean[found.used]
 
     def deviation(self, at: Transforms) -> np.ndarray:
-        """Return the standard error (R,) of the luminance of gathered light at poses [W/m2]; 0: not gathered."""
-        out, static = np.zeros(len(self._model.object_receivers.areas)), self._static
-        if static.is_gathered:
-            out[: len(static.gathered.deviation)] = static.gathered.deviation_at(static.setting.levels)
+        """Return the standard error (R,) of the luminance at poses [W/m2], where the change of photons is not its
+        source.
+        """
+        out, static = np.zeros(len(self._model.object_receivers.areas)), self._static.deviation
+        out[: len(static)] = static
         if (found := self.find(at)) is not None and found.used.any():
             out[found.rows[found.used]] = found.deviation[found.used]
         return out

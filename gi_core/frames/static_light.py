@@ -1,22 +1,24 @@
-"""Light of the static part without mobiles: that of photons, or gathered light once it has less error."""
+"""Light of the static part without mobiles: that of photons, smoothed, or gathered light once it has less error."""
 
 from __future__ import annotations
 
 import copy
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import numpy as np
 
+from gi_core.base.steps import finish
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import AROUND
 from gi_core.frames.earlier_light import EarlierLight, EditedLight, earlier_light
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.progress import Progress
+from gi_core.frames.smoothed_photons import NEAR, SmoothedPhotons, smooth_per_lamp, smooth_photons
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import PhotonLight, StaticGather
-from gi_core.geometry.error import luminance, noise_from_subset, subset_to_compare
+from gi_core.geometry.error import noise_from_subset, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
@@ -39,16 +41,17 @@ class StaticLight:
         self._model, self._seed = model, seed
         self._edited: EditedLight | None = None  # until `gathered` has light of its own
         self._less_error = False  # gathered light has less error than all photons
+        self._smoothed: list[SmoothedPhotons] = []  # the last two: at levels, and at those of the scene file
         self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
         self._noise: tuple[np.ndarray, float] | None = None  # light, and its noise over that at the file's levels
-        self._around: tuple[float, Neighbours] | None = None  # distance, and static receivers within it
+        self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
 
     def twin(self, setting: LightSetting, fresh: bool) -> StaticLight:
         """Return static light under another setting, with the same gathered light, or none if `fresh`."""
         other = copy.copy(self)
         other.setting = setting
         if fresh:
-            other.gathered, other._edited, other._less_error = None, None, False
+            other.gathered, other._edited, other._less_error, other._smoothed = None, None, False, []
         return other
 
     @property
@@ -63,13 +66,35 @@ class StaticLight:
 
     def irradiance(self, b: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers, for a frame of `photons` photons."""
+        levels = self.setting.levels
         if self.is_gathered:
-            return self.gathered_at(self.setting.levels)
-        return b.irradiance(photons if self.setting.subset_only else b.estimate.photons, self.setting.levels)
+            return self.gathered_at(levels)
+        if self.setting.takes_gathered:
+            return self._of_photons(b, levels).irradiance
+        return b.irradiance(photons if self.setting.subset_only else b.estimate.photons, levels)
 
     def is_own(self, b: Background, photons: int) -> bool:
         """Whether irradiance() is that of the frame's own photons: nothing is a better source."""
-        return not self.is_gathered and (self.setting.subset_only or photons == b.estimate.photons)
+        return not self.setting.takes_gathered and (self.setting.subset_only or photons == b.estimate.photons)
+
+    def smooth_steps(self, b: Background) -> Iterator[None]:
+        """Smooth the light of all photons of a background in steps, where frames take it."""
+        if self.setting.takes_gathered and b.estimate.photons:
+            yield from self._smooth(b, self.setting.levels)
+
+    def _smooth(self, b: Background, levels: np.ndarray) -> Generator[None, None, SmoothedPhotons]:
+        for known in self._smoothed:
+            if known.is_of(b, levels):
+                return known
+        around = self.around(NEAR * b.setting.radius)
+        yield
+        found = yield from smooth_photons(b, levels.copy(), around)
+        self._smoothed = [*self._smoothed[-1:], found]
+        return found
+
+    def _of_photons(self, b: Background, levels: np.ndarray) -> SmoothedPhotons:
+        """Return the smoothed light of all photons of a background."""
+        return finish(self._smooth(b, levels))
 
     def shown_irradiance(self, shown: Background | None) -> np.ndarray:
         """Return irradiance() for all photons of the background on show; zeros without photons."""
@@ -83,6 +108,14 @@ class StaticLight:
         if self._mixed is None or self._mixed[0] is not light or not np.array_equal(self._mixed[1], levels):
             self._mixed = light, levels, mix(light, levels, self._model.threads)
         return self._mixed[2]
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """Standard error (n,) [W/m2] of the luminance of irradiance(); (0,) for photons as they are, or before any."""
+        if self.is_gathered:
+            return self.gathered.deviation_at(self.setting.levels)
+        own = [known.deviation for known in self._smoothed if np.array_equal(known.levels, self.setting.levels)]
+        return own[-1] if own and self.setting.takes_gathered else np.zeros(0)
 
     def of_all_lamps(self, b: Background) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers at the levels of the scene file."""
@@ -98,19 +131,20 @@ class StaticLight:
         if photons and self.shows_earlier:
             self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
         if photons and g is not None and math.isfinite(g.noise):
-            theirs = sum_of_lamps(shown.irradiance_per_lamp(photons))
-            self._less_error = g.error < max(_photon_noise(shown), g.error_of(theirs))
+            theirs = self._of_photons(shown, self._model.emitters.lamps.full())
+            self._less_error = g.error < max(theirs.noise, g.error_of(theirs.irradiance))
         return self.is_gathered
 
     def around(self, distance: float) -> Neighbours:
-        """Return some of the static receivers within a distance [m] of each; the last answer is kept."""
-        if self._around is None or self._around[0] != distance:
+        """Return some of the static receivers within a distance [m] of each; the last two answers are kept."""
+        if distance not in self._around:
             model = self._model
             static = model.surfaces.receiver_range(0)
             near = neighbours(model.corners(0), static.stop)
             points, normals = (a[static] for a in model.object_receivers[:2])
-            self._around = distance, scattered_neighbours(near, points, normals, distance, model.threads)
-        return self._around[1]
+            found = scattered_neighbours(near, points, normals, distance, model.threads)
+            self._around = dict([*self._around.items(), (distance, found)][-2:])
+        return self._around[distance]
 
     def gather_steps(
         self,
@@ -165,9 +199,11 @@ class StaticLight:
             return self._edited.earlier
         if self.is_gathered:
             return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error, unreached)
-        light, noise = shown.irradiance_per_lamp(shown.estimate.photons), _photon_noise(shown)
-        deviation = noise * luminance(sum_of_lamps(light))
-        return earlier_light(shown, light, deviation, noise, unreached) if math.isfinite(noise) else None
+        own = self._of_photons(shown, self._model.emitters.lamps.full())
+        if not math.isfinite(own.noise):
+            return None
+        light = finish(smooth_per_lamp(shown, self.around(NEAR * shown.setting.radius)))
+        return earlier_light(shown, light, own.deviation, own.noise, unreached)
 
     def begin_with(self, earlier: EarlierLight) -> None:
         """Show light gathered before an edit, changed as photons say, until there is better."""

@@ -76,14 +76,14 @@ def denoise(
     lights = [mean]
     yield
 
-    def smoothed(E: np.ndarray, reach: float) -> Generator[None, None, np.ndarray]:
+    def at_reach(E: np.ndarray, reach: float) -> Generator[None, None, np.ndarray]:
         columns = (E, mean[:, :0]) if guide is None else (guide, E)
-        light = yield from _smoothed(*columns, variance, reach, near, threads)
+        light = yield from smoothed(*columns, variance, reach, near, threads)
         return light[:, :VARIANCE] if guide is None else light[:, VARIANCE + 1 :]
 
     for k, reach in enumerate(reaches, 1):
-        lights.append((yield from smoothed(mean, reach)))
-        answer = luminance((yield from smoothed(more, reach)) - lights[k]) / LITTLE
+        lights.append((yield from at_reach(mean, reach)))
+        answer = luminance((yield from at_reach(more, reach)) - lights[k]) / LITTLE
         saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
     best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
     if alike is None:
@@ -97,7 +97,7 @@ def denoise(
         lights = [per_lamp]
         for reach in reaches:
             given = mean if guide is None else guide, per_lamp, variance, reach, near, threads
-            lights.append((yield from _smoothed(*given))[:, VARIANCE + 1 :])
+            lights.append((yield from smoothed(*given))[:, VARIANCE + 1 :])
             yield
     out = _chosen(lights, best)
     return Denoised(out, sigma**2, risk)
@@ -136,7 +136,7 @@ def _average(first, of, values, lit, start, stop, out):
             out[i, c] /= count
 
 
-def _smoothed(
+def smoothed(
     decider: np.ndarray, carried: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, threads: int
 ) -> Generator[None, None, np.ndarray]:
     """Return the columns of smooth() after PASSES."""

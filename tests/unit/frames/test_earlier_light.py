@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gi_core.base.steps import finish
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, edited
 from gi_core.frames import first_frame
+from gi_core.frames.smoothed_photons import NEAR, smooth_per_lamp
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
+from gi_core.lights.mix import sum_of_lamps
 from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver, before_edit
 from tests.physics.test_edits import room
@@ -140,7 +143,10 @@ def test_a_moved_light_leaves_unreached_receivers_dark():
 def test_without_gathered_light_all_photons_stand_in():
     solver = solved(room())
     light = before_edit(solver).light
-    assert np.array_equal(light.per_lamp, solver.frame.background.irradiance_per_lamp(GIVEN["photons"]))
+    b, static = solver.frame.background, solver.frame_light.static
+    smoothed = finish(smooth_per_lamp(b, static.around(NEAR * b.setting.radius)))
+    assert np.array_equal(light.per_lamp, smoothed)
+    assert np.allclose(sum_of_lamps(light.per_lamp), static.irradiance(b, GIVEN["photons"]), rtol=1e-9)
     assert 0.01 < light.error < 1
     assert before_edit(solved(room(), light="photons")).light is None
     solver.move("ball", Pose((0.3, 0.6, 0.4)))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gi_core.display.dilation import NONE_UNREACHED
-from gi_core.frames import static_light
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.static_light import StaticLight
@@ -112,9 +111,9 @@ def test_gathered_light_is_used_once_photons_have_more_error(error, noise, of_sa
     static.gathered = gathered(model)
     static.gathered.error = error
     monkeypatch.setattr(static.gathered, "error_of", lambda E: of_sample)
-    monkeypatch.setattr(static_light, "_photon_noise", lambda b: noise)
-    light = np.ones((len(static.gathered.weights), model.emitters.lamps.channels))
-    shown = SimpleNamespace(estimate=SimpleNamespace(photons=1), irradiance_per_lamp=lambda photons: light)
+    of_photons = SimpleNamespace(noise=noise, irradiance=np.ones((len(static.gathered.weights), 3)))
+    monkeypatch.setattr(static, "_of_photons", lambda b, levels: of_photons)
+    shown = SimpleNamespace(estimate=SimpleNamespace(photons=1))
     assert static.compare(shown) is better and static.is_gathered is better
 
 

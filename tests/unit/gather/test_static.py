@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gi_core.frames.static_light import StaticLight
 from gi_core.gather import final_gather, reference, static
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import ReferenceState, reference_irradiance
@@ -104,7 +105,8 @@ def test_photons_are_shown_while_they_have_less_error(monkeypatch):
     """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards; they have no bias."""
     photons = [0.001]
     monkeypatch.setattr(static, "ENOUGH", 0.01)
-    monkeypatch.setattr("gi_core.frames.static_light.noise_from_subset", lambda *given: photons[0])
+    smoothed = StaticLight._of_photons
+    monkeypatch.setattr(StaticLight, "_of_photons", lambda *given: smoothed(*given)._replace(noise=photons[0]))
     monkeypatch.setattr(static.StaticGather, "error_of", lambda self, E: 0.0)
     solver, seen = solved(20_000), set()
     before = solver.irradiance

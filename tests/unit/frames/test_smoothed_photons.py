@@ -1,0 +1,120 @@
+"""The light of photons, averaged along surfaces in proportion to its noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gi_core.base.steps import finish
+from gi_core.frames.smoothed_photons import NEAR, SmoothedPhotons, smooth_per_lamp, smooth_photons
+from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
+from gi_core.geometry.error import noise_from_subset
+from gi_core.lights.mix import mix, sum_of_lamps
+from gi_core.photons.subsets import LOWEST
+from gi_core.scene import PointLight, Pose
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+BULBS = PointLight("left", (0.2, 0.8, 0.4), (1.0, 0.6, 0.3)), PointLight("right", (0.8, 0.2, 0.8), (0.3, 0.6, 1.0))
+PHOTONS = 1 << 14
+POSE = Pose((0.55, 0.5, 0.35))
+
+
+def solved(photons: int = PHOTONS, **given) -> Solver:
+    scene = replace(coloured_room((box_mobile(size=0.1),), grid=30), lights=BULBS)
+    solver = Solver(scene, photons=photons, radius=0.06, light="best", **given)
+    solver.solve()
+    return solver
+
+
+@pytest.fixture(scope="module")
+def solver() -> Solver:
+    return solved()
+
+
+@pytest.fixture(scope="module")
+def truth(solver) -> ReferenceSample:
+    """Whole paths at 300 static receivers, of 1.5 % noise, without mobiles."""
+    static, areas = solver.surfaces.receiver_range(0), solver.receivers.areas
+    rows, times = draw_by_area(np.arange(static.stop), areas, 300, 5)
+    away = {"box": Pose((50.0, 50.0, 50.0))}
+    *_, found = gather_sample(solver.model, away, rows, times, 77, 0.015)
+    return found
+
+
+def smoothed(solver: Solver, levels: np.ndarray | None = None) -> SmoothedPhotons:
+    b = solver.frame.background
+    around = solver.frame_light.static.around(NEAR * b.setting.radius)
+    return finish(smooth_photons(b, solver.levels if levels is None else levels, around))
+
+
+def error(solver: Solver, truth: ReferenceSample, E: np.ndarray) -> float:
+    return truth.error(np.r_[E, np.zeros((len(solver.receivers.areas) - len(E), 3))])
+
+
+def test_smoothed_light_has_less_error(solver, truth):
+    raw, found = solver.frame.background.irradiance(PHOTONS), smoothed(solver)
+    assert error(solver, truth, raw) > 0.06
+    assert error(solver, truth, found.irradiance) < 0.75 * error(solver, truth, raw)
+    w = solver.frame.background.weights
+    assert w @ found.irradiance == pytest.approx(w @ raw, rel=0.01), "light is moved, not made"
+
+
+def test_stated_noise_is_that_between_seeds(solver):
+    others = [smoothed(solved(seed=seed)).irradiance for seed in range(1, 7)]
+    mean, w = sum(others) / len(others), solver.frame.background.weights
+    spread = [float((w * np.abs((E - mean).mean(axis=1))).sum() / (w @ mean.mean(axis=1))) for E in others]
+    assert smoothed(solver).noise == pytest.approx(np.mean(spread) * math.sqrt(6 / 5), rel=0.5)
+
+
+def test_frames_change_the_smoothed_light(solver):
+    b = solver.frame.background
+    assert np.array_equal(solver.frame_light.static.irradiance(b, PHOTONS), smoothed(solver).irradiance)
+    assert not np.array_equal(smoothed(solver).irradiance, b.irradiance(PHOTONS))
+    solver.move("box", Pose((50.0, 50.0, 50.0)))
+    static = solver.surfaces.receiver_range(0)
+    assert np.array_equal(solver.irradiance[static], smoothed(solver).irradiance)
+    solver.move("box", POSE)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    other = solved(threads=3)
+    other.move("box", POSE)
+    assert np.array_equal(solver.irradiance, other.irradiance)
+
+
+def test_photons_alone_are_shown_as_they_are():
+    solver = solved()
+    solver.configure(light="photons")
+    solver.solve()
+    static, b = solver.surfaces.receiver_range(0), solver.frame.background
+    solver.move("box", Pose((50.0, 50.0, 50.0)))
+    assert np.array_equal(solver.irradiance[static], b.irradiance(PHOTONS))
+
+
+def test_lamps_share_the_averages_of_their_sum(solver):
+    b = solver.frame.background
+    per_lamp = finish(smooth_per_lamp(b, solver.frame_light.static.around(NEAR * b.setting.radius)))
+    assert np.allclose(sum_of_lamps(per_lamp), smoothed(solver).irradiance, rtol=1e-9, atol=1e-12)
+    levels = solver.levels.copy()
+    levels[1:] = 0.0
+    alone = mix(per_lamp, levels)
+    assert (alone <= smoothed(solver).irradiance + 1e-9).all()
+    dimmed = smoothed(solver, levels)
+    assert b.weights @ dimmed.irradiance == pytest.approx(b.weights @ alone, rel=0.05)
+
+
+def test_few_photons_have_no_known_noise():
+    solver = solved(photons=LOWEST)
+    found, b = smoothed(solver), solver.frame.background
+    assert math.isinf(found.noise) and np.array_equal(found.irradiance, b.irradiance(LOWEST))
+
+
+def test_receivers_that_light_cannot_reach_stay_dark_and_darken_none(solver):
+    b = solver.frame.background
+    raw = b.irradiance(PHOTONS)
+    noise = noise_from_subset(raw, b.irradiance(PHOTONS // 2), PHOTONS, PHOTONS // 2, b.weights)
+    assert smoothed(solver).noise < 0.7 * noise
+    closed = b.estimate.background(PHOTONS)[1] == 0
+    assert not smoothed(solver).irradiance[closed].any()
