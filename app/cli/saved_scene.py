@@ -210,6 +210,8 @@ def _key(name: str) -> str:
 
 def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
     """Return an edit of the scene as a table of a saved scene."""
+    from gi_core.files.formats.toml_fields import as_table
+
     table: dict[str, Any] = {"kind": type(edit).__name__.lower()}
     for field, value in edit._asdict().items():
         if field in edit._field_defaults and value == edit._field_defaults[field]:
@@ -217,7 +219,7 @@ def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
         if field == "file":
             table[field] = _relative(value, document)
         elif field in VALUES:
-            table[field] = {key: list(v) if isinstance(v, tuple) else v for key, v in value}
+            table[field] = as_table(value)
         elif field == "pose" and value is not None:
             table[field] = [*value.position, *value.quaternion]
         else:
@@ -226,9 +228,9 @@ def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
 
 
 def _frozen(value: Any) -> Any:
-    """Return a value of a table with tuples in place of lists, as edits have them."""
+    """Return a value of a table as edits have it: tuples in place of lists, pairs in place of tables."""
     if isinstance(value, dict):
-        return {key: _frozen(v) for key, v in value.items()}
+        return tuple((key, _frozen(v)) for key, v in value.items())
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
@@ -249,7 +251,7 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
                 x, y, z, *quaternion = table.vector(field, 7)
                 given[field] = Pose((x, y, z), tuple(quaternion))
         elif field in VALUES:
-            given[field] = tuple((k, _frozen(v)) for k, v in table.table(field).items())
+            given[field] = _frozen(table.table(field))
         elif field == "number":
             given[field] = table.count(field, kind._field_defaults[field])
         elif field == "file" and (field in table or field not in kind._field_defaults):

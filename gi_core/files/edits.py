@@ -20,6 +20,7 @@ from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.finishing import Values, finished_materials, materials_to_finish, mobile_called
 from gi_core.files.formats.materials_table import FINISH, checked
 from gi_core.files.formats.mesh_file import part_of
+from gi_core.files.formats.toml_fields import as_table
 from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.files.lighting import Darken, Light, darkened, lit
 from gi_core.files.load import finished, join, with_mobile_file
@@ -199,7 +200,7 @@ def removed_lamps(edits: Iterable[Edit]) -> set[str]:
 def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
     match edit:
         case Finish(name, material, part):
-            values = {key: list(v) if isinstance(v, tuple) else v for key, v in material}
+            values = as_table(material)
             table = checked(values, f"{scene.name}: the material of {shown(name)}", FINISH)
             return finished_materials(*materials_to_finish(scene, name, part), table)
         case Insert(name, file, pose):

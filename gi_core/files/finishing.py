@@ -24,7 +24,7 @@ from gi_core.scene.part_names import material_named, part_named
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material, Mesh, Mobile, Scene
 
-Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file
+Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file, tables as such tuples too
 MOST_SCALE = 50.0  # of colours under metal that is taken off: less than 2 % is no colour
 
 
@@ -225,9 +225,9 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool, part
 
 
 def _models_of(m: Material) -> Values:
-    """Return the models of a material: one by its name and parameters, a linear combination as tables."""
+    """Return the models of a material: one by its name and parameters, each of a linear combination as pairs."""
     scale = (("scale", True),) if m.scaled else ()
     if len(m.brdf) == 1 and m.brdf[0].factor == 1.0:
         return ("brdf", m.brdf[0].model), *scale, *m.brdf[0].parameters
-    parts = ({"model": lobe.model, "factor": lobe.factor, **dict(lobe.parameters)} for lobe in m.brdf)
+    parts = ((("model", lobe.model), ("factor", lobe.factor), *lobe.parameters) for lobe in m.brdf)
     return ("brdf", tuple(parts)), *scale

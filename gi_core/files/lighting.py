@@ -13,7 +13,7 @@ from gi_core.files.finishing import Values
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.lights_table import Luminaires, changed_light, read_light
 from gi_core.files.formats.mesh_file import part_of
-from gi_core.files.formats.toml_fields import Table
+from gi_core.files.formats.toml_fields import Table, as_table
 from gi_core.scene import types
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.types import LightScene, Mesh, Scene
@@ -49,7 +49,7 @@ def place_of(scene: Scene, name: str, number: int) -> int | None:
 def lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
     """Return a scene with a light that an edit adds or changes. Raises SceneError."""
     where = f"{scene.name}: light {shown(edit.name)}"
-    values = {key: list(v) if isinstance(v, tuple) else v for key, v in edit.light}
+    values = as_table(edit.light)
     place = place_of(scene, edit.name, edit.number)
     if "type" in values:
         light, notes = _new(scene, edit, values, where, allow_outside)

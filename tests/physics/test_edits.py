@@ -116,7 +116,13 @@ EDITS = {
     "mixture": Finish(
         "box",
         (
-            ("brdf", ({"model": "oren_nayar", "factor": 0.7, "rho": (0.4, 0.2, 0.1)}, {"model": "phong", "ks": 0.2})),
+            (
+                "brdf",
+                (
+                    (("model", "oren_nayar"), ("factor", 0.7), ("rho", (0.4, 0.2, 0.1))),
+                    (("model", "phong"), ("ks", 0.2)),
+                ),
+            ),
             ("scale", True),
         ),
     ),
@@ -424,10 +430,12 @@ def test_a_finish_is_read_back():
 def test_a_linear_combination_is_read_back_with_factors():
     """The panel showed the first model alone, and the next edit left out the others."""
     scene = edited(room(), [EDITS["mixture"]])
-    first, second = dict(finish_of(scene, Model(scene).surfaces, "box", of_static=False))["brdf"]
+    found = finish_of(scene, Model(scene).surfaces, "box", of_static=False)
+    first, second = map(dict, dict(found)["brdf"])
+    assert hash(found), "requests of the panel are members of a set"
     assert (first["model"], first["factor"], first["rho"]) == ("oren_nayar", 0.7, (0.4, 0.2, 0.1))
     assert (second["model"], second["factor"], second["ks"]) == ("phong", 1.0, (0.2, 0.2, 0.2))
-    again = (("brdf", (first | {"factor": 0.5}, second)), ("scale", True))
+    again = (("brdf", (tuple((first | {"factor": 0.5}).items()), tuple(second.items()))), ("scale", True))
     box = edited(scene, [Finish("box", again)]).materials[-1]
     assert [lobe.factor for lobe in box.brdf] == [0.5, 1.0] and box.scaled
 

@@ -116,6 +116,47 @@ def test_any_history_equals_from_scratch(history):
     assert np.array_equal(total[0], total[1] + total[2] + total[3])
 
 
+def every_surface() -> Scene:
+    """A room with a tile of every surface and model on its walls, and a small box of each as a mobile."""
+    models = [Material(name, brdf=(lobe(name, {}),), scaled=True, grain=(0.6, 0.8, 0.0)) for name in MODELS]
+    own = [material._replace(name=name) for name, material in SURFACES.items()]
+    materials = [Material("wall", (0.7, 0.6, 0.5)), Material("lamp", (0.5,) * 3, (9.0, 6.0, 3.0)), *own, *models]
+    rows = 6
+    tiles = [
+        quad((0.01, 0.05 + 0.15 * (k % rows), 0.05 + 0.15 * (k // rows)), (0, 0.13, 0), (0, 0, 0.13), (1, 1), k)
+        for k in range(2, len(materials))
+    ]
+    lit = quad((0.3, 0.3, 0.99), (0, 0.3, 0), (0.3, 0, 0), (1, 1), 1)
+    static = merge(box((0, 0, 0), (1, 1, 1), 2, 0, inward=True), lit, *tiles)
+    small = box((-0.04,) * 3, (0.04,) * 3, 1, 0)
+    mobiles = tuple(
+        Mobile(f"{k} {m.name}", small._replace(face_material=np.full(len(small.faces), k, np.int32)), resting(k))
+        for k, m in enumerate(materials)
+        if k != 1
+    )
+    return Scene(static, tuple(materials), mobiles, up=(0, 0, 1), name="every surface")
+
+
+def resting(k: int) -> Pose:
+    return Pose((0.15 + 0.15 * (k % 6), 0.15 + 0.15 * (k // 6), 0.3 + 0.02 * k))
+
+
+@pytest.mark.slow
+def test_every_surface_on_static_part_and_mobiles(estimator):
+    scene, rng = every_surface(), np.random.default_rng(7)
+    solver = Solver(scene, **GIVEN | {"estimator": estimator})
+    solver.solve()
+    for mobile in (scene.mobiles[k] for k in rng.permutation(len(scene.mobiles))[:9]):
+        solver.move(mobile.name, Pose(tuple(rng.uniform(0.1, 0.9, 3)), axis_angle((0, 1, 1), rng.uniform(0, 90))))
+        assert solver.frame.changes.photons_cut > 0
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    other = Solver(scene, **GIVEN | {"estimator": estimator})
+    other.solve()
+    other.move_all(solver.poses)
+    assert np.array_equal(solver.irradiance, other.irradiance)
+    assert np.array_equal(solver.frame.gloss.directions().cells, other.frame.gloss.directions().cells)
+
+
 def test_a_frame_equals_the_naive_twin(estimator):
     twin = Twin(ROOM, 300, 0.2, 6, 11)
     solver = Solver(ROOM, estimator, 300, 0.2, 6, 11)

@@ -491,7 +491,7 @@ def test_a_saved_scene_keeps_its_edits(folder):
         Finish("wall", (("reflectance", (0.1, 0.25, 0.98)),)),
         Finish("pawn", (("metallic", 1.0), ("roughness", 0.25)), part="base"),
         Finish("ground", (("brdf", "ward"), ("ax", 0.3), ("ks", (0.3, 0.2, 0.1)), ("scale", True))),
-        Finish("tall", (("brdf", ({"model": "phong", "ks": (0.3, 0.2, 0.1)}, {"model": "ward", "factor": 0.5})),)),
+        Finish("tall", (("brdf", ((("model", "phong"), ("ks", (0.3, 0.2, 0.1))), (("model", "ward"), ("kd", 0.5)))),)),
         Insert("thing", str(thing), AWAY),
         Insert("other", str(thing)),
         Duplicate("copy", "thing", Pose((0.1, 1 / 3, 0.3))),

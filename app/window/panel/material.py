@@ -109,19 +109,20 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     return s
 
 
-def _draw_part(number: int, part: dict[str, Any]) -> dict[str, Any]:
+def _draw_part(number: int, given: Values) -> Values:
     """Draw a model of a linear combination; return it with the values of its widgets."""
     from gi_core.bsdf.models.common import Parameter
 
+    part: dict[str, Any] = dict(given)
     imgui.push_id(number)
     imgui.separator_text(f"{number + 1}. {_title(part['model'])}")
-    part = dict(part)
-    factor = Parameter(1.0, 0.0, max(MOST_FACTOR, part["factor"]), False, "factor of this model in the sum")
+    factor = Parameter(1.0, 0.0, max(MOST_FACTOR, part.get("factor", 1.0)), False, "factor of this model in the sum")
     for name, parameter in ({"factor": factor} | models()[part["model"]]).items():
-        value, moved = _edit(name, parameter, part[name])
-        part[name] = value if moved else part[name]
+        value, moved = _edit(name, parameter, part.get(name, parameter.default))
+        if moved:
+            part[name] = value
     imgui.pop_id()
-    return part
+    return tuple(part.items())
 
 
 def _draw_scale(values: dict[str, Any]) -> tuple[dict[str, Any], bool]:
@@ -159,7 +160,7 @@ def starting(model: str, before: dict[str, Any]) -> Values:
     """Return first values of a model, with the colour of values before."""
     values = {name: p.default for name, p in models()[model].items()}
     if isinstance(before.get("brdf"), tuple):
-        before = before["brdf"][0]
+        before = dict(before["brdf"][0])
     colour = next((before[name] for name in COLOURS if name in before), None)
     own = next((name for name in COLOURS if name in values), None)
     if colour is not None and own is not None:

@@ -85,9 +85,7 @@ def brdf_of(table: Table, material: Material) -> Material:
     if isinstance(given, str):
         known = MODELS[given].PARAMETERS if given in MODELS else ()
         given = [{"model": given, **{key: table.values[key] for key in known if key in table}}]
-    if not (
-        isinstance(given, list | tuple) and given and all(isinstance(part, dict) and "model" in part for part in given)
-    ):
+    if not (isinstance(given, list) and given and all(isinstance(part, dict) and "model" in part for part in given)):
         raise SceneError(f"{table.where}: brdf must be a model or a list, got {shown(given)}; write {EXAMPLE}")
     parts = ({**part} for part in given)
     try:

@@ -6,7 +6,9 @@ import difflib
 import math
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from gi_core.files.formats.boundary import DEEPEST, Boundary, text_of
 from gi_core.scene.errors import SceneError, shown
@@ -178,3 +180,15 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
 
 def _word(n: int) -> str:
     return {3: "three", 4: "four"}.get(n, str(n))
+
+
+def as_table(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the keys and values of an edit as a table: lists in place of tuples, tables in place of pairs."""
+    return {key: _plain(value) for key, value in pairs}
+
+
+def _plain(value: Any) -> Any:
+    if not isinstance(value, tuple):
+        return value
+    pairs = value and all(isinstance(v, tuple) and len(v) == 2 and isinstance(v[0], str) for v in value)
+    return as_table(value) if pairs else list(map(_plain, value))
