@@ -175,7 +175,9 @@ class FirstFrame:
         yield from _build(b, 0.0)
         first = min(FIRST_PICTURE, wanted)
         while b.added < first:
-            work = self._photons.bring_in(b, first, first, FIRST_STEP_SECONDS)
+            if b.added not in b.estimate.subsets and _is_subset(b, first, pictures=True):
+                yield from _prepare(b, b.added / wanted)
+            work = self._photons.bring_in(b, min(first, next_level(b.added)), first, FIRST_STEP_SECONDS)
             yield Progress(work.value, b.added / wanted, False)
         yield from self.show(b, wanted, show)
         return b

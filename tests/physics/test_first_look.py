@@ -8,7 +8,7 @@ import pytest
 from gi_core.files.load import load_scene
 from gi_core.frames import first_frame
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.error import luminance
+from gi_core.geometry.error import luminance, subset_to_compare
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
@@ -41,6 +41,7 @@ def test_first_picture_is_of_whole_discs(low_receiver_threshold):
     assert first.frame.photons == plain.frame.photons == first_frame.FIRST_PICTURE
     assert np.array_equal(first.irradiance, plain.irradiance)
     assert np.array_equal(first.irradiance, first.from_scratch())
+    assert subset_to_compare(first.frame.subsets) == first.frame.photons // 2, "its noise is known, to smooth it by"
     controlled = Solver(load_scene("furnace"), photons=first.frame.photons, radius=0.1)
     controlled.solve()
     assert not np.array_equal(first.irradiance, controlled.irradiance)
