@@ -25,30 +25,29 @@ NEAR = 2.0  # disc radii: 4 serve few photons better, and half a million worse
 
 
 class SmoothedPhotons(NamedTuple):
-    """Light of n static receivers by all photons of a background, at levels of the lamps."""
+    """Light of n static receivers by all photons of a background, at the levels of the scene file."""
 
     background: Background
     photons: int
-    levels: np.ndarray  # (G, 3)
     irradiance: np.ndarray  # (n, 3) float64 [W/m2]
     deviation: np.ndarray  # (n,) float64 [W/m2], standard error of the luminance
     noise: float  # relative l1, of that; inf: photons too few to measure it, light as it is
 
-    def is_of(self, b: Background, levels: np.ndarray) -> bool:
-        return self.background is b and self.photons == b.estimate.photons and np.array_equal(self.levels, levels)
+    def is_of(self, b: Background) -> bool:
+        return self.background is b and self.photons == b.estimate.photons
 
 
-def smooth_photons(b: Background, levels: np.ndarray, around: Neighbours) -> Generator[None, None, SmoothedPhotons]:
+def smooth_photons(b: Background, around: Neighbours) -> Generator[None, None, SmoothedPhotons]:
     """Smooth the light of all photons of a background, in steps; around: receivers near each."""
     photons, fewer = b.estimate.photons, subset_to_compare(b.estimate.subsets)
-    E, deviation = b.irradiance(photons, levels), np.zeros(len(b.weights))
+    E, deviation = b.irradiance(photons), np.zeros(len(b.weights))
     if fewer is None:
-        return SmoothedPhotons(b, photons, levels, E, deviation, math.inf)
-    given = b.irradiance(fewer, levels), photons / fewer, around, _reached(b), b.model.threads
+        return SmoothedPhotons(b, photons, E, deviation, math.inf)
+    given = b.irradiance(fewer), photons / fewer, around, _reached(b), b.model.threads
     E, deviation = yield from smoothed_by_subset(E, *given)
     total = float(b.weights @ luminance(E))
     noise = math.sqrt(2 / math.pi) * float(b.weights @ deviation) / total if total > 0 else math.nan
-    return SmoothedPhotons(b, photons, levels, E, deviation, noise)
+    return SmoothedPhotons(b, photons, E, deviation, noise)
 
 
 def smooth_per_lamp(b: Background, around: Neighbours) -> Generator[None, None, np.ndarray]:

@@ -18,7 +18,7 @@ from gi_core.frames.progress import Progress
 from gi_core.frames.smoothed_photons import NEAR, SmoothedPhotons, smooth_per_lamp, smooth_photons
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import PhotonLight, StaticGather
-from gi_core.geometry.error import noise_from_subset, subset_to_compare
+from gi_core.geometry.error import luminance, noise_from_subset, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
@@ -41,8 +41,11 @@ class StaticLight:
         self._model, self._seed = model, seed
         self._edited: EditedLight | None = None  # until `gathered` has light of its own
         self._less_error = False  # gathered light has less error than all photons
-        self._smoothed: list[SmoothedPhotons] = []  # the last two: at levels, and at those of the scene file
-        self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
+        self._smoothed: SmoothedPhotons | None = None  # of the last background
+        self._smoothed_per_lamp: tuple[SmoothedPhotons, np.ndarray] | None = None  # once levels differ from the file's
+        self._mixed: dict[
+            str, tuple[np.ndarray, np.ndarray, np.ndarray]
+        ] = {}  # light per lamp, levels, and their light
         self._noise: tuple[np.ndarray, float] | None = None  # light, and its noise over that at the file's levels
         self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
 
@@ -51,7 +54,7 @@ class StaticLight:
         other = copy.copy(self)
         other.setting = setting
         if fresh:
-            other.gathered, other._edited, other._less_error, other._smoothed = None, None, False, []
+            other.gathered, other._edited, other._less_error, other._smoothed = None, None, False, None
         return other
 
     @property
@@ -70,7 +73,7 @@ class StaticLight:
         if self.is_gathered:
             return self.gathered_at(levels)
         if self.setting.takes_gathered:
-            return self._of_photons(b, levels).irradiance
+            return self._of_photons_at(b, levels)
         return b.irradiance(photons if self.setting.subset_only else b.estimate.photons, levels)
 
     def is_own(self, b: Background, photons: int) -> bool:
@@ -80,21 +83,36 @@ class StaticLight:
     def smooth_steps(self, b: Background) -> Iterator[None]:
         """Smooth the light of all photons of a background in steps, where frames take it."""
         if self.setting.takes_gathered and b.estimate.photons:
-            yield from self._smooth(b, self.setting.levels)
+            yield from self._smooth(b)
 
-    def _smooth(self, b: Background, levels: np.ndarray) -> Generator[None, None, SmoothedPhotons]:
-        for known in self._smoothed:
-            if known.is_of(b, levels):
-                return known
-        around = self.around(NEAR * b.setting.radius)
-        yield
-        found = yield from smooth_photons(b, levels.copy(), around)
-        self._smoothed = [*self._smoothed[-1:], found]
-        return found
+    def _smooth(self, b: Background) -> Generator[None, None, SmoothedPhotons]:
+        if self._smoothed is None or not self._smoothed.is_of(b):
+            around = self.around(NEAR * b.setting.radius)
+            yield
+            self._smoothed = yield from smooth_photons(b, around)
+        return self._smoothed
 
-    def _of_photons(self, b: Background, levels: np.ndarray) -> SmoothedPhotons:
+    def _of_photons(self, b: Background) -> SmoothedPhotons:
         """Return the smoothed light of all photons of a background."""
-        return finish(self._smooth(b, levels))
+        return finish(self._smooth(b))
+
+    def _of_photons_at(self, b: Background, levels: np.ndarray) -> np.ndarray:
+        """Return that light at levels of the lamps; the same array for the same light."""
+        own = self._of_photons(b)
+        if (levels == 1.0).all():
+            return own.irradiance
+        if self._smoothed_per_lamp is None or self._smoothed_per_lamp[0] is not own:
+            light = finish(smooth_per_lamp(b, self.around(NEAR * b.setting.radius)))
+            self._smoothed_per_lamp = own, light
+        return self._mix("photons", self._smoothed_per_lamp[1], levels)
+
+    def _mix(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """Return light per lamp at levels; the last result is kept."""
+        kept = self._mixed.get(which)
+        if kept is None or kept[0] is not light or not np.array_equal(kept[1], levels):
+            kept = light, levels, mix(light, levels, self._model.threads)
+            self._mixed = self._mixed | {which: kept}
+        return kept[2]
 
     def shown_irradiance(self, shown: Background | None) -> np.ndarray:
         """Return irradiance() for all photons of the background on show; zeros without photons."""
@@ -104,18 +122,18 @@ class StaticLight:
 
     def gathered_at(self, levels: np.ndarray) -> np.ndarray:
         """Return gathered irradiance (n, 3) [W/m2] at levels (G, 3) of the lamps; the same array for the same light."""
-        light = self.gathered.per_lamp
-        if self._mixed is None or self._mixed[0] is not light or not np.array_equal(self._mixed[1], levels):
-            self._mixed = light, levels, mix(light, levels, self._model.threads)
-        return self._mixed[2]
+        return self._mix("gathered", self.gathered.per_lamp, levels)
 
     @property
     def deviation(self) -> np.ndarray:
         """Standard error (n,) [W/m2] of the luminance of irradiance(); (0,) for photons as they are, or before any."""
+        levels, own = self.setting.levels, self._smoothed
         if self.is_gathered:
-            return self.gathered.deviation_at(self.setting.levels)
-        own = [known.deviation for known in self._smoothed if np.array_equal(known.levels, self.setting.levels)]
-        return own[-1] if own and self.setting.takes_gathered else np.zeros(0)
+            return self.gathered.deviation_at(levels)
+        if own is None or not self.setting.takes_gathered:
+            return np.zeros(0)
+        full, at = luminance(own.irradiance), luminance(self._of_photons_at(own.background, levels))
+        return own.deviation * np.divide(at, full, out=np.zeros_like(at), where=full > 0)
 
     def of_all_lamps(self, b: Background) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers at the levels of the scene file."""
@@ -131,7 +149,7 @@ class StaticLight:
         if photons and self.shows_earlier:
             self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
         if photons and g is not None and math.isfinite(g.noise):
-            theirs = self._of_photons(shown, self._model.emitters.lamps.full())
+            theirs = self._of_photons(shown)
             self._less_error = g.error < max(theirs.noise, g.error_of(theirs.irradiance))
         return self.is_gathered
 
@@ -199,7 +217,7 @@ class StaticLight:
             return self._edited.earlier
         if self.is_gathered:
             return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error, unreached)
-        own = self._of_photons(shown, self._model.emitters.lamps.full())
+        own = self._of_photons(shown)
         if not math.isfinite(own.noise):
             return None
         light = finish(smooth_per_lamp(shown, self.around(NEAR * shown.setting.radius)))

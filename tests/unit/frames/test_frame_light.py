@@ -112,7 +112,7 @@ def test_gathered_light_is_used_once_photons_have_more_error(error, noise, of_sa
     static.gathered.error = error
     monkeypatch.setattr(static.gathered, "error_of", lambda E: of_sample)
     of_photons = SimpleNamespace(noise=noise, irradiance=np.ones((len(static.gathered.weights), 3)))
-    monkeypatch.setattr(static, "_of_photons", lambda b, levels: of_photons)
+    monkeypatch.setattr(static, "_of_photons", lambda b: of_photons)
     shown = SimpleNamespace(estimate=SimpleNamespace(photons=1))
     assert static.compare(shown) is better and static.is_gathered is better
 
