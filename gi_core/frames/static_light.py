@@ -99,8 +99,8 @@ class StaticLight:
     def _of_photons_at(self, b: Background, levels: np.ndarray) -> np.ndarray:
         """Return that light at levels of the lamps; the same array for the same light."""
         own = self._of_photons(b)
-        if (levels == 1.0).all():
-            return own.irradiance
+        if (levels == levels[0]).all():  # one factor for all, exactly
+            return self._mix("photons", own.irradiance, levels[:1])
         if self._smoothed_per_lamp is None or self._smoothed_per_lamp[0] is not own:
             light = finish(smooth_per_lamp(b, self.around(NEAR * b.setting.radius)))
             self._smoothed_per_lamp = own, light

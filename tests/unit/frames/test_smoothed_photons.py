@@ -103,6 +103,9 @@ def test_lamps_share_the_averages_of_their_sum(solver):
     assert np.array_equal(dimmed.levels, levels)
     shown = dimmed.frame_light.static.irradiance(dimmed.frame.background, PHOTONS)
     assert np.allclose(shown, mix(per_lamp, levels), rtol=1e-12), "dimming is a sum over lamps"
+    dimmed.set_lamps({lamp: 0.5 for lamp in dimmed.lamps.names})
+    half = dimmed.frame_light.static.irradiance(dimmed.frame.background, PHOTONS)
+    assert np.array_equal(half, 0.5 * smoothed(solver).irradiance)
     dimmed.move("box", POSE)
     assert np.array_equal(dimmed.irradiance, dimmed.from_scratch())
 
