@@ -43,9 +43,8 @@ class StaticLight:
         self._less_error = False  # gathered light has less error than all photons
         self._smoothed: SmoothedPhotons | None = None  # of the last background
         self._smoothed_per_lamp: tuple[SmoothedPhotons, np.ndarray] | None = None  # once levels differ from the file's
-        self._mixed: dict[
-            str, tuple[np.ndarray, np.ndarray, np.ndarray]
-        ] = {}  # light per lamp, levels, and their light
+        # Light per lamp, levels, and their light: of photons, and gathered.
+        self._mixed: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._noise: tuple[np.ndarray, float] | None = None  # light, and its noise over that at the file's levels
         self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
 
@@ -101,10 +100,14 @@ class StaticLight:
         own = self._of_photons(b)
         if (levels == levels[0]).all():  # one factor for all, exactly
             return self._mix("photons", own.irradiance, levels[:1])
+        return self._mix("photons", self._of_photons_per_lamp(b), levels)
+
+    def _of_photons_per_lamp(self, b: Background) -> np.ndarray:
+        """Return that light by lamp (n, 3 G)."""
+        own = self._of_photons(b)
         if self._smoothed_per_lamp is None or self._smoothed_per_lamp[0] is not own:
-            light = finish(smooth_per_lamp(b, self.around(NEAR * b.setting.radius)))
-            self._smoothed_per_lamp = own, light
-        return self._mix("photons", self._smoothed_per_lamp[1], levels)
+            self._smoothed_per_lamp = own, finish(smooth_per_lamp(b, self.around(NEAR * b.setting.radius)))
+        return self._smoothed_per_lamp[1]
 
     def _mix(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Return light per lamp at levels; the last result is kept."""
@@ -220,8 +223,7 @@ class StaticLight:
         own = self._of_photons(shown)
         if not math.isfinite(own.noise):
             return None
-        light = finish(smooth_per_lamp(shown, self.around(NEAR * shown.setting.radius)))
-        return earlier_light(shown, light, own.deviation, own.noise, unreached)
+        return earlier_light(shown, self._of_photons_per_lamp(shown), own.deviation, own.noise, unreached)
 
     def begin_with(self, earlier: EarlierLight) -> None:
         """Show light gathered before an edit, changed as photons say, until there is better."""
