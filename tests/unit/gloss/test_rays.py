@@ -17,11 +17,30 @@ from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Pose
+from gi_core.scene.types import Material, Mobile, Pose, Scene
 from gi_core.solver import Solver
-from tests.physics.test_gloss import GIVEN, ROOM
+from tests.physics.test_gloss import GIVEN, ROOM, SURFACES
 from tests.support.quadtree_2003 import QuadTree2003
+from tests.support.scene_builders import box, merge, quad
 from tests.unit.gloss.test_cells import directions, of_cells
+
+# A room of large faces with a satin floor and a golden block as a mobile: frames of 3 ms.
+GLOSSY_BLOCK = Scene(
+    merge(
+        box((0, 0, 0), (1, 1, 1), 1, 0, inward=True),
+        quad((0.3, 0.3, 0.99), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1),
+        quad((0.01, 0.01, 0.01), (0.98, 0, 0), (0, 0.98, 0), (1, 1), 2),
+    ),
+    (
+        Material("wall", (0.6,) * 3),
+        Material("lamp", (0.0,) * 3, (3.0, 2.0, 1.0)),
+        SURFACES["satin"]._replace(name="satin"),
+        SURFACES["gold"]._replace(name="gold"),
+    ),
+    (Mobile("block", box((-0.15,) * 3, (0.15,) * 3, 1, 3), Pose((0.5, 0.5, 0.4))),),
+    up=(0, 0, 1),
+    name="glossy block",
+)
 
 
 def solved(**more) -> Solver:
@@ -79,6 +98,26 @@ def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
         assert np.array_equal(a, b) or np.array_equal(a, c)
         changed += np.array_equal(a, b)
     assert changed > 0
+
+
+@pytest.mark.slow
+def test_list_and_cells_equal_those_from_scratch_throughout_ten_thousand_moves():
+    """Bit for bit, at each of 40 comparisons: nothing that frames insert and remove stays behind."""
+    solver = Solver(GLOSSY_BLOCK, photons=64, radius=0.4, gloss=LIST, seed=5, threads=1)
+    solver.solve()
+    source, rng = solver.frame_light.gloss.source, np.random.default_rng(2)
+    lists, cells = source.lists(solver.setting.radius), source.cells(solver.setting.radius, LIST)
+    seen = []
+    for move in range(10_000):
+        solver.move("block", Pose(tuple(0.15 + 0.7 * rng.random(3)), axis_angle((0, 1, 1), 360 * rng.random())))
+        if (move + 1) % 250 == 0:
+            change = solver.frame.change
+            segments, _ = current_segments(solver.model, change.at, solver.seed, 0, solver.photons)
+            assert same(solver.frame.gloss.tree, lists.from_scratch([segments], change.at)), move
+            sums = cells.current_sums(change)
+            assert np.array_equal(sums, cells.from_scratch([segments], change.at)), move
+            seen.append(sums.sum())
+    assert len(seen) == 40 and len(set(seen)) > 30
 
 
 def test_cells_are_the_sums_of_their_rays():
