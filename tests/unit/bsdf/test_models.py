@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gi_core.bsdf import ggx as kernels
 from gi_core.bsdf.models import MODELS, blinn, eon, ggx, he, lobe
 from gi_core.bsdf.models.common import fresnel
 from tests.support.brdf_cases import COPPER, SETS, lobes
@@ -254,19 +255,58 @@ def test_fresnel_agrees_with_mitsuba():
         np.testing.assert_allclose(fresnel(cosines, n, k)[:, 0], reflectances, atol=1e-5)
 
 
+def test_mirrors_agree_with_mitsubas_conductor():
+    """`tinted`: F = 1, times a colour. `copper`: He's mirror of sigma 0.005 um, without its loss exp(-g)."""
+    cosines = np.array(FIGURES["fresnel"]["cosines"])
+    tinted = lobe("perfect_specular", {"ks": (0.8, 0.5, 0.2)}).values()
+    mirrored = MODELS["perfect_specular"].mirror(tinted, cosines)
+    np.testing.assert_allclose(mirrored, FIGURES["mirrors"]["tinted"], rtol=1e-6)
+    np.testing.assert_allclose(fresnel(cosines, *COPPER.values()), FIGURES["mirrors"]["copper"], rtol=1e-5)
+    g = (4 * math.pi * 0.005 * cosines[:, None] / np.array((0.61, 0.55, 0.465))) ** 2
+    smooth = he.mirror(lobe("he", {"sigma": 0.005, "tau": 3, **COPPER}).values(), cosines)
+    np.testing.assert_allclose(smooth * np.exp(g), FIGURES["mirrors"]["copper"], rtol=1e-5)
+
+
 def test_diffuse_agrees_with_mitsuba():
     _, _, f = _mitsuba("diffuse")
     kd = MODELS["perfect_diffuse"].diffuse(lobe("perfect_diffuse", {"kd": (0.8, 0.5, 0.2)}).values())
     np.testing.assert_allclose(np.tile(kd / math.pi, (len(f), 1)), f, rtol=1e-6)
 
 
+def _separable(alpha: float, i: np.ndarray, o: np.ndarray) -> np.ndarray:
+    """Return Mitsuba's masking of both directions, multiplied, over ours, correlated by height: (n, 1)."""
+    li, lo = ggx.smith(alpha, i[:, 2]), ggx.smith(alpha, o[:, 2])
+    return ((1 + li + lo) / ((1 + li) * (1 + lo)))[:, None]
+
+
 @pytest.mark.parametrize("alpha", [0.1, 0.6])
 def test_ggx_agrees_with_mitsuba_but_for_the_correlation_of_heights(alpha):
-    """Mitsuba multiplies the masking of both directions, ours correlates them. D and 1 / (4 cos cos) are the same."""
     i, o, f = _mitsuba(f"ggx {alpha}")
-    li, lo = ggx.smith(alpha, i[:, 2]), ggx.smith(alpha, o[:, 2])
     ours = _evaluate("ggx", {"f0": 1, "alpha": alpha}, i, o)
-    np.testing.assert_allclose(ours * ((1 + li + lo) / ((1 + li) * (1 + lo)))[:, None], f, rtol=2e-3, atol=1e-5)
+    np.testing.assert_allclose(ours * _separable(alpha, i, o), f, rtol=1e-5)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.8])
+def test_metal_agrees_with_principled_but_for_the_correlation_of_heights_and_further_reflections(roughness):
+    """Metallic 1: the model `ggx`, and the kernels' metal without its base, which holds further reflections."""
+    i, o, f = _mitsuba(f"principled metal {roughness}")
+    alpha, f0 = roughness**2, (0.8, 0.5, 0.2)
+    model = _evaluate("ggx", {"f0": f0, "alpha": alpha}, i, o)
+    np.testing.assert_allclose(model * _separable(alpha, i, o), f, rtol=1e-5)
+    given = kernels.albedos(), np.array([*f0, 1.0, alpha]), np.zeros(3)
+    np.testing.assert_allclose([kernels.value(*given, *a, *b) for a, b in zip(i, o, strict=True)], model, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "alpha"), [("black roughplastic 0.2", 0.2), ("black principled 0.5", 0.25)])
+def test_gloss_of_plastic_agrees_with_mitsuba_but_for_the_correlation_of_heights_and_schlicks_f(name, alpha):
+    """Mitsuba has Fresnel's equations of index 1.5; Schlick's F of 0.04 is 0.77 to 1.07 of them."""
+    i, o, f = _mitsuba(name)
+    h = (i + o) / np.linalg.norm(i + o, axis=1, keepdims=True)
+    equations = fresnel((o * h).sum(axis=1), 1.5, 0)
+    lossless, ours = (_evaluate("ggx", {"f0": f0, "alpha": alpha}, i, o) for f0 in (1, 0.04))
+    np.testing.assert_allclose(lossless * _separable(alpha, i, o) * equations, f, rtol=1e-5)
+    ratio = ours / (lossless * equations)
+    assert 0.76 < ratio.min() < 0.78 and 1.05 < ratio.max() < 1.07
 
 
 def test_torrance_sparrow_agrees_with_mitsuba_but_for_the_masking():
@@ -291,14 +331,17 @@ def test_rough_he_agrees_with_mitsubas_beckmann():
 @pytest.mark.parametrize(
     ("model", "values", "message"),
     [
-        ("wards", {}, 'unknown reflection model "wards"'),
+        ("wards", {}, 'unknown reflection model "wards"; did you mean "ward"?'),
+        ("glass", {}, 'unknown reflection model "glass"; the models are perfect_diffuse, perfect_specular'),
+        (["ward"], {}, "unknown reflection model ['ward']; the models are"),
         ("ward", {"alpha": 1}, 'ward has no parameter "alpha"; it has kd, ks, ax, ay, bounded'),
-        ("ward", {"ax": 0.001}, "ax of ward is 0.001, and must be from 0.02 to 1"),
-        ("ward", {"ax": math.nan}, "ax of ward is nan, and must be from 0.02 to 1"),
-        ("ward", {"ax": (1, 1, 1)}, "ax of ward is (1, 1, 1), and must be a number"),
-        ("ward", {"ks": (1, 1)}, "ks of ward is (1, 1), and must be a number or three (r, g, b)"),
-        ("ward", {"ks": "red"}, "ks of ward is 'red', and must be a number or three (r, g, b)"),
-        ("ward", {"ks": True}, "ks of ward is True, and must be a number or three (r, g, b)"),
+        ("ward", {"ax": 0.001}, "ax of ward must be a number from 0.02 to 1, got 0.001"),
+        ("ward", {"ax": math.nan}, "ax of ward must be a number from 0.02 to 1, got nan"),
+        ("ward", {"ax": (1, 1, 1)}, "ax of ward must be a number from 0.02 to 1, got (1, 1, 1)"),
+        ("ward", {"ks": (1, 1)}, "ks of ward must be a number or three (r, g, b) from 0 to 1, got (1, 1)"),
+        ("ward", {"ks": "red"}, "ks of ward must be a number or three (r, g, b) from 0 to 1, got 'red'"),
+        ("ward", {"ks": True}, "ks of ward must be a number or three (r, g, b) from 0 to 1, got True"),
+        ("ward", {"ks": 10**400}, "ks of ward must be a number or three (r, g, b) from 0 to 1, got 1000"),
     ],
 )
 def test_wrong_parameters_are_one_sentence(model, values, message):
@@ -308,8 +351,8 @@ def test_wrong_parameters_are_one_sentence(model, values, message):
 
 
 def test_factors_of_a_combination_are_checked():
-    for factor in (-1, math.inf, "2"):
-        with pytest.raises(ValueError, match="the factor of lewis"):
+    for factor in (-1, math.inf, 1e300, 10**400, True, "2"):
+        with pytest.raises(ValueError, match="factor of lewis must be a number from 0 to 1e\\+06, got "):
             lobe("lewis", {}, factor)
 
 
