@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,10 @@ from gi_core.bsdf.models import MODELS, Lobe, lobe
 from tests.support.brdf_cases import ANGLES, lobes
 from tests.support.brdf_tables import densities, direction, draws, exact, nodes, values
 
-pytestmark = pytest.mark.slow  # 80 tables take a CPU s each
-DRAWS = 20_000
-RINGS, SECTORS, INNER = 24, 16, 8  # cells of the chi-square test, and Gauss points per side of a cell
+pytestmark = pytest.mark.slow  # 50 CPU s for 75 sets
+DRAWS, WEIGHED = 100_000, 20_000  # WEIGHED: draws whose weight is computed again
+ROWS, COLUMNS = 20, 40  # cells of the chi-square test
+GAUSS, EXACT, HALVINGS = 4, 2e-6, 9  # of a cell's integral: points per side, error in shares of light, subdivisions
 LAST = 1.0 - 2.0**-53  # the largest number drawn
 AZIMUTH = 145.0  # of i: in the second quadrant, off every row of a table
 
@@ -35,6 +37,10 @@ class Case(NamedTuple):
     tables: table.Tables
 
 
+def _blur(case: Case) -> float:
+    return next((bound for name, bound in BLURRED.items() if case.name.startswith(name)), 0.01)
+
+
 @pytest.fixture(scope="module", params=lobes(), ids=[name for name, _ in lobes()])
 def case(request) -> Case:
     name, found = request.param
@@ -42,43 +48,106 @@ def case(request) -> Case:
     return Case(name, found, made, table.join([tabulate.tabulate((lobe("lewis", {"n": 3}),)), made]))
 
 
-def _places(i, o):
-    """Return cells (n,) of directions: fourth root of y by psi about the azimuth of x, as `nodes` has them."""
-    h = i + o
-    x, y = h[:, 0] / h[:, 2], h[:, 1] / h[:, 2]
-    slope2 = np.maximum(x * x + y * y, 1e-30)
-    b = (x * i[0] + y * i[1]) / np.sqrt(slope2) / i[2]
-    limit2 = (b + np.sqrt(b * b + 1.0)) ** 2
-    root = (slope2 * limit2 / (np.maximum(0.0, limit2 - slope2) + slope2 * limit2)) ** 0.25
-    ring = np.minimum((root * RINGS).astype(int), RINGS - 1)
-    return ring * SECTORS + (np.arctan2(y, x) % (2 * math.pi) * SECTORS / (2 * math.pi)).astype(int) % SECTORS
+class Polar:
+    """Directions o by theta and phi, each from 0 to 1. A sharp lobe fills few cells."""
+
+    @staticmethod
+    def directions(i, u, v):
+        """Return o (..., 3) and the solid angle of du dv, for u (..., n, 1) and v (..., 1, n)."""
+        theta, phi = 0.5 * math.pi * u, 2 * math.pi * v
+        o = np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1)
+        return o, math.pi**2 * np.sin(theta)
+
+    @staticmethod
+    def coordinates(i, o):
+        """Return u and v (n,) of o (n, 3)."""
+        return np.arccos(np.minimum(o[:, 2], 1.0)) * (2 / math.pi), np.arctan2(o[:, 1], o[:, 0]) / (2 * math.pi) % 1
 
 
-def _expected(tables, i):
-    """Return the integral of the density over each cell, by Gauss-Legendre points inside it."""
-    x, w = np.polynomial.legendre.leggauss(INNER)
-    inner, weight = 0.5 * (x + 1.0), 0.5 * w
-    root = ((np.arange(RINGS)[:, None] + inner) / RINGS).ravel()
-    psi = ((np.arange(SECTORS)[:, None] + inner) * (2 * math.pi / SECTORS)).ravel()
-    y = root**4
-    b = (np.cos(psi) * i[0] + np.sin(psi) * i[1]) / i[2]
-    limit2 = (b + np.sqrt(b * b + 1.0)) ** 2
-    scale = limit2 * (1.0 - y[:, None]) + y[:, None]
-    slope = np.sqrt(y[:, None] * limit2 / scale)
-    cos_h = 1.0 / np.sqrt(1.0 + slope * slope)
-    h = np.stack((slope * np.cos(psi) * cos_h, slope * np.sin(psi) * cos_h, cos_h), axis=2)
-    across = h @ i
-    o = 2.0 * across[:, :, None] * h - i
-    solid = 2.0 * across * cos_h**3 * (limit2 / scale) ** 2 * 4.0 * root[:, None] ** 3
-    density = densities(tables, 1, i, np.ascontiguousarray(o.reshape(-1, 3))).reshape(across.shape) * solid
-    cells = density.reshape(RINGS, INNER, SECTORS, INNER)
-    return (cells * weight[:, None, None] * weight).sum(axis=(1, 3)).ravel() * (2 * math.pi / (RINGS * SECTORS))
+class Half:
+    """Directions o by the half vector: fourth root of y by psi about the azimuth of x, as `nodes` has them.
+
+    Cells are as narrow as the lobe.
+    """
+
+    @staticmethod
+    def directions(i, u, v):
+        """Return o (..., 3) and the solid angle of du dv, for u (..., n, 1) and v (..., 1, n)."""
+        y, psi = u**4, 2 * math.pi * v
+        b = (np.cos(psi) * i[0] + np.sin(psi) * i[1]) / i[2]
+        limit2 = (b + np.sqrt(b * b + 1.0)) ** 2
+        scale = limit2 * (1.0 - y) + y
+        slope = np.sqrt(y * limit2 / scale)
+        cos_h = 1.0 / np.sqrt(1.0 + slope * slope)
+        h = np.stack((slope * np.cos(psi) * cos_h, slope * np.sin(psi) * cos_h, cos_h), axis=-1)
+        across = h @ i
+        solid = 2.0 * across * cos_h**3 * (limit2 / scale) ** 2 * 4.0 * u**3
+        return 2.0 * across[..., None] * h - i, 2 * math.pi * solid
+
+    @staticmethod
+    def coordinates(i, o):
+        """Return u and v (n,) of o (n, 3)."""
+        h = i + o
+        x, y = h[:, 0] / h[:, 2], h[:, 1] / h[:, 2]
+        slope2 = np.maximum(x * x + y * y, 1e-30)
+        b = (x * i[0] + y * i[1]) / np.sqrt(slope2) / i[2]
+        limit2 = (b + np.sqrt(b * b + 1.0)) ** 2
+        root = (slope2 * limit2 / (np.maximum(0.0, limit2 - slope2) + slope2 * limit2)) ** 0.25
+        return root, np.arctan2(y, x) / (2 * math.pi) % 1
+
+
+def _cells(chart, i, o):
+    """Return the cell (n,) of each direction o (n, 3)."""
+    u, v = chart.coordinates(i, o)
+    return np.minimum((u * ROWS).astype(int), ROWS - 1) * COLUMNS + (v * COLUMNS).astype(int) % COLUMNS
+
+
+def _expected(tables, chart, i):
+    """Return the integral of the density over each cell, by Gauss-Legendre points in a quadtree."""
+    x, w = np.polynomial.legendre.leggauss(GAUSS)
+    inner, weight = 0.5 * (x + 1.0), 0.25 * w[:, None] * w
+
+    def integrals(corner, size):
+        u, v = (corner[:, [k], None] + size[k] * inner for k in (0, 1))
+        o, solid = chart.directions(i, u, v.reshape(-1, 1, GAUSS))
+        density = densities(tables, 1, i, np.ascontiguousarray(o.reshape(-1, 3))).reshape(o.shape[:-1])
+        return (density * solid * weight).sum(axis=(1, 2)) * size[0] * size[1]
+
+    size = np.array((1 / ROWS, 1 / COLUMNS))
+    owner = np.arange(ROWS * COLUMNS)
+    corner = np.stack((owner // COLUMNS, owner % COLUMNS), axis=1) * size
+    result, coarse = np.zeros(len(owner)), integrals(corner, size)
+    for _ in range(HALVINGS):
+        size = 0.5 * size
+        corner = (corner[:, None] + size * ((0, 0), (0, 1), (1, 0), (1, 1))).reshape(-1, 2)
+        fine = integrals(corner, size)
+        parts = fine.reshape(-1, 4).sum(axis=1)
+        rough = np.abs(parts - coarse) > EXACT
+        np.add.at(result, owner[~rough], parts[~rough])
+        again = np.repeat(rough, 4)
+        owner, corner, coarse = np.repeat(owner, 4)[again], corner[again], fine[again]
+        if not len(owner):
+            break
+    np.add.at(result, owner, coarse)
+    return result
+
+
+def _significance(counted, expected):
+    """Return the probability of a chi-square as large; cells of less than 5 draws are pooled."""
+    large = expected >= 5.0
+    seen = np.append(counted[large], counted[~large].sum())
+    hoped = np.append(expected[large], max(expected[~large].sum(), 1e-9))
+    if hoped[-1] < 5.0:  # too few for a cell of their own
+        seen, hoped = np.append(seen[:-2], seen[-2:].sum()), np.append(hoped[:-2], hoped[-2:].sum())
+    return stats.chi2.sf(((seen - hoped) ** 2 / hoped).sum(), len(seen) - 1)
 
 
 def test_draws_follow_the_density_and_carry_its_weight(case):
-    """Chi-square at 1 % for all angles of all sets together (Sidak); weights equal f cos / (pdf albedo)."""
+    """Chi-square at 1 % for all charts, angles and sets together (Sidak); weights equal f cos / (pdf albedo)."""
     tables = case.tables
     numbers = np.random.default_rng([ord(c) for c in case.name]).random((DRAWS, 3))
+    charts = (Polar, Half)
+    tests = len(lobes()) * len(ANGLES) * len(charts)
     for angle in ANGLES:
         i = direction(angle, AZIMUTH)
         survival, share = table.albedo(tables, 1, *i), table.mirror_share(tables, 1, *i)
@@ -95,40 +164,51 @@ def test_draws_follow_the_density_and_carry_its_weight(case):
         spread = ~mirrored & (o[:, 2] > 1e-9)
         density = densities(tables, 1, i, o[spread])
         assert density.min(initial=1.0) > 0.0
-        weight = values(tables, 1, i, o[spread]) * o[spread, 2:] / (density * survival)[:, None]
-        np.testing.assert_allclose(weight, drawn[spread, 3:], atol=1e-6)
+        few = np.flatnonzero(spread)[:WEIGHED]
+        weight = values(tables, 1, i, o[few]) * o[few, 2:] / (density[:WEIGHED] * survival)[:, None]
+        np.testing.assert_allclose(weight, drawn[few, 3:], atol=1e-6)
         if share > 1.0 - 1e-9:
             continue
 
-        expected = _expected(tables, i)
-        assert expected.sum() == pytest.approx(1.0 - share, abs=4e-3)
-        counted = np.bincount(_places(i, o[~mirrored]), minlength=len(expected))
-        expected *= (DRAWS - mirrored.sum()) / expected.sum()
-        large = expected >= 5.0
-        seen = np.append(counted[large], counted[~large].sum())
-        hoped = np.append(expected[large], max(expected[~large].sum(), 1e-9))
-        if hoped[-1] < 5.0:  # too few for a cell of their own
-            seen, hoped = np.append(seen[:-2], seen[-2:].sum()), np.append(hoped[:-2], hoped[-2:].sum())
-        chi2 = ((seen - hoped) ** 2 / hoped).sum()
-        tests = len(lobes()) * len(ANGLES)
-        assert stats.chi2.sf(chi2, len(seen) - 1) > 1.0 - 0.99 ** (1.0 / tests), (angle, chi2, len(seen))
+        for chart in charts:
+            expected = _expected(tables, chart, i)
+            assert expected.sum() == pytest.approx(1.0 - share, abs=1e-3)
+            counted = np.bincount(_cells(chart, i, o[~mirrored]), minlength=len(expected))
+            expected *= (DRAWS - mirrored.sum()) / expected.sum()
+            p = _significance(counted, expected)
+            assert p > 1.0 - 0.99 ** (1.0 / tests), (chart.__name__, angle, p)
 
 
-def test_albedo_and_values_are_those_of_the_model(case):
-    """Albedo against quadrature of the formula, and the mean of |f - model| between the rows of the table."""
+@cache
+def _quadrature(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    i = direction(angle, AZIMUTH)
+    return i, *nodes(i, 128, 96)
+
+
+@pytest.mark.parametrize("angle", (*ANGLES, *OFF_ROWS))
+def test_albedo_is_that_of_the_formula_or_all_that_may_leave(case, angle):
+    """All sets by quadrature of the formula, within 0.8 %, or half of BLURRED; near 90 degrees within 2.5 %.
+
+    Surfaces darkened by `scale` reflect what the diffuse part leaves, where the formula exceeds it.
+    """
+    i, o, weights = _quadrature(angle)
+    mirror = MODELS[case.lobe.model].mirror(case.lobe.values(), i[2:])[0].max()
+    total = float(weights @ exact([case.lobe], i, o).max(axis=1)) + mirror
+    tolerance = 0.025 if angle > 80 else max(8e-3, 0.5 * _blur(case))
+    room = 1.0 - case.table.diffuse.max()
+    assert table.albedo(case.tables, 1, *i) == pytest.approx(min(total, room), rel=tolerance, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", OFF_ROWS)
+def test_values_between_rows_are_those_of_the_formula(case, angle):
+    """The mean of |f - model| over that of the model."""
     if case.table.limited:
         pytest.skip("darkened where it would reflect more than arrives")
-    bound = next((bound for name, bound in BLURRED.items() if case.name.startswith(name)), 0.01)
-    for angle in OFF_ROWS:
-        i = direction(angle, AZIMUTH)
-        o, weights = nodes(i, 128, 96)
-        model = exact([case.lobe], i, o)
-        mirror = MODELS[case.lobe.model].mirror(case.lobe.values(), i[2:])[0].max()
-        total = float(weights @ model.max(axis=1))
-        assert table.albedo(case.tables, 1, *i) == pytest.approx(total + mirror, rel=max(8e-3, bound / 2), abs=1e-9)
-        if total > 1e-6:
-            off = np.abs(values(case.tables, 1, i, o) - model)
-            assert weights @ off.max(axis=1) < bound * total, (angle, weights @ off.max(axis=1) / total)
+    i, o, weights = _quadrature(angle)
+    model = exact([case.lobe], i, o)
+    total = float(weights @ model.max(axis=1))
+    off = np.abs(values(case.tables, 1, i, o) - model)
+    assert weights @ off.max(axis=1) <= _blur(case) * total
 
 
 def test_albedo_leaves_room_for_the_diffuse_part(case):
