@@ -40,7 +40,8 @@ def tabulate(lobes: tuple[Lobe, ...], scale: bool = False) -> Table:
     size = ANISOTROPIC if anisotropic else ISOTROPIC
     kd = sum((lobe.factor * MODELS[lobe.model].diffuse(lobe.values()) for lobe in lobes), np.zeros(3))
     if kd.max() > 1.0:
-        raise ValueError(f"{_names(lobes)} has a diffuse albedo of {kd.max():.3g}, and must have at most 1")
+        rule = "and must have at most 1; lower its colours or factors"
+        raise ValueError(f"{_names(lobes)} has a diffuse albedo of {kd.max():.3g}, {rule}")
     theta = _thetas(size.thetas)
     phi = np.linspace(0.0, 0.5 * math.pi, size.phis) if anisotropic else np.zeros(1)
     full = 2.0 * math.pi if anisotropic else math.pi

@@ -108,6 +108,7 @@ class _Builder:
         camera = self.file.camera or next((r.camera for r in read if r.camera), None)
         mobiles = [self._described(m) for m in self.file.mobiles]
         check_used(self.file.materials, {m.name for m in self.materials})
+        _check_models(self.materials, self.where)
         scene = Scene(
             static,
             tuple(self.materials),
@@ -295,6 +296,16 @@ def join(meshes: list[Mesh], materials) -> Mesh:
         join_paints(meshes, materials),
         join_finishes(meshes),
     )
+
+
+def _check_models(materials: Iterable[Material], where: str) -> None:
+    """Raise SceneError for a material whose model would reflect more light than arrives."""
+    for m in materials:
+        if m.brdf:
+            try:
+                tabulate(m.brdf, m.scaled)
+            except ValueError as error:
+                raise SceneError(f'{where}: material "{m.name}": {error}') from None
 
 
 def _darkened(materials: Iterable[Material]) -> list[str]:

@@ -6,6 +6,9 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from gi_core.base.quotation import shown
+
+__all__ = ["LONGEST", "SceneError", "named", "one_line", "printable", "shown"]
 _BREAK = re.compile(r"\s*[^\S ]\s*")
 LONGEST = 500  # characters of a sentence
 
@@ -20,15 +23,6 @@ def one_line(text: str) -> str:
     line = printable(_BREAK.sub(" ", text.strip()))
     half = LONGEST // 2  # the place at the front and the rule at the end both stay
     return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
-
-
-def shown(value) -> str:
-    """Return a value as it was written, cut short."""
-    try:
-        text = repr(value)
-    except ValueError:  # more digits than Python converts
-        text = "a number of thousands of digits"
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 @contextmanager

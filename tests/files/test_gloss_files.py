@@ -153,26 +153,149 @@ def test_a_darkened_model_is_noted(tmp_path):
 
 
 def test_a_model_that_reflects_more_than_arrives_is_refused(tmp_path):
-    with pytest.raises(SceneError, match='material "m": .*scale = true'):
+    with pytest.raises(SceneError, match='a.toml: material "m": .*scale = true'):
         scene_file(tmp_path, 'brdf = "phong"\nks = 1.0\nkd = 0.0')
     assert scene_file(tmp_path, 'brdf = "phong"\nks = 1.0\nkd = 0.0\nscale = true').scaled
 
 
+WORDS = [
+    ("metallic = 1", "metallic needs a roughness from 0 to 1; write roughness = 0.3"),
+    ("roughness = 2", "roughness must be a number from 0 to 1, got 2"),
+    ("roughness = [0.1, 0.1, 0.1]", "roughness must be a number from 0 to 1, got [0.1, 0.1, 0.1]"),
+    ("roughness = 0.3\nior = 0.5", "ior must be a number from 1 to 10, got 0.5"),
+    ("roughness = 0.3\nmetallic = -1", "metallic must be a number from 0 to 1, got -1"),
+    ("emission = [1e300, 0, 0]", "emission must be three numbers >= 0, at most 1e+15, got [1e+300, 0, 0]"),
+    ('brdf = "phong"\nks = 1.0', "phong reflects more light than arrives, at "),
+    ('brdf = "wart"\nks = 0.3', 'brdf: unknown reflection model "wart"; did you mean "ward"?'),
+    ('brdf = "glass"', 'brdf: unknown reflection model "glass"; the models are perfect_diffuse, perfect_specular, '),
+    ('brdf = "ward"\nks = 3', "ks of ward must be a number or three (r, g, b) from 0 to 1, got 3"),
+    ('brdf = "ward"\nks = [1, 0]', "ks of ward must be a number or three (r, g, b) from 0 to 1, got [1, 0]"),
+    ('brdf = "ward"\nks = 1' + 400 * "0", "ks of ward must be a number or three (r, g, b) from 0 to 1, got 1000"),
+    ('brdf = "ward"\nn = 20', 'ward has no parameter "n"; it has kd, ks, ax, ay, bounded'),
+    ('brdf = "ward"\nscale = 1', "scale must be true or false, got 1"),
+    ('brdf = "ward"\nroughness = 0.1', "roughness and brdf exclude each other; write the parameters of the model"),
+    ('brdf = "ward"\nmetallic = 0.1', "metallic and brdf exclude each other; write the parameters of the model"),
+    ("brdf = 7", 'brdf must name a model or list several, got 7; write brdf = "ward" or brdf = [{ model = "ward"'),
+    ("brdf = 7\nks = 1", "brdf must name a model or list several, got 7; "),
+    ("brdf = []", 'brdf must name a model or list several, got []; write brdf = "ward"'),
+    ('brdf = ["ward"]', "model 1 of brdf must be a table such as { model = \"ward\", ks = 0.3 }, got 'ward'"),
+    ("brdf = [{ ks = 0.3 }]", 'model 1 of brdf: model is missing; write model = "ward"'),
+    ('brdf = [{ model = ["ward"] }]', "model 1 of brdf: unknown reflection model ['ward']; the models are "),
+    ('brdf = [{ model = "eon" }, { model = "eon", n = 2 }]', 'model 2 of brdf: eon has no parameter "n"; it has '),
+    ('brdf = [{ model = "eon", scale = true }]', "model 1 of brdf: scale belongs to the whole material; write it"),
+    ('brdf = [{ model = "eon", factor = -1 }]', "model 1 of brdf: factor of eon must be a number from 0 to 1e+06, got"),
+    (
+        'brdf = [{ model = "eon", factor = true }]',
+        "model 1 of brdf: factor of eon must be a number from 0 to ",
+    ),
+    ('brdf = [{ model = "eon" }]\nks = 1', 'ks belongs to a model of the list; write brdf = [{ model = "ward", ks ='),
+    (
+        'brdf = [{ model = "ward", kd = 1 }, { model = "lewis", kd = 1 }]',
+        "ward + lewis has a diffuse albedo of 2, and must have at most 1; lower its",
+    ),
+    ("ks = 0.3", 'ks belongs to a model of reflection; write brdf = "ward"'),
+    ("grain = [1, 0, 0]", 'grain belongs to a model of reflection; write brdf = "ward"'),
+]
+
+
+@pytest.mark.parametrize("lines, said", WORDS)
+def test_bad_gloss_of_a_scene_file(tmp_path, lines, said):
+    with pytest.raises(SceneError) as error:
+        scene_file(tmp_path, lines)
+    assert str(error.value).startswith(f'{tmp_path / "a.toml"}: material "m": {said}')
+
+
+@pytest.mark.parametrize("material", ["3", '[{ brdf = "ward" }]'])
+def test_a_material_that_is_no_table(tmp_path, material):
+    (tmp_path / "a.toml").write_text(f'static.mesh = "a.obj"\nmaterials.m = {material}\n')
+    with pytest.raises(SceneError, match=r'material "m": a material is written as a table \[materials.NAME\], got '):
+        load_scene(tmp_path / "a.toml")
+
+
 @pytest.mark.parametrize(
-    "lines, said",
+    "pbr, extensions, said",
     [
-        ("metallic = 1", "metallic and ior need a roughness from 0 to 1; write roughness = 0.3"),
-        ("roughness = 2", "roughness must be a number from 0 to 1, got 2"),
-        ("roughness = 0.3\nior = 0.5", "ior must be a number >= 1 and < 10, got 0.5"),
-        ('brdf = "wart"', "unknown reflection model"),
-        ('brdf = "ward"\nks = 3', "ks of ward is 3, and must be from 0 to 1"),
-        ('brdf = "ward"\nroughness = 0.1', "roughness and brdf exclude each other"),
-        ("brdf = 7", 'brdf must be a model or a list, got 7; write brdf = "ward"'),
-        ("grain = [1, 0, 0]", "grain belongs to a model of reflection"),
-        ("roughness = 0.3\nmetallic = -1", "metallic must be a number from 0 to 1, got -1"),
+        ({"roughnessFactor": "a"}, {}, "roughnessFactor must be a number from 0 to 1, got 'a'"),
+        ({"metallicFactor": None}, {}, "metallicFactor must be a number from 0 to 1, got None"),
+        ({"metallicFactor": True}, {}, "metallicFactor must be a number from 0 to 1, got True"),
+        ({"baseColorFactor": [1, 1]}, {}, "baseColorFactor must be four numbers from 0 to 1, got [1, 1]"),
+        ({"metallicRoughnessTexture": 3}, {}, "metallicRoughnessTexture must be an object, got 3"),
+        ([], {}, "pbrMetallicRoughness must be an object, got []"),
+        ({}, {"KHR_materials_ior": {"ior": []}}, "ior must be a number from 1 to 1e+15 or 0, got []"),
+        ({}, {"KHR_materials_specular": 1}, "KHR_materials_specular must be an object, got 1"),
+        (
+            {},
+            {"KHR_materials_specular": {"specularColorFactor": [None, 1, 1]}},
+            "specularColorFactor must be three numbers from 0 to 1e+15, got [None, 1, 1]",
+        ),
     ],
 )
-def test_bad_gloss_of_a_scene_file(tmp_path, lines, said):
-    with pytest.raises(SceneError, match='material "m"') as error:
-        scene_file(tmp_path, lines)
-    assert said in str(error.value)
+def test_bad_gloss_of_gltf(tmp_path, pbr, extensions, said):
+    with pytest.raises(SceneError) as error:
+        gltf_material(tmp_path, pbr, **extensions)
+    assert str(error.value).startswith(f'{tmp_path / "a.glb"}: material "m": {said}; ')
+    assert str(error.value).endswith("export it again")
+
+
+def gltf_notes(tmp_path, pbr: dict, **extensions) -> tuple[str, ...]:
+    gltf_material(tmp_path, pbr, **extensions)
+    return load_scene(tmp_path / "a.glb").notes
+
+
+def test_values_of_gltf_beyond_their_range_are_noted(tmp_path):
+    pbr = {"metallicFactor": 2, "roughnessFactor": -1, "baseColorFactor": [0.5, 0.5, 0.5, 1]}
+    notes = gltf_notes(tmp_path, pbr, KHR_materials_specular={"specularColorFactor": [-1, 1, 1]})
+    for key, rule in (
+        ("metallicFactor", "a number from 0 to 1"),
+        ("roughnessFactor", "a number from 0 to 1"),
+        ("specularColorFactor", "three numbers from 0 to 1e+15"),
+    ):
+        assert f"{key} must be {rule}: limited in m" in notes
+    assert not any("limited" in note for note in gltf_notes(tmp_path, {"metallicFactor": 1, "roughnessFactor": 0}))
+
+
+def test_gltf_ior_of_0_reflects_everything(tmp_path):
+    """KHR_materials_ior: F is 1 times the specular colour, for files converted from specular-glossiness."""
+    pbr, specular = {"metallicFactor": 0.0, "roughnessFactor": 0.2}, {"specularColorFactor": [0.3, 0.2, 0.1]}
+    found = gltf_material(tmp_path, pbr, KHR_materials_ior={"ior": 0}, KHR_materials_specular=specular)
+    assert found.gloss.f0 == pytest.approx((0.3, 0.2, 0.1))
+
+
+@pytest.mark.parametrize("index", [7, -1, "m", True])
+def test_a_material_that_gltf_does_not_have(tmp_path, index):
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "material": index}
+    meshes = [{"primitives": [primitive]}]
+    write_glb(tmp_path / "a.glb", positions, np.array([0, 1, 2], np.uint32), material={"name": "m"}, meshes=meshes)
+    with pytest.raises(SceneError, match="mesh 0 primitive 0 must name a material by its number, 0 to 0, got "):
+        load_scene(tmp_path / "a.glb")
+
+
+def mtl_notes(tmp_path, lines: str) -> tuple[str, ...]:
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "a.mtl").write_text(f"newmtl m\n{lines}\n")
+    return load_scene(tmp_path / "a.obj").notes
+
+
+@pytest.mark.parametrize(
+    "line, note",
+    [
+        ("Pr 2", "Pr must be a number from 0 to 1: limited in m"),
+        ("Pm -1", "Pm must be a number from 0 to 1: limited in m"),
+        ("Pr rough", "Pr must be a number from 0 to 1: left out in m"),
+        ("Ns -5", "Ns must be a number from 0 to 1e+06: limited in m"),
+        ("Ks 2 0 0", "Ks must be three numbers from 0 to 1: limited in m"),
+        ("Kd -1 0 0", "Kd must be three numbers >= 0: limited in m"),
+    ],
+)
+def test_values_of_mtl_beyond_their_range_are_noted(tmp_path, line, note):
+    assert note in mtl_notes(tmp_path, line)
+
+
+@pytest.mark.parametrize("line", ["Kd a b c", "Ks nan 0 0", "Ke inf 1 1", "Kd 1 x"])
+def test_a_colour_of_mtl_that_is_none(tmp_path, line):
+    with pytest.raises(SceneError) as error:
+        mtl_notes(tmp_path, f"Pr 0.5\n{line}")
+    word, _, found = line.partition(" ")
+    rule = f"{word} must be three finite numbers, got '{found}'; correct the line"
+    assert str(error.value) == f"{tmp_path / 'a.obj'}: a.mtl: line 3: {rule}"

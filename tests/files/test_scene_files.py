@@ -84,7 +84,10 @@ MISTAKES = {
     "missing static": (SCENE.replace("[static]", "[other]"), "unknown key 'other'"),
     "no static": ('title = "t"', r"\[static\] is missing; write \[static\] and below it mesh = "),
     "static is a text": ('static = "room.obj"', r"\[static\] must be a table of keys, got 'room.obj'"),
-    "huge": (SCENE.replace("[0.5, 0.5, 0.1]", "[1e300, 0, 0]"), "position must be three finite numbers, got"),
+    "huge": (
+        SCENE.replace("[0.5, 0.5, 0.1]", "[1e300, 0, 0]"),
+        "position must be three finite numbers, at most 1e\\+15, got",
+    ),
     "huge whole number": (
         SCENE.replace("[0.5, 0.5, 0.1]", f"[{'9' * 400}, 0, 0]"),
         "position must be three finite numbers",

@@ -10,13 +10,14 @@ Every f is unchanged if x or y of both directions change their sign: tables stor
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from difflib import get_close_matches
 from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.quotation import shown
 from gi_core.bsdf.models import (
     blinn,
     eon,
@@ -53,6 +54,7 @@ MODELS: dict[str, ModuleType] = {
     "eon": eon,
     "ggx": ggx,
 }
+MOST_FACTOR = 1e6  # of a model in a linear combination: its sums stay finite
 
 
 class Lobe(NamedTuple):
@@ -70,18 +72,21 @@ class Lobe(NamedTuple):
 def lobe(model: str, parameters: Mapping[str, object] | None = None, factor: float = 1.0) -> Lobe:
     """Return a lobe, its parameters checked and completed by defaults.
 
-    A colour is three numbers, or one for grey. ValueError is one sentence: what is wrong, and what is allowed.
+    A colour is three numbers, or one for grey. ValueError is one sentence: rule and value found.
     """
-    if model not in MODELS:
-        raise ValueError(f'unknown reflection model "{model}"; the models are {", ".join(MODELS)}')
-    known: dict[str, Parameter] = MODELS[model].PARAMETERS
+    if not (isinstance(model, str) and model in MODELS):
+        near = get_close_matches(str(model), MODELS, 1) if isinstance(model, str) else []
+        known = f'did you mean "{near[0]}"?' if near else f"the models are {', '.join(MODELS)}"
+        name = f'"{model}"' if isinstance(model, str) else shown(model)
+        raise ValueError(f"unknown reflection model {name}; {known}")
+    rules: dict[str, Parameter] = MODELS[model].PARAMETERS
     given = dict(parameters or {})
     for name in given:
-        if name not in known:
-            raise ValueError(f'{model} has no parameter "{name}"; it has {", ".join(known)}')
-    if not (isinstance(factor, int | float) and math.isfinite(factor) and factor >= 0):
-        raise ValueError(f"the factor of {model} is {factor!r}, and must be a number >= 0")
-    values = tuple((name, _checked(model, name, known[name], given.get(name))) for name in known)
+        if name not in rules:
+            raise ValueError(f'{model} has no parameter "{name}"; it has {", ".join(rules)}')
+    if not (_is_number(factor) and 0 <= factor <= MOST_FACTOR):
+        raise ValueError(f"factor of {model} must be a number from 0 to {MOST_FACTOR:g}, got {shown(factor)}")
+    values = tuple((name, _checked(model, name, rules[name], given.get(name))) for name in rules)
     return Lobe(model, values, float(factor))
 
 
@@ -89,12 +94,10 @@ def _checked(model: str, name: str, rule: Parameter, value) -> float | tuple[flo
     """Return a parameter's value, its default if None, as a float or three floats."""
     value = rule.default if value is None else value
     parts = list(value) if isinstance(value, list | tuple | np.ndarray) else [value]
-    if len(parts) not in ((1, 3) if rule.colour else (1,)) or not all(_is_number(part) for part in parts):
+    fits = len(parts) in ((1, 3) if rule.colour else (1,))
+    if not (fits and all(_is_number(part) and rule.low <= part <= rule.high for part in parts)):
         wanted = "a number or three (r, g, b)" if rule.colour else "a number"
-        raise ValueError(f"{name} of {model} is {value!r}, and must be {wanted}")
-    for part in parts:
-        if not rule.low <= part <= rule.high:
-            raise ValueError(f"{name} of {model} is {part:g}, and must be from {rule.low:g} to {rule.high:g}")
+        raise ValueError(f"{name} of {model} must be {wanted} from {rule.low:g} to {rule.high:g}, got {shown(value)}")
     if not rule.colour:
         return float(parts[0])
     red, green, blue = (float(part) for part in (parts if len(parts) == 3 else parts * 3))

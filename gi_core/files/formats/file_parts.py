@@ -11,6 +11,11 @@ from gi_core.scene.types import Camera, Finish, Light, Material, Texture
 CHANNELS = (1,), (2,), (0, 1, 2), (0, 1, 2)  # of the textures of Finish that count: eight in all
 
 
+def listed(names: list[str]) -> str:
+    """Return the first few names in words."""
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+
+
 class Placed(NamedTuple):
     """A texture on the faces of a part."""
 

@@ -14,9 +14,10 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.file_parts import FileParts, Part, Placed
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.gltf_lights import node_camera, node_light
+from gi_core.files.formats.gltf_material import checked_materials, name_of
 from gi_core.files.formats.metallic_roughness import MATTE, is_diffuse, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material, VariedFinish
 
@@ -45,7 +46,8 @@ class _Reader:
         self.json = document.json
         self.notes = document.notes
         self.images = Images(document.boundary)
-        self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
+        self.described = checked_materials(self.json.get("materials", []), document.where, document.notes)
+        self.materials = [self._material(i, m) for i, m in enumerate(self.described)]
         self.plain = None  # index of the material for primitives without one
         self.parts, self.lights, self.camera = [], [], None
         self.world = {}  # node -> (4, 4)
@@ -108,23 +110,31 @@ class _Reader:
             raise SceneError(f"{self.document.where}: {what} has vertex indices outside its {len(p)} vertices")
         if np.linalg.det(matrix[:3, :3]) < 0:
             faces = faces[:, ::-1]
-        index = primitive.get("material")
-        if index is None:
-            if self.plain is None:
-                self.plain = len(self.materials)
-                self.materials.append(Material("default"))
-            index = self.plain
+        index = self._material_index(primitive.get("material"), what)
         faces = faces[self._there(index, attributes, faces)]
         normals = None if n is None else n[faces]
         paint, finish = self._paint(index, attributes, faces), self._finish(index, attributes, faces)
         self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint, finish))
+
+    def _material_index(self, index, what: str) -> int:
+        """Return the index into `materials` that a primitive names, that of a plain one for None."""
+        if index is None:
+            if self.plain is None:
+                self.plain = len(self.materials)
+                self.materials.append(Material("default"))
+            return self.plain
+        count = len(self.described)
+        if type(index) is not int or not 0 <= index < count:
+            rule = f"{what} must name a material by its number, {_numbered(count)}"
+            raise SceneError(f"{self.document.where}: {rule}, got {shown(index)}; correct it, or export it again")
+        return index
 
     def _take(self, what: str, amount: int = 1) -> None:
         self.document.boundary.take(self.document.where, what, amount)
 
     def _there(self, index, attributes, faces) -> np.ndarray:
         """Return the faces (n,) bool that the alpha of their vertices does not remove."""
-        described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
+        described = self.described[index] if index < len(self.described) else {}
         colours = self.document.accessor(attributes["COLOR_0"]) if "COLOR_0" in attributes else np.zeros((0, 3))
         if _cut(described) is None or colours.shape[1] < 4:
             return np.ones(len(faces), bool)
@@ -133,13 +143,13 @@ class _Reader:
 
     def _paint(self, index, attributes, faces):
         """Return corner colours, face textures and corner coordinates of a part, None each where there are none."""
-        described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
+        described = self.described[index] if index < len(self.described) else {}
         reference = described.get("pbrMetallicRoughness", {}).get("baseColorTexture")
         factor = np.array(self.materials[index].reflectance)
         colour = texture = uv = None
         if reference is not None:
             name, transform = _coordinates(reference)
-            found = self._texture(reference["index"], _cut(described))
+            found = self._texture(reference.get("index"), _cut(described))
             if found is None:
                 factor = factor * MISSING
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
@@ -165,7 +175,7 @@ class _Reader:
         placed: list[Placed | None] = [None] * len(FINISH_VALUES)
         if self.materials[index].varied is None:
             return tuple(placed)
-        references = _finish_references(self.json["materials"][index])
+        references = _finish_references(self.described[index])
         for k, (reference, values) in enumerate(zip(references, FINISH_VALUES, strict=True)):
             found = self._finish_texture(reference, values)
             name, transform = _coordinates(reference or {})
@@ -178,25 +188,25 @@ class _Reader:
         """Return the index of a texture of gloss among those read, None if there is none or it cannot be read."""
         if reference is None:
             return None
-        index = reference["index"]
+        index = reference.get("index")
         return self.images.finish(*self._image(index), self._wrap(index), values)
 
     def _material(self, i: int, m: dict) -> Material:
         pbr = m.get("pbrMetallicRoughness", {})
         extensions = m.get("extensions", {})
-        name = str(m.get("name") or f"material {i}")
-        emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64).reshape(3)
+        name = name_of(i, m)
+        emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64)
         emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         if "emissiveTexture" in m and emission.any():
             otherwise = "lamps emit evenly where an emissive texture is missing"
-            image = self.images.pixels(*self._image(m["emissiveTexture"]["index"]), otherwise)
+            image = self.images.pixels(*self._image(m["emissiveTexture"].get("index")), otherwise)
             if image is not None:
                 emission = emission * self.images.mean(image)
                 self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
         if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
             holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
-        base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
+        base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64)
         plain = Material(name, three(base), three(emission), bool(m.get("doubleSided", False)))
         return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, m)
 
@@ -205,11 +215,11 @@ class _Reader:
         pbr, extensions = described.get("pbrMetallicRoughness", {}), described.get("extensions", {})
         if not pbr.keys() & CHOSEN:
             return plain
-        metallic, roughness = (float(np.clip(pbr.get(f"{key}Factor", 1.0), 0, 1)) for key in ("metallic", "roughness"))
-        ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)), 1.0)
+        metallic, roughness = (float(pbr.get(f"{key}Factor", 1.0)) for key in ("metallic", "roughness"))
+        ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))  # 0: all light is reflected
         specular = extensions.get("KHR_materials_specular", {})
-        strength = float(np.clip(specular.get("specularFactor", 1.0), 0, 1))
-        tint = np.clip(np.array(specular.get("specularColorFactor", [1, 1, 1]), np.float64).reshape(3), 0, None)
+        strength = float(specular.get("specularFactor", 1.0))
+        tint = np.array(specular.get("specularColorFactor", [1, 1, 1]), np.float64)
         tint = tint * ((ior - 1) / (ior + 1)) ** 2
         if "metallicRoughnessTexture" not in pbr and is_diffuse(metallic, roughness, strength):
             return plain
@@ -221,7 +231,7 @@ class _Reader:
             return plain
         colour = np.array(plain.reflectance)
         if "baseColorTexture" in pbr:
-            image = self.images.pixels(*self._image(pbr["baseColorTexture"]["index"]), "a metal is grey without it")
+            image = self.images.pixels(*self._image(pbr["baseColorTexture"].get("index")), "a metal is grey without it")
             colour = colour * (MISSING if image is None else self.images.mean(image))
         return metallic_roughness(plain, metallic, roughness, np.minimum(tint, 1) * strength, strength, colour)
 
@@ -243,8 +253,10 @@ class _Reader:
         """Return the name of a texture's image and the function that reads its bytes."""
         textures = self.json.get("textures", [])
         if type(texture) is not int or not 0 <= texture < len(textures):
-            rule = f"a material must name a texture by its number, 0 to {len(textures) - 1}"
-            raise SceneError(f"{self.document.where}: {rule}, got {texture!r}; add the texture, or correct the index")
+            rule = f"a material must name a texture by its number, {_numbered(len(textures))}"
+            raise SceneError(
+                f"{self.document.where}: {rule}, got {shown(texture)}; add the texture, or correct the index"
+            )
         described = textures[texture]
         # Some files name the image by an extension for its format alone: Pillow reads most of them.
         extended = (e["source"] for e in described.get("extensions", {}).values() if "source" in e)
@@ -269,6 +281,10 @@ class _Reader:
         blend = sum(w[:, None, None] * self.joints[skin][j] for w, j in zip(weights.T, ids.T, strict=True))
         moved = np.einsum("vab,vb->va", blend[:, :3, :3], p) + blend[:, :3, 3]
         return moved, None if n is None else np.einsum("vab,vb->va", blend[:, :3, :3], n)
+
+
+def _numbered(count: int) -> str:
+    return f"0 to {count - 1}" if count else "of which the file has none"
 
 
 def _cut(material: dict) -> tuple[float, float] | None:

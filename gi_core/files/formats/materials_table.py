@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from gi_core.bsdf.models import MODELS, lobe
+from gi_core.bsdf.models import MODELS, Lobe, lobe
 from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.toml_fields import Table, nearest, shown
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
-from gi_core.scene.rules import SHARE
+from gi_core.scene.rules import SHARE, Rule, is_number
 from gi_core.scene.types import Material, Mesh
 
 FINISH = "reflectance", "metallic", "roughness", "ior", "brdf", "scale", "grain"
@@ -20,7 +20,10 @@ KEYS = ("emission", "two_sided", *FINISH)
 SHARES = ("metallic", "roughness")
 IOR = 1.5  # of glass, varnish and most plastics
 MOST_IOR = 10.0
+INDEX = Rule(f"a number from 1 to {MOST_IOR:g}", lambda value: is_number(value, 1, MOST_IOR), float)
 EXAMPLE = 'brdf = "ward" or brdf = [{ model = "ward", ks = 0.3 }, { model = "lewis", factor = 0.5 }]'
+# A model that has each key of models; "ward" where it has it.
+OF_MODELS = {key: name for name in (*MODELS, "ward") for key in ("model", "factor", *MODELS[name].PARAMETERS)}
 
 
 def read_materials(root: Table) -> dict[str, Table]:
@@ -28,23 +31,38 @@ def read_materials(root: Table) -> dict[str, Table]:
     tables = root.values.get("materials", {})
     if not isinstance(tables, dict):
         raise SceneError(f"{root.where}: materials are written as [materials.NAME], got {shown(tables)}")
-    result = {}
-    for name, values in tables.items():
-        result[name] = checked(values, f'{root.where}: material "{name}"', KEYS)
-    return result
+    return {name: checked(values, f'{root.where}: material "{name}"', KEYS) for name, values in tables.items()}
 
 
 def checked(values: Mapping[str, Any], where: str, keys: tuple[str, ...]) -> Table:
     """Return a checked table of some of KEYS and of the parameters of its model. Raises SceneError."""
-    named = values.get("brdf") if isinstance(values, dict) else None
-    more = tuple(MODELS[named].PARAMETERS) if isinstance(named, str) and named in MODELS else ()
+    if not isinstance(values, dict):
+        raise SceneError(f"{where}: a material is written as a table [materials.NAME], got {shown(values)}")
+    brdf = values.get("brdf")
+    if isinstance(brdf, str):
+        _lobe({"model": brdf}, f"{where}: brdf")
+    elif brdf is not None and not (isinstance(brdf, list) and brdf):
+        raise SceneError(f"{where}: brdf must name a model or list several, got {shown(brdf)}; write {EXAMPLE}")
+    more = tuple(MODELS[brdf].PARAMETERS) if isinstance(brdf, str) else ()
+    for key in values:
+        if key in OF_MODELS and key not in keys + more:
+            raise SceneError(f"{where}: {_misplaced(key, brdf)}")
     table = Table(values, where, keys + more)
     table.vector("reflectance", 3, None, least=0, below=1)
     table.vector("emission", 3, None, least=0)
     table.flag("two_sided", False)
-    gloss_of(table, Material(""))
     brdf_of(table, Material(""))
+    gloss_of(table, Material(""))
     return table
+
+
+def _misplaced(key: str, brdf) -> str:
+    """Return a sentence about a key of models in a material without it."""
+    if isinstance(brdf, str):
+        return f'{brdf} has no parameter "{key}"; it has {", ".join(MODELS[brdf].PARAMETERS)}'
+    if brdf is None:
+        return f'{key} belongs to a model of reflection; write brdf = "{OF_MODELS[key]}"'
+    return f'{key} belongs to a model of the list; write brdf = [{{ model = "{OF_MODELS[key]}", {key} = ... }}]'
 
 
 def overridden(material: Material, table: Table | None) -> Material:
@@ -61,14 +79,14 @@ def overridden(material: Material, table: Table | None) -> Material:
 
 def gloss_of(table: Table, material: Material) -> Material:
     """Return the material with the gloss that its table gives: metallic, roughness and ior, as glTF defines them."""
-    given = {key: SHARE.check(f"{table.where}: {key}", table.values[key]) for key in SHARES if key in table}
-    ior = table.number("ior", IOR, least=1, below=MOST_IOR)
-    if "roughness" not in given:
-        if "metallic" in given or "ior" in table:
-            raise SceneError(f"{table.where}: metallic and ior need a roughness from 0 to 1; write roughness = 0.3")
+    rules = {**dict.fromkeys(SHARES, SHARE), "ior": INDEX}
+    given = {key: rule.check(f"{table.where}: {key}", table.values[key]) for key, rule in rules.items() if key in table}
+    if given and "roughness" not in given:
+        raise SceneError(f"{table.where}: {next(iter(given))} needs a roughness from 0 to 1; write roughness = 0.3")
+    if not given:
         return material
-    metallic, roughness = given.get("metallic", 0.0), given["roughness"]
-    return metallic_roughness(material, metallic, roughness, ((ior - 1) / (ior + 1)) ** 2)
+    ior = given.get("ior", IOR)
+    return metallic_roughness(material, given.get("metallic", 0.0), given["roughness"], ((ior - 1) / (ior + 1)) ** 2)
 
 
 def brdf_of(table: Table, material: Material) -> Material:
@@ -81,19 +99,33 @@ def brdf_of(table: Table, material: Material) -> Material:
     for key in ("reflectance", *SHARES, "ior"):
         if key in table:
             raise SceneError(f"{table.where}: {key} and brdf exclude each other; write the parameters of the model")
-    given = table.values["brdf"]
-    if isinstance(given, str):
-        known = MODELS[given].PARAMETERS if given in MODELS else ()
-        given = [{"model": given, **{key: table.values[key] for key in known if key in table}}]
-    if not (isinstance(given, list) and given and all(isinstance(part, dict) and "model" in part for part in given)):
-        raise SceneError(f"{table.where}: brdf must be a model or a list, got {shown(given)}; write {EXAMPLE}")
-    parts = ({**part} for part in given)
-    try:
-        lobes = tuple(lobe(part.pop("model"), factor=part.pop("factor", 1.0), parameters=part) for part in parts)
-    except (ValueError, TypeError) as error:
-        raise SceneError(f"{table.where}: {error}") from None
+    lobes = _lobes(table)
     scaled, grain = table.flag("scale", False), table.direction("grain", material.grain)
     return material._replace(brdf=lobes, scaled=scaled, grain=three(grain), gloss=None, varied=None)
+
+
+def _lobes(table: Table) -> tuple[Lobe, ...]:
+    given = table.values["brdf"]
+    if isinstance(given, str):
+        own = {key: table.values[key] for key in MODELS[given].PARAMETERS if key in table}
+        return (_lobe({"model": given, **own}, table.where),)
+    return tuple(_lobe(part, f"{table.where}: model {k} of brdf") for k, part in enumerate(given, 1))
+
+
+def _lobe(part, where: str) -> Lobe:
+    """Return the model that a table in a list describes."""
+    if not isinstance(part, dict):
+        raise SceneError(f'{where} must be a table such as {{ model = "ward", ks = 0.3 }}, got {shown(part)}')
+    if "model" not in part:
+        raise SceneError(f'{where}: model is missing; write model = "ward"')
+    for key in part:
+        if key in KEYS:
+            raise SceneError(f"{where}: {key} belongs to the whole material; write it beside brdf")
+    values = {**part}
+    try:
+        return lobe(values.pop("model"), factor=values.pop("factor", 1.0), parameters=values)
+    except ValueError as error:
+        raise SceneError(f"{where}: {error}") from None
 
 
 def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:

@@ -14,7 +14,7 @@ import numpy as np
 from gi_core.base.grouping import order_of
 from gi_core.base.vectors import box, cross, dot, every, greatest, length
 from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
-from gi_core.files.formats.file_parts import FileParts, Part, Placed
+from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
 from gi_core.files.formats.gltf_file import read_gltf
 from gi_core.files.formats.obj_file import read_obj
 from gi_core.files.formats.trimesh_file import read_with_trimesh
@@ -23,7 +23,7 @@ from gi_core.geometry.paint import each_layer, rows_of
 from gi_core.geometry.receivers import build_receivers, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
-from gi_core.scene.errors import SceneError, one_line
+from gi_core.scene.errors import SceneError, one_line, shown
 from gi_core.scene.rules import LARGEST
 from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint
 
@@ -166,20 +166,19 @@ def _clamped(materials: list[Material], plain: set[int], notes: list[str], where
     """Return materials with reflectance clamped to the largest one; noted unless a texture gives the colour."""
     result, bright = [], []
     for i, m in enumerate(materials):
-        colours = [*m.reflectance, *m.emission]
-        if not all(0 <= c <= BRIGHTEST for c in colours):
-            raise SceneError(
-                f'{where}: material "{m.name}" must have colours from 0 to {BRIGHTEST:g}, '
-                f"got {m.reflectance}, {m.emission}"
-            )
+        for what, colour in (("reflectance", m.reflectance), ("emission", m.emission)):
+            if not all(0 <= c <= BRIGHTEST for c in colour):
+                raise SceneError(
+                    f'{where}: material "{m.name}": its {what} must be from 0 to {BRIGHTEST:g} in each channel, '
+                    f"got {shown(list(colour))}; correct it, or export it again"
+                )
         if max(m.reflectance) > MOST_REFLECTANCE:
             if i in plain:
                 bright.append(m.name)
             m = m._replace(reflectance=tuple(min(c, MOST_REFLECTANCE) for c in m.reflectance))
         result.append(m)
     if bright:
-        names = ", ".join(bright[:4]) + (f" and {len(bright) - 4} more" if len(bright) > 4 else "")
-        notes.append(f"reflectance limited to {MOST_REFLECTANCE}: {names}")
+        notes.append(f"reflectance limited to {MOST_REFLECTANCE}: {listed(bright)}")
     return result
 
 

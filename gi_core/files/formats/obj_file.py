@@ -16,16 +16,17 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary, text_of
-from gi_core.files.formats.file_parts import FileParts, Part, Placed
+from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material, VariedFinish
 
 NO_MATERIAL = "default"
 FINISH_MAPS = "map_Pr", "map_Pm", "map_Ks", None  # in the order of Finish
 MAPS = {"map_Kd", "map_Ke", "map_d", *FINISH_MAPS[:3]}
+COLOURS = {"Kd": math.inf, "Ke": math.inf, "Ks": 1.0}  # largest value of a channel; Kd is limited with all materials
 NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0)}  # ranges of a material's numbers
 LEAST_SPECULAR, LEAST_EXPONENT = 0.01, 2.0  # of Ks and Ns; less is diffuse
 
@@ -174,30 +175,54 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
     entries, entry = {}, None
-    for line in _joined(boundary.read(found, where)).split("\n"):
+    changed: dict[str, list[str]] = {}  # what was done to values that break a rule: materials
+    for number, line in enumerate(_joined(boundary.read(found, where)).split("\n"), 1):
         words = line.partition("#")[0].split()
         if not words:
             continue
         if words[0] == "newmtl":
             entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
-        elif entry is not None and words[0] in ("Kd", "Ke") and len(words) > 1 and words[1] not in ("spectral", "xyz"):
-            colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
-            setattr(entry, words[0].lower(), colour)
-        elif entry is not None and words[0] == "Ks" and len(words) > 1 and words[1] not in ("spectral", "xyz"):
-            entry.ks = three(min(max(0.0, float(x)), 1.0) for x in (words[1:] * 3)[:3])
-        elif entry is not None and words[0] in NUMBERS and len(words) > 1 and _is_number(words[1]):
-            low, high = NUMBERS[words[0]]
-            setattr(entry, words[0].lower(), min(max(low, float(words[1])), high))
+        elif entry is not None and words[0] in COLOURS and len(words) > 1 and words[1] not in ("spectral", "xyz"):
+            _read_colour(entry, words, f"{where}: {found.name}: line {number}", changed)
+        elif entry is not None and words[0] in NUMBERS and len(words) > 1:
+            _read_number(entry, words, changed)
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
             entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
         elif entry is not None and _map_of(words[0]) in MAPS and len(words) > 1:
             _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
     for entry in entries.values():
         _make_textures(entry, images)
+    for what, names in changed.items():
+        notes.append(f"{what} in {listed(list(dict.fromkeys(names)))}")
     dissolved = [f'"{e.name}"' for e in entries.values() if e.dissolved]
     if dissolved:
         notes.append(f"transparent in the file, taken as opaque: {', '.join(dissolved)}")
     return entries
+
+
+def _read_colour(entry: _Entry, words: list[str], where: str, changed: dict[str, list[str]]) -> None:
+    """Read a line `Kd 0.5 0.4 0.3`, or one number for grey, limited to its range. Raises SceneError."""
+    word, written, most = words[0], words[1:4], COLOURS[words[0]]
+    if not all(map(_is_number, written)):
+        found = shown(" ".join(written))
+        raise SceneError(f"{where}: {word} must be three finite numbers, got {found}; correct the line")
+    colour = three(float(x) for x in (written * 3)[:3])
+    limited = three(min(max(0.0, x), most) for x in colour)
+    if limited != colour:
+        rule = f"{word} must be three numbers " + (">= 0" if most == math.inf else f"from 0 to {most:g}")
+        changed.setdefault(f"{rule}: limited", []).append(entry.name)
+    setattr(entry, word.lower(), limited)
+
+
+def _read_number(entry: _Entry, words: list[str], changed: dict[str, list[str]]) -> None:
+    """Read a line `Pr 0.5`, limited to its range; a line without a number is left out."""
+    word, (low, high) = words[0], NUMBERS[words[0]]
+    value = float(words[1]) if _is_number(words[1]) else math.nan
+    if not low <= value <= high:
+        what = "left out" if math.isnan(value) else "limited"
+        changed.setdefault(f"{word} must be a number from {low:g} to {high:g}: {what}", []).append(entry.name)
+    if not math.isnan(value):
+        setattr(entry, word.lower(), min(max(low, value), high))
 
 
 def _map_of(word: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 from gi_core.files.formats.boundary import DEEPEST, Boundary, text_of
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.rules import is_direction, is_number
+from gi_core.scene.rules import LARGEST, is_direction, is_number
 
 REQUIRED = object()  # default of a key that must be there
 _QUOTED = re.compile(r"""\"(?:\\.|[^"\\\n])*\"|'[^'\n]*'|#[^\n]*""")
@@ -72,7 +72,7 @@ class Table:
                 rule = f"must be a number >= {least:g}" + (f" and < {below:g}" if below < math.inf else "")
             elif above > -math.inf:
                 rule = f"must be a number > {above:g}" + (f" and < {below:g}" if below < math.inf else "")
-            self._fail(key, rule, value)
+            self._fail(key, rule + _largest([value], below), value)
         return float(value)
 
     def count(self, key: str, default=None) -> int | None:
@@ -138,7 +138,7 @@ class Table:
             rule = f"must be {_word(n)} finite numbers"
             if least is not None:
                 rule = f"must be {_word(n)} numbers >= {least:g}" + (f" and < {below:g}" if below is not None else "")
-            self._fail(key, rule, value)
+            self._fail(key, rule + _largest(value, below), value)
         return tuple(float(v) for v in value)
 
     def _get(self, key, default):
@@ -176,6 +176,13 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
         raise SceneError(f"{where}: a scene file must not nest brackets hundreds deep") from None
     except ValueError as error:  # of TOML, of its encoding, or a number of thousands of digits
         raise SceneError(f"{where}: a scene file must be TOML, which this is not: {error}") from None
+
+
+def _largest(values, below: float | None) -> str:
+    """Return the further rule of values that are too large, "" for others."""
+    numbers = values if isinstance(values, list) and below in (None, math.inf) else []
+    large = (is_number(v, -math.inf, math.inf) and LARGEST < abs(v) < math.inf for v in numbers)
+    return f", at most {LARGEST:g}" if any(large) else ""
 
 
 def _word(n: int) -> str:

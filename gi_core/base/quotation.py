@@ -1,0 +1,14 @@
+"""Values quoted in messages."""
+
+from __future__ import annotations
+
+LONGEST = 60  # characters of a quoted value
+
+
+def shown(value) -> str:
+    """Return a value as it was written, cut short."""
+    try:
+        text = repr(value)
+    except ValueError:  # more digits than Python converts
+        text = "a number of thousands of digits"
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
