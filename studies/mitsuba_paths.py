@@ -1,4 +1,4 @@
-"""Radiance by Mitsuba 3 along given rays, for `studies.mitsuba_scene`; run by an environment that has Mitsuba 3.5.2.
+"""Radiance by Mitsuba 3 along given rays, for `studies.mitsuba_scene`; run by an environment that has Mitsuba 3.9.1.
 
 python studies/mitsuba_paths.py SCENE.npz RADIANCE.npz
 

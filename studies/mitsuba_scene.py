@@ -1,11 +1,12 @@
 """A metal-rough grid beside Mitsuba 3: irradiance of the walls, and gloss of a satin floor.
 
-    python -m studies.mitsuba_scene --mitsuba PYTHON --out docs/metal-rough.png
+    python -m studies.mitsuba_scene --mitsuba PYTHON --out FILE.png
 
-PYTHON: of an environment with Mitsuba 3.5.2 and numpy (3.9.1 needs LLVM 17). Nine balls of a glTF file,
-metallic 0, 0.5, 1 from left to right, roughness 0.2, 0.4, 0.6 from below, over a floor of roughness 0.49, in a room
-with a lamp. Mitsuba traces the same triangles with the same formulas, written again
-(studies/mitsuba_paths.py), and with its own model `principled`.
+PYTHON: of an environment with Mitsuba 3.9.1 and numpy. It needs LLVM 17 or newer; DRJIT_LIBLLVM_PATH names another
+library than the system's. Nine balls of a glTF file, metallic 0, 0.5, 1 from left to right, roughness 0.2, 0.4, 0.6
+from below, over a floor of roughness 0.49, in a room with a lamp. Mitsuba traces the same triangles with the same
+formulas, written again (studies/mitsuba_paths.py), and with its own model `principled`. FILE.png is our picture;
+`studies.mitsuba_grid` makes that of docs/brdfs.md.
 """
 
 from __future__ import annotations
