@@ -54,6 +54,7 @@ class OpenScene:
         self.picker: Picker | None = None
         self.light: SolverThread | None = None
         self.receiver = -1  # under the cursor; -1: none
+        self.held_receiver = -1  # whose part in the method is drawn instead, chosen by a click; -1: none
         self.edits = settings.edits  # those on show, and those asked for
         self._meshes: tuple[DrawMesh, ...] = ()
         self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
@@ -151,7 +152,8 @@ class OpenScene:
             return None
         from app.session.method_view import MethodParts
 
-        return MethodParts(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
+        receiver = self.receiver if self.held_receiver < 0 else self.held_receiver
+        return MethodParts(s.show_paths, receiver if s.show_disc else -1, s.show_recomputed)
 
     def finish_of(self, name: str, material: bool, part: str = "") -> Finished:
         """Return the reflection of a part of a mobile, or of a material in the static part; of the edits asked for."""

@@ -127,6 +127,8 @@ class Session(OpenScene):
             self.points.add(self.light.snapshot.rest.point)
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
+        if not self.settings.show_disc:
+            self.held_receiver = -1
         self.light.show_method(self._method_parts)
 
     def _dim(self) -> None:

@@ -22,6 +22,7 @@ COLOURS: dict[int, tuple[float, ...]] = {
     ADDED: (0.45, 0.85, 0.50, 0.95),
 }
 NAMES = {KEPT: "as without objects", REMOVED: "removed: an object blocks them", ADDED: "added: from there on"}
+FOLLOWS, HELD = "a click holds this receiver", "held: a click on it again follows the cursor"
 
 
 def draw(viewport: Viewport, view: MethodView | None) -> None:
@@ -46,6 +47,8 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
     if view.counted is not None:
         text = f"{view.counted.about}, of {view.counted.photons:,} photons"
         label.write(text, x + em, y + (2.6 + 1.7 * len(NAMES)) * em)
+        hint = HELD if viewport.session.held_receiver >= 0 else FOLLOWS
+        label.write(hint, x + em, y + (4.3 + 1.7 * len(NAMES)) * em)
 
 
 def _strokes(viewport: Viewport, strokes: Strokes) -> None:

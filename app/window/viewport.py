@@ -69,6 +69,9 @@ class Viewport:
         appeared = tuple(name for name in session.poses if keep_view and name not in self.session.poses)
         same_faces = keep_view and len(session.scene.static.faces) == len(self.session.scene.static.faces)
         self.clicked, self._pressed = self.clicked if same_faces else None, None
+        first = session.model.surfaces.first_receiver
+        if keep_view and np.array_equal(first, self.session.model.surfaces.first_receiver):
+            session.held_receiver = self.session.held_receiver
         before = self.lamps.selected
         self.lamps.adopt(session, self.session if keep_view else None)
         if self.lamps.selected not in (None, before):
@@ -212,6 +215,7 @@ class Viewport:
             self.select((*others, name))
         elif grab.mode == drag.SLIDE:
             self.select((name,))
+            self._hold_receiver()
 
     def _release(self) -> None:
         """Select the surface under a click, and no mobile; a click is a press and a release by the same camera.
@@ -222,7 +226,14 @@ class Viewport:
         if self._pressed is not None and self._pressed[0] == self.view.camera and not (io.key_ctrl or io.key_shift):
             self.select(())
             self.clicked = self._pressed[1]
+            self._hold_receiver()
         self._pressed = None
+
+    def _hold_receiver(self) -> None:
+        """Keep the method at the clicked receiver on show; at the cursor's after a click there again, or beside all."""
+        s = self.session
+        clicked = s.receiver if s.settings.show_disc else -1
+        s.held_receiver = -1 if clicked == s.held_receiver else clicked
 
     def cancel_drag(self) -> bool:
         """Restore the dragged mobile's pose, or pin nothing; return False without a drag."""

@@ -150,7 +150,7 @@ ACTIONS = {
         partial(picture.toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"
     ),
     "show disc": Action(
-        partial(picture.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts under the cursor",
+        partial(picture.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts at the cursor or a click",
         label="What counts",
     ),
     "show recomputed": Action(
