@@ -82,10 +82,13 @@ class _Once:
         self.tables = tables
 
     def __hash__(self) -> int:
-        return hash(self.tables.data.tobytes())
+        return hash(self.tables.head.tobytes())
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Once) and np.array_equal(self.tables.data, other.tables.data)
+        if not isinstance(other, _Once):
+            return False
+        data, others = self.tables.data, other.tables.data
+        return data is others or np.array_equal(data, others)
 
 
 @lru_cache(maxsize=1024)
