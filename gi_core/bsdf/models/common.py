@@ -71,7 +71,7 @@ def fresnel(cos: np.ndarray, n: float | np.ndarray, k: float | np.ndarray) -> np
     perpendicular = (root + c * c - 2.0 * a * c) / np.maximum(root + c * c + 2.0 * a * c, 1e-300)
     scaled, mixed = c * c * root + sine2 * sine2, 2.0 * a * c * sine2
     parallel = perpendicular * (scaled - mixed) / np.maximum(scaled + mixed, 1e-300)
-    return 0.5 * (perpendicular + parallel)
+    return np.maximum(0.0, 0.5 * (perpendicular + parallel))  # rounding makes it negative at n = 1
 
 
 def no_diffuse(p: Values) -> np.ndarray:

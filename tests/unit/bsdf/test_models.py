@@ -249,6 +249,12 @@ def _beckmann_smith(m: float, cos: np.ndarray) -> np.ndarray:
     return (1 / (1 + hidden))[:, None]
 
 
+def test_fresnel_of_air_is_not_negative():
+    """Rounding gave -1e-16, and so did tables of an index of 1."""
+    air = fresnel(np.linspace(0, 1, 1001), 1.0, 0.0)
+    assert air.min() == 0.0 and air[1:].max() < 1e-9
+
+
 def test_fresnel_agrees_with_mitsuba():
     cosines = np.array(FIGURES["fresnel"]["cosines"])
     for n, k, reflectances in FIGURES["fresnel"]["n, k, reflectances"]:
