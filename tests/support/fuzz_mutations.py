@@ -27,8 +27,12 @@ normalized""".split()
 MTL = """newmtl wall
 Kd 0.5 0.6 0.7
 map_Kd -s 2 2 1 -o 0 0 -clamp on dot.png
+Pr 0.4
+Pm 0.2
 newmtl lamp
 Kd 0 0 0
+Ks 0.2 0.2 0.2
+Ns 50
 Ke 9 9 9
 map_Ke dot.png
 """
@@ -86,6 +90,25 @@ reflectance = [0.4, 0.3, 0.2]
 two_sided = true
 [materials.lamp]
 emission = [5, 5, 5]
+[materials.wall]
+roughness = 0.3
+metallic = 0.5
+ior = 1.6
+[[mobile]]
+name = "metal"
+mesh = "cube.obj"
+material = "metal"
+[materials.metal]
+brdf = [{ model = "ward", factor = 0.5, ks = [0.3, 0.2, 0.1], ax = 0.3 }, { model = "lewis" }]
+scale = true
+grain = [0, 0, 1]
+[[mobile]]
+name = "paper"
+mesh = "cube.obj"
+material = "paper"
+[materials.paper]
+brdf = "oren_nayar"
+sigma = 0.4
 [[probe]]
 name = "desk"
 position = [0.5, 0.1, 0.5]

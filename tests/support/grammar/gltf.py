@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import math
 import struct
@@ -129,6 +130,15 @@ def gltf(g: Grammar, files: Files, stem: str, binary: bool) -> str:
     return name
 
 
+def material_names(body: bytes) -> list[str]:
+    """The names of the materials of a glTF file; of one without any, or too odd to be read, that of plain surfaces."""
+    text = body[20 : 20 + int.from_bytes(body[12:16], "little")] if body[:4] == b"glTF" else body
+    with contextlib.suppress(ValueError, AttributeError):
+        materials = json.loads(text).get("materials", [])
+        return [str(m.get("name") or f"material {i}") for i, m in enumerate(materials)] or ["default"]
+    return ["default"]
+
+
 def _json(g: Grammar, d: Document) -> bytes:
     return json.dumps(d.json, indent=g.pick(None, None, 2), ensure_ascii=g.chance(0.5)).encode("utf-8", "surrogatepass")
 
@@ -185,7 +195,8 @@ def _gltf_material(d: Document) -> dict:
     g = d.g
     material: dict = {"name": g.leaf(g.name())} if g.chance(0.7) else {}
     if g.chance(0.8):
-        rough = {"baseColorFactor": g.leaf(g.reals(4, 0.0, 1.0)), "metallicFactor": g.leaf(0.0), "roughnessFactor": 0.5}
+        rough = {"baseColorFactor": g.leaf(g.reals(4, 0.0, 1.0))}
+        rough |= {key: g.leaf(g.pick(0, 1, g.real(0.0, 1.0))) for key in ("metallicFactor", "roughnessFactor")}
         material["pbrMetallicRoughness"] = {k: v for k, v in rough.items() if g.chance(0.7)}
         for key in ("baseColorTexture", "metallicRoughnessTexture"):
             if g.chance(0.3):
@@ -205,6 +216,10 @@ def _gltf_material(d: Document) -> dict:
         }
         specular |= {key: _texture(d) for key in ("specularTexture", "specularColorTexture") if g.chance(0.6)}
         material.setdefault("extensions", {})["KHR_materials_specular"] = g.leaf(specular)
+    if g.chance(0.2):
+        d.extensions.add("KHR_materials_ior")
+        ior = g.leaf({"ior": g.leaf(g.pick(0, 1, g.real(1.0, 3.0)))})
+        material.setdefault("extensions", {})["KHR_materials_ior"] = ior
     for key in ("normalTexture", "occlusionTexture", "emissiveTexture"):
         if g.chance(0.15):
             material[key] = _texture(d)

@@ -145,7 +145,7 @@ def _property(g: Grammar, files: Files) -> str:
         ["Ka", *colour(1.0)],
         ["Tf", *colour(1.0)],
         ["Ke", *colour(glow)],
-        ["Ns", _number(g, 10.0)],
+        ["Ns", _number(g, g.pick(0.0, 10.0, 1000.0))],
     ]
     lines += [
         ["Kd", "xyz", *colour(1.0)],
@@ -154,6 +154,6 @@ def _property(g: Grammar, files: Files) -> str:
         ["sharpness", 60],
     ]
     lines += [["d", _number(g, 0.7)], ["d", "-halo", 0.5], ["Tr", _number(g, 0.2)], ["illum", g.pick(0, 1, 2, 10, 99)]]
-    lines += [["Ks", *colour(1.0)], ["Pm", _number(g, 0.5)]]
-    lines += [["Pr", _number(g, 0.5)], ["map_aat", "on"], ["#", "comment"], [""]]
+    lines += [["Ks", *colour(1.0)], ["Pm", _number(g, g.real(0.0, 1.0))]]
+    lines += [["Pr", _number(g, g.real(0.0, 1.0))], ["map_aat", "on"], ["#", "comment"], [""]]
     return _line(g, g.pick(*maps), *some, picture()) if g.chance(0.3) else _line(g, *g.pick(*lines))

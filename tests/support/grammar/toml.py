@@ -6,8 +6,9 @@ import json
 import math
 import string
 
+from gi_core.bsdf.models import MODELS
 from tests.support.grammar.choices import Files, Grammar
-from tests.support.grammar.gltf import gltf
+from tests.support.grammar.gltf import gltf, material_names
 from tests.support.grammar.obj import obj
 from tests.support.grammar.ply import ply
 
@@ -68,6 +69,8 @@ def _toml_table(g: Grammar, path: str, table: dict, many: bool = False) -> list[
                     f"{_toml_key(g, key)}{g.pick('.', ' . ')}{_toml_key(g, k)} = {_toml_value(g, v)}"
                     for k, v in value.items()
                 ]
+        elif isinstance(value, list) and value and all(isinstance(v, dict) for v in value) and g.chance(0.5):
+            later += [line for v in value for line in _toml_table(g, f"{path}.{_toml_key(g, key)}", v, many=True)]
         else:
             written = f"{_toml_key(g, key)}{g.pick(' = ', '=')}{_toml_value(g, value)}"
             lines.append(g.pick("", "", "  ") + written + g.pick("", "", " # why"))
@@ -99,7 +102,40 @@ def mesh(g: Grammar, files: Files, stem: str) -> tuple[str, list[str]]:
             if line.strip().startswith("usemtl ")
         ]
         return name, used or ["default"]
-    return (ply(g, files, stem), [stem]) if kind == "ply" else (gltf(g, files, stem, kind == "glb"), ["default"])
+    if kind == "ply":
+        return ply(g, files, stem), [stem]
+    name = gltf(g, files, stem, kind == "glb")
+    return name, material_names(files[name])
+
+
+def _model(g: Grammar, name: str) -> dict:
+    """Some parameters of a model of reflection, in the ranges of its document."""
+
+    def number(rule) -> float:
+        return min(max(g.real(rule.low, rule.high), rule.low), rule.high)
+
+    def value(rule) -> float | list[float]:
+        return [number(rule) for _ in range(3)] if rule.colour and g.chance(0.5) else number(rule)
+
+    return _some(g, {}, {key: value(rule) for key, rule in MODELS[name].PARAMETERS.items()})
+
+
+def _material(g: Grammar, dark: bool) -> dict:
+    """A table [materials.NAME]: a colour, gloss by roughness, a model of reflection, or a combination of them."""
+    may = {"emission": g.reals(3, 0.0, 0.0 if dark else 20.0), "two_sided": g.chance(0.5)}
+    kind, name = g.pick("colour", "gloss", "model", "combination"), g.pick(*MODELS)
+    colour = {"reflectance": [min(v, 0.9) for v in g.reals(3, 0.0, 0.9)]}
+    if kind == "colour":
+        return _some(g, {}, may | colour)
+    if kind == "gloss":
+        gloss = {"metallic": g.real(0.0, 1.0), "ior": g.real(1.0, 3.0)}
+        return _some(g, {"roughness": g.real(0.0, 1.0)}, may | colour | gloss)
+    may |= {"grain": [1.0, *g.reals(2)]}
+    if kind == "model":
+        return _some(g, {"brdf": name, "scale": True}, may) | _model(g, name)
+    names = [g.pick(*MODELS) for _ in range(g.rng.randint(1, 3))]
+    parts = [_some(g, {"model": n, "factor": g.real(0.0, 0.3)}, {}) | _model(g, n) for n in names]
+    return _some(g, {"brdf": parts, "scale": True}, may)
 
 
 def toml(g: Grammar, files: Files, stem: str) -> str:
@@ -159,17 +195,15 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
         )
     top = {"title": g.name(), "up": g.pick("x", "y", "z", direction), "units": g.pick("radiometric", "photometric")}
     lines = [f"{_toml_key(g, k)} = {_toml_value(g, v)}" for k, v in _some(g, {}, top).items()]
-    parts = [_toml_table(g, "static", static)] + [_toml_table(g, "mobile", m, many=True) for m in mobiles]
+    parts = [_toml_table(g, "static", static)]
     parts += [_toml_table(g, "light", light, many=True) for light in lights]
-    if g.chance(0.4):
+    if g.chance(0.6):
         name = g.pick(*materials)
-        reflectance = [min(v, 0.9) for v in g.reals(3, 0.0, 0.9)]
-        colours = {
-            "reflectance": reflectance,
-            "emission": g.reals(3, 0.0, 0.0 if mobiles else 20.0),
-            "two_sided": g.chance(0.5),
-        }
-        parts.append(_toml_table(g, f"materials.{_toml_key(g, str(name))}", _some(g, {}, colours)))
+        parts.append(_toml_table(g, f"materials.{_toml_key(g, str(name))}", _material(g, dark=bool(mobiles))))
+    if mobiles and g.chance(0.3):
+        mobiles[0]["material"] = g.leaf("varnish")
+        parts.append(_toml_table(g, "materials.varnish", _material(g, dark=True)))
+    parts += [_toml_table(g, "mobile", m, many=True) for m in mobiles]
     if g.chance(0.4):
         parts.append(
             _toml_table(
