@@ -142,14 +142,19 @@ def _draw(points: list, receivers: int, out: Path) -> None:
 
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
     for axis, column, label in ((axes[0], 2, "time per receiver and view [us]"), (axes[1], 3, "bytes per receiver")):
-        for kind, marker in (("cells", "o"), ("all rays", "s")):
+        for kind, marker, below in (("cells", "o", True), ("all rays", "s", False)):
             some = [p for p in points if kind in p[0]]
             along = [p[column] / receivers * 1e6 if column == 2 else p[column] for p in some]
             axis.loglog(along, [100 * p[1] for p in some], marker + "-", label=f"QuadTree: {kind}")
             for x, p in zip(along, some, strict=True):
-                axis.annotate(
-                    p[0].replace("all rays, ", ""), (x, 100 * p[1]), textcoords="offset points", xytext=(5, 5)
-                )
+                text, offset = p[0].replace("all rays, ", ""), (-7, -11) if below else (6, 4)
+                place = {
+                    "textcoords": "offset points",
+                    "ha": "right" if below else "left",
+                    "bbox": {"fc": "white", "ec": "none", "pad": 0.5},
+                }
+                axis.annotate(text, (x, 100 * p[1]), xytext=offset, **place)
+        axis.margins(0.25, 0.15)
         exact = points[0][column] / receivers * 1e6 if column == 2 else points[0][column]
         axis.axvline(exact, color="grey", linestyle=":", label="list (error 0)")
         axis.set_xlabel(label)
