@@ -12,13 +12,25 @@ import math
 import numpy as np
 import pytest
 
-from app.measure.atlas import command, gloss, mobiles, others, photon_map, programs, ray_structures, tangent_plane
+from app.measure.atlas import (
+    command,
+    gloss,
+    gloss_limits,
+    glossy_sheets,
+    mobiles,
+    others,
+    photon_map,
+    programs,
+    ray_structures,
+    tangent_plane,
+)
 from app.measure.atlas import page as atlas_page
+from app.measure.atlas import row as atlas_row
 from app.measure.atlas.row import AtlasRow, Number, View, near, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
 from tests.support.significance import p_values, sidak
 
-TESTS = 90  # numbers tested, an upper bound
+TESTS = 115  # numbers tested, an upper bound
 LEVEL = sidak(1e-3, TESTS)
 SEEN = 1.25
 HELPED = 0.02  # how near a remedy must come
@@ -64,6 +76,8 @@ FEWER = {
     gloss.grazing: 2,
     gloss.noise: 2,
     gloss.shading_normals: 2,
+    gloss_limits.below_the_surface: 4,
+    gloss_limits.more_than_arrives: 4,
 }
 
 
@@ -75,9 +89,8 @@ def measured(monkeypatch):
         def fewer(scene, photons, *arguments, **setting):
             return solved(scene, photons // FEWER.get(rows, 1), *arguments, **setting)
 
-        monkeypatch.setattr("app.measure.atlas.row.solved", fewer)
-        monkeypatch.setattr(others, "solved", fewer)
-        monkeypatch.setattr(gloss, "solved", fewer)
+        for module in (atlas_row, others, gloss, glossy_sheets, gloss_limits):
+            monkeypatch.setattr(module, "solved", fewer)
         found = rows()
         return [found] if isinstance(found, AtlasRow) else list(found)
 
@@ -112,6 +125,14 @@ ROWS = [
     gloss.grazing,
     gloss.blur,
     gloss.shading_normals,
+    gloss_limits.towards_a_mirror,
+    gloss_limits.sharper_than_drawn,
+    gloss_limits.below_the_surface,
+    gloss_limits.two_sided,
+    gloss_limits.few_rays,
+    gloss_limits.many_rays,
+    gloss_limits.from_below,
+    gloss_limits.more_than_arrives,
     ray_structures.rows,
 ]
 

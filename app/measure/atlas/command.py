@@ -13,7 +13,7 @@ import numpy as np
 from app.cli.progress import Bar, compile_kernels
 from app.cli.writable import write_whole
 from app.draw.shot import Shot
-from app.measure.atlas import gloss, mobiles, others, photon_map, programs, ray_structures, tangent_plane
+from app.measure.atlas import gloss, gloss_limits, mobiles, others, photon_map, programs, ray_structures, tangent_plane
 from app.measure.atlas.page import page
 from app.measure.atlas.row import RAYS, AtlasRow, View, solved
 from app.settings import Settings
@@ -25,9 +25,10 @@ CHAPTERS = {
     "Mobiles and lamps in odd places": mobiles.rows,
     "Scale, meshes, time": programs.rows,
     "Gloss at vertices": gloss.rows,
+    "Gloss at its limits": gloss_limits.rows,
     "Structures of rays": ray_structures.rows,
 }
-ROWS = 80  # about, for the bar
+ROWS = 105  # about, for the bar
 SIZE = (420, 280)  # pixels of one side of a picture
 GAP = 6
 

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
+from app.measure.atlas.glossy_sheets import LARGE, SMALL, eye_at, lobe_at, radiance_of, rays_of, under_the_sky
 from app.measure.atlas.row import SEEDS, AtlasRow, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, joined, scene, sheet
-from gi_core.gloss.hemisphere import CELLS
-from gi_core.gloss.radiance import GRAZING, Directions, gloss_radiance, room_for
-from gi_core.gloss.source import LIST, OPENED, RADII
+from gi_core.gloss.radiance import GRAZING
+from gi_core.gloss.source import LIST, RADII
 from gi_core.photons.paths import segments_of
-from gi_core.scene import DirectionalLight, Material, SkyLight
+from gi_core.scene import DirectionalLight, Material
 from gi_core.scene.types import Gloss
-from gi_core.solver import Solver
 
 RADIUS = 0.1  # of irradiance [m]; gloss has RADII times that
-F0 = 0.04
-NODES, SECTORS = 1000, 128  # of an integral over polar angle and azimuth
-FAR = 1e5  # [m], of an eye
 GRAZING_VIEW = 60.0  # degrees
-LARGE = 0.2  # [m]: many rays, for means
-SMALL = 0.02  # [m]: a few rays per disc, which are as uneven as random ones; more Sobol photons are more even
 HEIGHT = 1.0  # of the strip [m]
 TURN = 10.0  # degrees
 
@@ -38,15 +32,21 @@ def rows() -> Iterator[AtlasRow]:
 
 def noise() -> Iterator[AtlasRow]:
     """The noise of radiance is F times that of irradiance from the same rays: the noise factor of docs/brdfs.md."""
-    for alpha, views in ((0.15, (0.0,)), (0.3, (0.0, GRAZING_VIEW))):
+    for alpha, views in (
+        (0.15, (0.0,)),
+        (0.2, (0.0,)),
+        (0.3, (0.0, GRAZING_VIEW)),
+        (0.5, (0.0, GRAZING_VIEW)),
+        (0.8, (0.0,)),
+    ):
 
         def run(seed, alpha=alpha, views=views):
-            seen, count = _under_the_sky(alpha, views, seed, SMALL)
+            seen, count = under_the_sky(alpha, views, seed, SMALL)
             # All photons of the sky have the same flux: irradiance is proportional to the number of rays.
             return [_noise(radiance * count) / _noise(count) for radiance in seen]
 
         for view, measured in zip(views, over_seeds(run, 3 * SEEDS), strict=True):
-            _, f, weights = _lobe(alpha, view)
+            _, f, weights = lobe_at(alpha, view)
             predicted = math.sqrt(math.pi * float(weights @ f**2)) / float(weights @ f)
             yield AtlasRow(
                 f"gloss_noise_{alpha}_{view:.0f}",
@@ -64,11 +64,11 @@ def noise() -> Iterator[AtlasRow]:
 def grazing() -> AtlasRow:
     """Views closer to the surface than a cosine of GRAZING divide by GRAZING: radiance is too small."""
     alpha, view = 0.3, 89.0
-    _, f, weights = _lobe(alpha, view)
-    _, clamped, _ = _lobe(alpha, view, GRAZING)
+    _, f, weights = lobe_at(alpha, view)
+    _, clamped, _ = lobe_at(alpha, view, GRAZING)
 
     def run(seed):
-        seen, count = _under_the_sky(alpha, (view,), seed, LARGE)
+        seen, count = under_the_sky(alpha, (view,), seed, LARGE)
         return (float((seen[0] * count).sum() / count.sum()) * math.pi / float(weights @ f),)
 
     (measured,) = over_seeds(run, SEEDS)
@@ -85,68 +85,8 @@ def grazing() -> AtlasRow:
     )
 
 
-def _under_the_sky(alpha: float, views: Sequence[float], seed: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the radiance (views, n) of gloss of n small sheets, under irradiance 1, and their numbers (n,) of rays.
-
-    views: angles of the eye [degrees]; radius [m]: of irradiance.
-    """
-    sky = SkyLight("sky", (1 / math.pi,) * 3)
-    places = [(i, j, 0.0) for i in range(12) for j in range(12)]
-    satin = Material("satin", (0.2,) * 3, gloss=Gloss((F0,) * 3, alpha))
-    field = scene(joined(*(sheet(p, (0.02, 0, 0), (0, 0.02, 0)) for p in places)), (satin,), (6, -9, 9), (6, 6, 0),
-                  (sky,))  # fmt: skip
-    solver = solved(field, 200_000, seed, radius=radius, gloss=LIST)
-    given, row, corner = _rays_of(solver)
-    seen = [_seen(solver, given, row, corner, _eye(math.radians(view)))[:, 1] for view in views]
-    return np.array(seen, float), np.diff(given.offsets[::CELLS])[row]
-
-
-def _rays_of(solver: Solver) -> tuple[Directions, np.ndarray, np.ndarray]:
-    """Return single rays, and one receiver (n,) per sheet: as a row of these rays, and among all receivers."""
-    light, corner = solver.frame.gloss, solver.surfaces.corner_front[::2, 0]
-    row = np.searchsorted(light.rows, corner).astype(np.int32)
-    return light.directions()._replace(opened=OPENED[LIST]), row, corner
-
-
-def _eye(angle: float) -> np.ndarray:
-    return FAR * np.array([math.sin(angle), 0.0, math.cos(angle)])
-
-
-def _seen(solver: Solver, given: Directions, row: np.ndarray, receiver: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Return the radiance (n, 3) of gloss under irradiance 1; all faces have the first one's lobe."""
-    s, n = solver.surfaces, len(row)
-    position, normal = solver.receivers.positions[receiver], solver.receivers.normals[receiver]
-    lobes, seen = np.tile(s.lobe[0], (n, 1)), room_for(n)
-    gloss_radiance(given, row, np.ones((n, 3)), position, normal, lobes, normal, s.tables, eye, seen)
-    return seen
-
-
 def _noise(values: np.ndarray) -> float:
     return float(np.std(values, ddof=1) / np.mean(values))
-
-
-def _lobe(alpha: float, view: float, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return directions w (n, 3), f (n,) and weights cos dw (n,): GGX, height-correlated Smith, Schlick's F of F0.
-
-    view: angle of the eye [degrees]; least: cosine of the eye at least, in masking and in 1 / cos.
-    """
-    theta = (np.arange(NODES) + 0.5) * (0.5 * math.pi / NODES)
-    phi = (np.arange(SECTORS) + 0.5) * (2 * math.pi / SECTORS)
-    t, p = (a.reshape(-1) for a in np.meshgrid(theta, phi, indexing="ij"))
-    w = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=1)
-    v = math.radians(view)
-    o = np.array([math.sin(v), 0.0, math.cos(v)])
-    h = w + o
-    h /= np.linalg.norm(h, axis=1)[:, None]
-    at_eye = max(o[2], least)
-    d = alpha**2 / (math.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
-    smith = 1 + _smith(alpha, at_eye) + _smith(alpha, w[:, 2])
-    f = d / (4 * w[:, 2] * at_eye * smith) * (F0 + (1 - F0) * (1 - (w * h).sum(axis=1)) ** 5)
-    return w, f, w[:, 2] * np.sin(t) * (0.5 * math.pi / NODES) * (2 * math.pi / SECTORS)
-
-
-def _smith(alpha: float, cos):
-    return 0.5 * (np.sqrt(1 + alpha**2 * (1 - cos**2) / cos**2) - 1)
 
 
 def blur() -> AtlasRow:
@@ -195,9 +135,9 @@ def shading_normals() -> AtlasRow:
 
     def run(seed):
         solver = solved(field, 50_000, seed, radius=RADIUS, gloss=LIST)
-        rays = _rays_of(solver)
+        rays = rays_of(solver)
         angles = np.radians(np.arange(0.0, 40.0, 0.25))
-        seen = [float(_seen(solver, *rays, _eye(angle))[:, 1].sum()) for angle in angles]
+        seen = [float(radiance_of(solver, *rays, eye_at(angle))[:, 1].sum()) for angle in angles]
         paths, _ = solver.frame.store.subset(solver.frame.photons)
         found = segments_of(paths, solver.model.eps, 0, solver.frame.photons)
         bounced = found.bounce == 1
