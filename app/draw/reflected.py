@@ -1,11 +1,13 @@
 """Sharp gloss in pictures without OpenGL: reflection rays, drawn from the lobe and traced through the scene.
 
-Highlights of lights without a surface are added with shadow rays. Rays that leave the scene bring the light of the sky.
+Lamps smaller than a rough lobe are also sampled (`gi_core/gloss/lamp_rays.py`). Highlights of lights without a surface
+are added with shadow rays. Rays that leave the scene bring the light of the sky.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,17 +17,68 @@ from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import Tables, join
 from gi_core.gloss.highlights import OFFSET, arriving, highlights, without_surface
+from gi_core.gloss.lamp_rays import lamp_rays, share_of_lamps
 from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.gloss.sharp import PLANAR, Reflector
 from gi_core.lights.light_sampling import Lights
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 BOUNCES = 3  # between sharp surfaces; the last one shows cells
-RAYS = 32  # per ray of the picture, at the first bounce; a mirror has one
-_STEPS = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])  # of the R3 sequence (Roberts 2018)
+RAYS = 32  # per ray of the picture, at its first rough lobe; further lobes and mirrors have one
+LAMP_RAYS = 16  # as many to lamps there; further rough lobes have one
+# Of the R2 sequence, and the golden ratio (Roberts 2018): two numbers choose a direction, the third a part of the lobe.
+_STEPS = np.array([0.7548776662466927, 0.5698402909980532, 0.6180339887498949])
 
-Views = tuple[np.ndarray, Tables, np.ndarray, np.ndarray, np.ndarray]  # lobes, tables, to the eye, normals, tangents
 Above = tuple[np.ndarray, np.ndarray] | None  # of raycast.above_textures()
+
+
+class Lit(NamedTuple):
+    """A placed scene and its light, as for raycast.seen_radiance()."""
+
+    world: PictureScene
+    front: np.ndarray
+    back: np.ndarray
+
+
+class Hits(NamedTuple):
+    """Hits of n rays of the picture, or of reflected ones."""
+
+    face: np.ndarray  # (n,) int
+    u: np.ndarray  # (n,) barycentric weight of corner 1
+    v: np.ndarray  # (n,) of corner 2
+    direction: np.ndarray  # (n, 3) float64 unit, of the ray
+    eye: np.ndarray  # (n, 3) float64 [m], from which the whole path would be straight
+    key: np.ndarray  # (n,) int64, number of the path: row, column and sample, then the ray of the rough lobe
+    bounce: int  # reflections before
+    spread: bool  # a rough lobe among them, whose rays are many
+
+    def at(self, rows: np.ndarray) -> Hits:
+        """Return some of the hits."""
+        face, u, v, direction, eye, key = (a[rows] for a in self[:6])
+        return Hits(face, u, v, direction, eye, key, self.bounce, self.spread)
+
+
+class Views(NamedTuple):
+    """Hits on one reflector as its lobe sees them."""
+
+    lobe: np.ndarray  # (n, 5)
+    tables: Tables
+    to_eye: np.ndarray  # (n, 3) unit
+    normals: np.ndarray  # (n, 3) unit, shading normals
+    tangents: np.ndarray  # (n, 3) unit
+    flat: np.ndarray  # (n, 3) unit, of the faces
+    points: np.ndarray  # (n, 3) [m]
+
+    @property
+    def of_lobe(self) -> tuple[np.ndarray, Tables, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the first arguments of draw_lobe()."""
+        return self[:5]
+
+    def repeated(self, count: int) -> Views:
+        """Return each view `count` times."""
+        arrays = self.lobe, self.to_eye, self.normals, self.tangents, self.flat, self.points
+        lobe, *others = (np.repeat(a, count, axis=0) for a in arrays)
+        return Views(lobe, self.tables, *others)
 
 
 class Mirrors:
@@ -49,7 +102,9 @@ class Mirrors:
         None without textures; background (3,): radiance around a scene without a sky; lights: as one lamp."""
         self._accelerator, self._at, self._eye = accelerator, at, eye
         self._pixel, self._cull, self._background = pixel, cull, background
-        self._delta, self._sky = without_surface(lights), lights.sky
+        self._delta, self._sky, self._area = without_surface(lights), lights.sky, lights.area
+        # Luminaires have highlights instead.
+        self._has_lamps = LAMP_RAYS > 0 and bool((lights.area.table < 0).any())
         self._tables = next((m.tables for m in meshes if m.tables is not None), join([]))
         self._reflectors: list[Reflector] = []
         self._above: list[Above] = []
@@ -73,83 +128,121 @@ class Mirrors:
         """Return which of the hits (n,) of a strip see sharp faces (k,), and the radiance (k, 3) of their gloss."""
         rows = np.flatnonzero(self._of_face[strip.face[hit]] >= 0)
         rays = hit[rows]
-        eyes = np.broadcast_to(strip.eye.astype(np.float64), (len(rays), 3))
         first = strip.rows.start * (len(strip.face) // (strip.rows.stop - strip.rows.start))
         given = strip.face[rays], strip.u[rays], strip.v[rays], strip.directions[rays].astype(np.float64)
-        return rows, self._gloss(world, front, back, *given, eyes, rays + first, 0)
+        eyes = np.broadcast_to(strip.eye.astype(np.float64), (len(rays), 3))
+        return rows, self._gloss(Lit(world, front, back), Hits(*given, eyes, rays + first, 0, False))
 
-    def _gloss(self, world: PictureScene, front, back, face, u, v, d, eyes, keys, bounce: int) -> np.ndarray:
-        """Return the radiance (n, 3) of sharp gloss at hits of rays from eyes (n, 3) along d (n, 3)."""
-        out, of = np.zeros((len(face), 3)), self._of_face[face]
+    def _gloss(self, lit: Lit, hits: Hits) -> np.ndarray:
+        """Return the radiance (n, 3) of sharp gloss at hits."""
+        out, of = np.zeros((len(hits.face), 3)), self._of_face[hits.face]
         for k in np.unique(of):
             rows = np.flatnonzero(of == k)
-            count = RAYS if len(self._reflectors[k].lobe.taps) > 1 and bounce == 0 else 1
-            many = np.repeat(rows, count)
-            # A sequence per pixel, from a start of its own; each of its samples draws another part.
-            pixel, sample = np.divmod(keys[many], len(PIXEL_OFFSETS))
-            place = sample * count + np.tile(np.arange(count), len(rows))
-            numbers = (_hashed(pixel, bounce) + place[:, None] * _STEPS) % 1
-            seen = self._along(world, front, back, face[many], u[many], v[many], d[many], eyes[many], keys[many],
-                               bounce, int(k), numbers)  # fmt: skip
-            out[rows] = seen.reshape(len(rows), count, 3).mean(axis=1)
-            if len(self._delta.kind) and len(self._reflectors[k].lobe.taps) > 1:  # mirrors have none
-                out[rows] += self._highlights(world, face[rows], u[rows], v[rows], d[rows], int(k))
+            some, rough = hits.at(rows), len(self._reflectors[k].lobe.taps) > 1
+            views = self._views(lit.world, some, int(k))
+            count, to_lamps = (RAYS, LAMP_RAYS) if rough and not hits.spread else (1, 1)
+            if not (rough and self._has_lamps):
+                to_lamps = 0
+            out[rows] = self._of_lobe(lit, some, views, int(k), count, to_lamps)
+            if to_lamps:
+                out[rows] += self._of_lamps(lit.world, some, views, count, to_lamps)
+            if rough and len(self._delta.kind):  # mirrors have none
+                out[rows] += self._highlights(lit.world, views)
         return out
 
-    def _views(self, world, face, u, v, d, k) -> tuple[np.ndarray, np.ndarray, Views]:
-        """Return points (n, 3) of hits on faces of reflector k, normals of the faces, and views as for draw_lobe()."""
-        share = np.stack([1.0 - u - v, u, v], axis=1)[:, :, None]
-        point = (world.corners[face] * share).sum(axis=1)
-        normal = (self._normals[world.draw[face]] * share).sum(axis=1)
+    def _views(self, world: PictureScene, hits: Hits, k: int) -> Views:
+        """Return the views of hits on faces of reflector k."""
+        share = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1)[:, :, None]
+        point = (world.corners[hits.face] * share).sum(axis=1)
+        normal = (self._normals[world.draw[hits.face]] * share).sum(axis=1)
         normal /= np.maximum(np.sqrt(dot(normal, normal)), 1e-30)[:, None]
-        flat = world.normals[face].astype(np.float64)
+        flat = world.normals[hits.face].astype(np.float64)
         flat /= np.maximum(np.sqrt(dot(flat, flat)), 1e-30)[:, None]
-        side = np.where(dot(flat, d) < 0, 1.0, -1.0)[:, None]
+        side = np.where(dot(flat, hits.direction) < 0, 1.0, -1.0)[:, None]
         flat, normal = flat * side, normal * side
-        along = self._tangents[world.draw[face, 0]]
+        along = self._tangents[world.draw[hits.face, 0]]
         along = along - normal * dot(normal, along)[:, None]
         along /= np.maximum(np.sqrt(dot(along, along)), 1e-30)[:, None]
-        return point, flat, (np.broadcast_to(self._lobes[k], (len(face), 5)), self._tables, -d, normal, along)
+        lobe = np.broadcast_to(self._lobes[k], (len(point), 5))
+        return Views(lobe, self._tables, -hits.direction, normal, along, flat, point)
 
-    def _highlights(self, world, face, u, v, d, k) -> np.ndarray:
-        """Return the radiance (n, 3) of lights without a surface in gloss, at hits on faces of reflector k."""
-        point, flat, views = self._views(world, face, u, v, d, k)
-        light = arriving(self._accelerator, self._at, point, flat, self._delta, world.size)
-        light.strength[(light.direction * flat[:, None]).sum(axis=2) <= 0] = 0.0
-        return highlights(*views, light, self._delta.value)
+    def _highlights(self, world: PictureScene, views: Views) -> np.ndarray:
+        """Return the radiance (n, 3) of lights without a surface in gloss."""
+        light = arriving(self._accelerator, self._at, views.points, views.flat, self._delta, world.size)
+        light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
+        return highlights(*views.of_lobe, light, self._delta.value)
 
-    def _along(self, world, front, back, face, u, v, d, eyes, keys, bounce, k, numbers) -> np.ndarray:
-        """Draw a ray per hit on faces of reflector k and return the radiance (n, 3) that it brings."""
-        point, flat, views = self._views(world, face, u, v, d, k)
-        new, factors, _ = draw_lobe(*views, numbers)
-        below = np.minimum(dot(new, flat), 0.0)
-        new = new - 2 * below[:, None] * flat  # a normal between faces may send it below its own
-        travelled = np.sqrt(dot(point - eyes, point - eyes))[:, None]
-        start = point + OFFSET * world.size * flat
-        return factors * self._radiance(world, front, back, start, new, point - travelled * new, keys, bounce + 1, k)
+    def _of_lamps(self, world: PictureScene, hits: Hits, views: Views, count: int, to_lamps: int) -> np.ndarray:
+        """Return the radiance (n, 3) that `to_lamps` rays to lamps bring, beside `count` drawn from the lobe."""
+        start = views.points + OFFSET * world.size * views.flat
+        numbers = _numbers(hits, to_lamps, 1)[..., :2]
+        rays = lamp_rays(self._area, *views.of_lobe, start, views.flat, numbers, count / to_lamps)
+        out = np.zeros(rays.radiance.shape)
+        rows = np.nonzero(rays.lamp >= 0)
+        face = self._nearest(world, start[rows[0]], rays.direction[rows])[0]
+        # A face of a quadrilateral has the same light as its other half, which the picture may draw in its place.
+        lamp, beside = self._area.of_face[face], world.beside[face]
+        same = (lamp == rays.lamp[rows]) | ((beside >= 0) & (self._area.of_face[beside] == rays.lamp[rows]))
+        seen = tuple(row[same & (face >= 0)] for row in rows)
+        out[seen] = rays.radiance[seen]
+        return out.mean(axis=1)
 
-    def _radiance(self, world, front, back, origins, d, eyes, keys, bounce: int, k: int) -> np.ndarray:
-        """Return the radiance (n, 3) along rays; eyes (n, 3): from which the whole path would be straight."""
+    def _of_lobe(self, lit: Lit, hits: Hits, views: Views, k: int, count: int, to_lamps: int) -> np.ndarray:
+        """Return the radiance (n, 3) that `count` rays drawn from the lobe of reflector k bring, beside `to_lamps`."""
+        numbers, many = _numbers(hits, count, 0), views.repeated(count)
+        new, factors, values = draw_lobe(*many.of_lobe, numbers.reshape(-1, 3))
+        below = np.minimum(dot(new, many.flat), 0.0)
+        # The density of rays; a normal between faces may send one below its own, where no ray to a lamp competes.
+        most = factors.max(axis=1)
+        density = np.divide(values * dot(new, many.normals), most, out=np.zeros(len(most)), where=most > 0)
+        density[below < 0] = np.inf
+        new = new - 2 * below[:, None] * many.flat
+        eye = np.repeat(hits.eye, count, axis=0)
+        travelled = np.sqrt(dot(many.points - eye, many.points - eye))[:, None]
+        key = (hits.key[:, None] * count + np.arange(count)).reshape(-1)
+        spread = hits.spread or len(self._reflectors[k].lobe.taps) > 1
+        start = many.points + OFFSET * lit.world.size * many.flat
+        eye = many.points - travelled * new
+        rival = density * count / to_lamps if to_lamps else np.full(len(density), np.inf)
+        radiance = self._radiance(lit, start, new, eye, key, rival, hits.bounce + 1, spread, k)
+        return (factors * radiance).reshape(-1, count, 3).mean(axis=1)
+
+    def _nearest(self, world: PictureScene, origins: np.ndarray, d: np.ndarray):
+        """Return the face that rays (n,) see and its barycentric weights; face -1: none."""
         narrow = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(d, np.float32)
-        face, u, v = visible_faces(self._accelerator, self._at, lambda hit: (world, hit), *narrow, self._cull)
+        return visible_faces(self._accelerator, self._at, lambda hit: (world, hit), *narrow, self._cull)
+
+    def _radiance(self, lit: Lit, origins, d, eyes, keys, density, bounce: int, spread: bool, k: int) -> np.ndarray:
+        """Return the radiance (n, 3) along rays of reflector k, without the share that rays to lamps bring.
+
+        eyes, keys, bounce, spread: as in Hits; density (n,): as for share_of_lamps().
+        """
+        face, u, v = self._nearest(lit.world, origins, d)
         out = np.tile(self._background, (len(face), 1))
         if self._sky.radiance.any():
             out = np.where((d @ self._sky.up > 0)[:, None], self._sky.radiance, 0.0)
-        hit = np.flatnonzero(face >= 0)
-        if not len(hit):
+        rays = np.flatnonzero(face >= 0)
+        if not len(rays):
             return out
-        face, u, v, d, eyes = face[hit], u[hit], v[hit], d[hit], eyes[hit]
-        steps = None if self._pixel is None else _steps(d, self._pixel)
-        radiance, facing = seen_radiance(world, front, back, face, u, v, d, steps, eyes)
+        hits = Hits(face[rays], u[rays], v[rays], d[rays], eyes[rays], keys[rays], bounce, spread)
+        seen = hits.face, hits.u, hits.v, hits.direction
+        steps = None if self._pixel is None else _steps(hits.direction, self._pixel)
+        radiance, facing = seen_radiance(*lit, *seen, steps, hits.eye)
         above = self._above[k]
         if above is not None:
-            gloss = seen_radiance(world, *above, face, u, v, d, None, eyes)[0]
-            sharp = np.flatnonzero(self._of_face[face] >= 0) if bounce < BOUNCES else np.zeros(0, np.int64)
+            gloss = seen_radiance(lit.world, *above, *seen, None, hits.eye)[0]
+            sharp = np.flatnonzero(self._of_face[hits.face] >= 0) if bounce < BOUNCES else np.zeros(0, np.int64)
             if len(sharp):
-                given = face[sharp], u[sharp], v[sharp], d[sharp], eyes[sharp], keys[hit][sharp]
-                gloss[sharp] = self._gloss(world, front, back, *given, bounce)
+                gloss[sharp] = self._gloss(lit, hits.at(sharp))
             radiance = radiance + gloss
-        out[hit] = np.where((facing | ~world.one_sided[face])[:, None], radiance, 0.0)
+        out[rays] = np.where((facing | ~lit.world.one_sided[hits.face])[:, None], radiance, 0.0)
+        lamp = self._area.of_face[face]
+        bright = rays[facing & (lamp[rays] >= 0) & np.isfinite(density[rays])]
+        if len(bright):
+            e, share = lamp[bright], np.stack([1 - u - v, u, v], axis=1)[bright, :, None]
+            way = (lit.world.corners[face[bright]] * share).sum(axis=1) - origins[bright]
+            by_lamps = share_of_lamps(self._area, e, way, density[bright])
+            out[bright] -= by_lamps[:, None] * self._area.radiance[e]
         return out
 
 
@@ -173,10 +266,24 @@ def _steps(d: np.ndarray, pixel: float) -> np.ndarray:
     return np.stack([across, np.cross(d, across), d], axis=1)
 
 
-def _hashed(keys: np.ndarray, bounce: int) -> np.ndarray:
-    """Return numbers (n, 3) in [0, 1) by ray and bounce."""
-    x: np.ndarray = (keys.astype(np.uint64)[:, None] * np.uint64(3) + np.arange(3, dtype=np.uint64)) * np.uint64(4)
-    x = (x + np.uint64(bounce + 1)) * np.uint64(0x9E3779B97F4A7C15)
+def _numbers(hits: Hits, count: int, use: int) -> np.ndarray:
+    """Return `count` numbers in [0, 1) per hit, (n, count, 3); use: 0 for rays of the lobe, 1 for rays to lamps.
+
+    The first rough lobe has a sequence per pixel, from a start of its own; each of its samples draws another part.
+    Later ones have random numbers.
+    """
+    salt = 2 * hits.bounce + use
+    if hits.spread:
+        return _hashed(hits.key, salt)[:, None]
+    pixel, sample = np.divmod(hits.key, len(PIXEL_OFFSETS))
+    place = sample[:, None] * count + np.arange(count)
+    return (_hashed(pixel, salt)[:, None] + place[..., None] * _STEPS) % 1
+
+
+def _hashed(keys: np.ndarray, salt: int) -> np.ndarray:
+    """Return random numbers (n, 3) in [0, 1) by key (n,) and salt < 8."""
+    x: np.ndarray = (keys.astype(np.uint64)[:, None] * np.uint64(3) + np.arange(3, dtype=np.uint64)) * np.uint64(8)
+    x = (x + np.uint64(salt + 1)) * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         x = (x ^ (x >> np.uint64(shift))) * np.uint64(factor)
     return ((x ^ (x >> np.uint64(31))) >> np.uint64(11)).astype(np.float64) * 2.0**-53

@@ -14,9 +14,8 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.vec import dot, row
 from gi_core.base.vectors import dot as dots
-from gi_core.bsdf import ggx, table
 from gi_core.bsdf.table import Tables
-from gi_core.gloss.lobe_rays import local_view
+from gi_core.gloss.lobe_rays import local_value, local_view
 from gi_core.lights.light_sampling import PHOTOMETRIC, DeltaLights, Lights, triangle_area
 from gi_core.lights.next_event import delta_light_at
 from gi_core.rays.accelerator import FAR, Accelerator, Transforms
@@ -111,14 +110,7 @@ def _add(tables, lobe, to_eye, normals, tangents, direction, strength, distance,
             x, y, z = dot(o, axes[0]), dot(o, axes[1]), dot(o, axes[2])
             if not (strength[k, e] > 0.0 and z > 0.0):
                 continue
-            if lobe[k, 4] < 0.0:
-                red, green, blue = table.value(tables, -1 - int(lobe[k, 4]), i[0], i[1], i[2], x, y, z)
-            elif lobe[k, 4] < ggx.SMOOTH:
-                continue
-            else:
-                g, c = ggx.gloss(lobe[k, 4], i[0], i[1], i[2], x, y, z)
-                red, green, blue = ggx.fresnels(lobe[k], c)
-                red, green, blue = g * red, g * green, g * blue
+            red, green, blue = local_value(tables, lobe, k, i, (x, y, z))
             E = strength[k, e] * z
             out[k, 0] += E * red * values[e, 0]
             out[k, 1] += E * green * values[e, 1]

@@ -1,4 +1,7 @@
-"""Rays drawn from the gloss of a surface, as photons draw them: for pictures, and to measure a lobe."""
+"""Rays drawn from the gloss of a surface, as photons draw them: for pictures, and to measure a lobe.
+
+Values and densities of a lobe are those of its draws, in the axes of `local_view`.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,30 @@ def local_view(lobe, to_eye, normals, tangents, k):
     ix, iy, iz = dot(d, a), dot(d, b), max(dot(d, n), GRAZING)
     size = math.sqrt(ix * ix + iy * iy + iz * iz)
     return (a, b, n), (ix / size, iy / size, iz / size)
+
+
+@kernel
+def local_value(tables, lobe, k, i, o):
+    """Return f [1/sr] of lobe k, red, green, blue, for the directions i to the eye and o above; 0 for a mirror."""
+    alpha = lobe[k, 4]
+    if alpha < 0.0:
+        return table.value(tables, -1 - int(alpha), i[0], i[1], i[2], o[0], o[1], o[2])
+    if alpha < ggx.SMOOTH:
+        return 0.0, 0.0, 0.0
+    f, c = ggx.gloss(alpha, i[0], i[1], i[2], o[0], o[1], o[2])
+    red, green, blue = ggx.fresnels(lobe[k], c)
+    return f * red, f * green, f * blue
+
+
+@kernel
+def local_density(tables, lobe, k, i, o):
+    """Return the density [1/sr] with which draw_lobe() takes o; arguments as for local_value()."""
+    alpha = lobe[k, 4]
+    if alpha < 0.0:
+        return table.pdf(tables, -1 - int(alpha), i[0], i[1], i[2], o[0], o[1], o[2])
+    if alpha < ggx.SMOOTH:
+        return 0.0
+    return ggx.gloss(alpha, i[0], i[1], i[2], o[0], o[1], o[2])[0] * o[2] / ggx.masking(alpha, i[2], o[2])
 
 
 @kernel
