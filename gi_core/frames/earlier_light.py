@@ -40,6 +40,7 @@ class EarlierLight(NamedTuple):
     per_lamp: np.ndarray  # (n, 3 G) [W/m2], gathered, else that of all photons
     deviation: np.ndarray  # (n,) [W/m2], standard error of its luminance
     error: float  # relative l1, bias included
+    of_photons: float  # relative l1 error of all photons, blur of discs included; 0: not measured
     setting: Setting
     emitters: Emitters
     static: StaticPart
@@ -48,13 +49,13 @@ class EarlierLight(NamedTuple):
 
 
 def earlier_light(
-    b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float, unreached: np.ndarray
+    b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float, of_photons: float, unreached: np.ndarray
 ) -> EarlierLight:
     """Return light of a background's static part, to be changed by edits; arguments as in EarlierLight."""
     by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
     m = b.model
     scene = m.emitters, _static(m), unreached
-    return EarlierLight(_places(m), per_lamp, deviation, error, b.setting, *scene, by_photons)
+    return EarlierLight(_places(m), per_lamp, deviation, error, of_photons, b.setting, *scene, by_photons)
 
 
 class EditedLight:
@@ -89,7 +90,7 @@ class EditedLight:
         of_change = np.zeros(len(G))
         if fewer:
             both = sum_of_lamps(change), sum_of_lamps(self._change(b, fewer, G[:, columns]))
-            given = *both, photons / fewer, around, np.ones(len(G), bool), self._threads, change
+            given = *both, photons / fewer, around, np.ones(len(G), bool), self._weights, self._threads, change
             change, of_change = finish(smoothed_by_subset(*given))
         E = G.copy()
         E[:, columns] = np.maximum(G[:, columns] + change, 0.0)

@@ -3,7 +3,8 @@
 Discs of neighbouring receivers overlap, but photons two radii apart are others. So each receiver is averaged with some
 within NEAR radii, by the kernel that averages changes by mobiles (`control_variate.py`): differences of REACH standard
 deviations have no weight, so edges of shadows stay. Noise falls with more photons, and smoothing with it. A photon
-subset tells the variance. docs/decisions/053-smoothed-photons.md has the measurements.
+subset tells the variance; averaged alike, it tells the noise that is left. docs/decisions/053-smoothed-photons.md has
+the measurements.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.frames.background import Background
-from gi_core.frames.control_variate import CORRELATED, REACH
+from gi_core.frames.control_variate import REACH
 from gi_core.gather.denoise import NO_WEIGHT, VARIANCE, averaged, smoothed
 from gi_core.geometry.error import luminance, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours
@@ -43,7 +44,7 @@ def smooth_photons(b: Background, around: Neighbours) -> Generator[None, None, S
     E, deviation = b.irradiance(photons), np.zeros(len(b.weights))
     if fewer is None:
         return SmoothedPhotons(b, photons, E, deviation, math.inf)
-    given = b.irradiance(fewer), photons / fewer, around, _reached(b), b.model.threads
+    given = b.irradiance(fewer), photons / fewer, around, _reached(b), b.weights, b.model.threads
     E, deviation = yield from smoothed_by_subset(E, *given)
     total = float(b.weights @ luminance(E))
     noise = math.sqrt(2 / math.pi) * float(b.weights @ deviation) / total if total > 0 else math.nan
@@ -57,7 +58,9 @@ def smooth_per_lamp(b: Background, around: Neighbours) -> Generator[None, None, 
     if fewer is None:
         return light
     both = sum_of_lamps(light), sum_of_lamps(b.irradiance_per_lamp(fewer))
-    light, _ = yield from smoothed_by_subset(*both, photons / fewer, around, _reached(b), b.model.threads, light)
+    light, _ = yield from smoothed_by_subset(
+        *both, photons / fewer, around, _reached(b), b.weights, b.model.threads, light
+    )
     return light
 
 
@@ -67,18 +70,24 @@ def _reached(b: Background) -> np.ndarray:
 
 
 def smoothed_by_subset(
-    E: np.ndarray, fewer: np.ndarray, times: float, around: Neighbours, counts: np.ndarray, threads: int,
-    per_lamp: np.ndarray | None = None,
+    E: np.ndarray, fewer: np.ndarray, times: float, around: Neighbours, counts: np.ndarray, weights: np.ndarray,
+    threads: int, per_lamp: np.ndarray | None = None,
 ) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:  # fmt: skip
     """Smooth light E (n, 3) in proportion to its noise, in steps.
 
     fewer (n, 3): that of a subset of its photons, which are `times` as many. Receivers that do not count (n,) stay,
     and have no weight for neighbours. per_lamp (n, k): light that takes the same averages. The generator returns
-    smoothed E, or per_lamp in its place, and the standard error (n,) of the luminance of E.
+    smoothed E, or per_lamp in its place, and the standard error (n,) of the luminance of E. Neighbours share photons,
+    so all standard errors are scaled: the subset, averaged alike, tells their mean over weights (n,).
     """
     apart = ((E - fewer) ** 2 / (times - 1)).sum(axis=1)
     variance = np.where(counts, averaged(around, apart, counts, threads), NO_WEIGHT)
     yield
-    light = yield from smoothed(E, E[:, :0] if per_lamp is None else per_lamp, variance, REACH, around, threads)
-    left = np.maximum(light[:, VARIANCE], 0.0)
-    return light[:, :VARIANCE] if per_lamp is None else light[:, VARIANCE + 1 :], np.sqrt(CORRELATED * left / 3.0)
+    carried = fewer if per_lamp is None else np.concatenate([fewer, per_lamp], axis=1)
+    light = yield from smoothed(E, carried, variance, REACH, around, threads)
+    E, left, fewer, per_lamp_or_none = np.split(light, (VARIANCE, VARIANCE + 1, VARIANCE + 4), axis=1)
+    deviation = np.sqrt(np.maximum(left[:, 0], 0.0))
+    apart = weights @ np.abs(luminance(E - fewer)) / math.sqrt(times - 1)
+    independent = math.sqrt(2 / math.pi) * (weights @ deviation)
+    deviation *= apart / independent if independent > 0 else 0.0
+    return E if per_lamp is None else per_lamp_or_none, deviation

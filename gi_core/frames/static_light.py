@@ -145,15 +145,16 @@ class StaticLight:
     def compare(self, shown: Background | None) -> bool:
         """Compare the errors of gathered light and of all photons; return whether frames start from gathered light.
 
-        Photons have their noise, or the error that whole paths find, which includes the blur of discs. Photons too few
-        to measure their noise count as worse.
+        Photons have their noise, or the error that whole paths find, which includes the blur of discs; those before an
+        edit, while its light is on show. Photons too few to measure their noise count as worse.
         """
         g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
         if photons and self.shows_earlier:
             self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
         if photons and g is not None and math.isfinite(g.noise):
             theirs = self._of_photons(shown)
-            self._less_error = g.error < max(theirs.noise, g.error_of(theirs.irradiance))
+            before = self._edited.earlier.of_photons if self.shows_earlier else 0.0
+            self._less_error = g.error < max(theirs.noise, g.error_of(theirs.irradiance), before)
         return self.is_gathered
 
     def around(self, distance: float) -> Neighbours:
@@ -218,12 +219,13 @@ class StaticLight:
             return None
         if self.is_gathered and self.shows_earlier:
             return self._edited.earlier
-        if self.is_gathered:
-            return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error, unreached)
         own = self._of_photons(shown)
+        if self.is_gathered:
+            g = self.gathered
+            return earlier_light(shown, g.per_lamp, g.deviation, g.error, g.error_of(own.irradiance), unreached)
         if not math.isfinite(own.noise):
             return None
-        return earlier_light(shown, self._of_photons_per_lamp(shown), own.deviation, own.noise, unreached)
+        return earlier_light(shown, self._of_photons_per_lamp(shown), own.deviation, own.noise, 0.0, unreached)
 
     def begin_with(self, earlier: EarlierLight) -> None:
         """Show light gathered before an edit, changed as photons say, until there is better."""

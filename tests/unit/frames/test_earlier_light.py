@@ -57,6 +57,22 @@ def test_a_mobiles_colour_leaves_the_static_light_as_it_was(before):
     assert solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
 
 
+def test_photons_that_were_worse_before_an_edit_do_not_replace_its_light(before, monkeypatch):
+    """Though their noise alone is less than the error of that light: their discs blur."""
+    frames, blur = before.frame_light.static, 0.05
+    monkeypatch.setattr(StaticGather, "error_of", lambda self, E: blur if self is frames.gathered else 0.0)
+    monkeypatch.setattr(frames.gathered, "error", 0.04)
+    for measured, stays in ((0.05, True), (0.0, False)):
+        blur = measured
+        assert before_edit(before).light.of_photons == measured
+        solver = after(before, Finish("ball", RED))
+        static, b = solver.frame_light.static, solver.frame.background
+        monkeypatch.setattr(static, "_smoothed", static._of_photons(b)._replace(noise=0.02))
+        assert static.compare(b) is stays
+        again = after(solver, Finish("ball", RED)).frame_light.static
+        assert not stays or again._edited.earlier is static._edited.earlier
+
+
 def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkeypatch):
     """Below the crate no light comes; all photons of an edited gallery took 39 s, and the gaps were black so long."""
     monkeypatch.setattr(first_frame, "FIRST_PICTURE", 2048)
