@@ -67,15 +67,14 @@ def report(name: str, photons: int, wanted: float, seeds: int) -> None:
     gathers = [gather, *(MobileGather(model, solver.seed + 1 + k) for k in range(seeds - 1))]
     steps, mobiles = count(1), np.arange(len(at.position))[:, None] > 0
 
-    def moved(m: int) -> None:
+    def moved(paths: int) -> None:
         """Gather after a small move of all mobiles, which makes most cached hits useless."""
         away = at.position + 1e-6 * next(steps) * model.world.size * mobiles
-        gather.irradiance(at._replace(position=away), static, m)
+        gather.irradiance(at._replace(position=away), static, paths)
 
     for paths in PATHS:
-        m = paths.bit_length() - 1
-        _, ms = measured(partial(moved, m))
-        found = [g.irradiance(at, static, m) for g in gathers]
+        _, ms = measured(partial(moved, paths))
+        found = [g.irradiance(at, static, paths) for g in gathers]
         mean, total = sum(found) / seeds, sum(bias_left(error(E), noise) for E in found) / seeds
         chance = sum(float((w * np.abs(luminance(E - mean))).sum()) for E in found) / seeds / light
         chance *= (seeds / max(seeds - 1, 1)) ** 0.5

@@ -19,7 +19,7 @@ from app.measure.chart.run import Run
 from app.measure.chart.settings import Choice
 from app.settings import Settings, open_scene
 from gi_core.estimators import DEFAULT
-from gi_core.gather.reference_sample import ReferenceSample, gather_sample
+from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
 from gi_core.geometry.error import bias_left, luminance, relative_error
 from gi_core.solver import Solver
 
@@ -28,16 +28,17 @@ FRAMES = 12  # of the path
 TRUTH_SEED = 77  # of nothing else
 
 
-def report(name: str, sizes: list[tuple[int, int]], poses: int, noise: float) -> None:
+def report(name: str, sizes: list[tuple[int, int]], poses: int, points: int, noise: float) -> None:
     """Print the table of a scene."""
     settings = Settings(scene=name, estimator=DEFAULT)
     with tempfile.TemporaryDirectory() as folder:
         run = Run(open_scene(settings), settings, False, FRAMES, None, Path(folder), lambda stage, fraction: None)
     base, frames = run.base, [(2 * k + 1) * FRAMES // (2 * poses) for k in range(poses)]
-    rows = np.arange(base.surfaces.receiver_range(0).stop, len(base.receivers.areas))
-    rows = rows[base.receivers.areas[rows] > 0]
-    truths = [_truth(base, run.lap[k], rows, noise) for k in frames]
-    T, w = np.concatenate([t.irradiance for t in truths]), np.tile(base.receivers.areas[rows], poses)
+    areas = base.receivers.areas
+    of_mobiles = np.arange(base.surfaces.receiver_range(0).stop, len(areas))
+    rows, weights = draw_by_area(of_mobiles[areas[of_mobiles] > 0], areas, points, TRUTH_SEED)
+    truths = [_truth(base, run.lap[k], rows, weights, noise) for k in frames]
+    T, w = np.concatenate([t.irradiance for t in truths]), np.tile(weights, poses)
     chance = float(np.mean([t.noise for t in truths]))
     print(f"{name}: {len(rows):,} receivers on mobiles, {poses} poses, noise of truth {100 * chance:.1f} %")
     print("| photons | paths | error | sum | frame, median of all, ms |\n|---|---|---|---|---|")
@@ -52,8 +53,7 @@ def report(name: str, sizes: list[tuple[int, int]], poses: int, noise: float) ->
         print(f"| {photons:,} | {paths} | {100 * error:.2f} % | {100 * total:+.1f} % | {ms:.1f} |", flush=True)
 
 
-def _truth(solver: Solver, poses: dict, rows: np.ndarray, noise: float) -> ReferenceSample:
-    weights = solver.receivers.areas[rows]
+def _truth(solver: Solver, poses: dict, rows: np.ndarray, weights: np.ndarray, noise: float) -> ReferenceSample:
     *_, found = gather_sample(solver.model, poses, rows, weights, TRUTH_SEED, 1e-2 * noise)
     return found
 
@@ -78,11 +78,12 @@ def main() -> None:
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--sizes", nargs="+", default=SIZES, metavar="PHOTONS,PATHS")
     parser.add_argument("--poses", type=int, default=6)
+    parser.add_argument("--points", type=int, default=300, help="receivers on mobiles")
     parser.add_argument("--noise", type=float, default=1.0, help="of the truth [%%]")
     asked = parser.parse_args()
     sizes = [tuple(int(n) for n in size.split(",")) for size in asked.sizes]
     for name in asked.scenes:
-        report(name, sizes, asked.poses, asked.noise)
+        report(name, sizes, asked.poses, asked.points, asked.noise)
 
 
 if __name__ == "__main__":

@@ -79,10 +79,11 @@ class FrameBudget:
     def to_time(self, seconds: float, subsets: Sequence[int], gathers: bool) -> Iterator[tuple[int, int | None]]:
         """Yield the photons and paths of frames to record, smallest first, up to sizes that exceed a budget [s].
 
-        subsets: photon subsets, ascending; gathers: whether mobiles gather their light.
+        subsets: photon subsets, ascending; gathers: whether mobiles gather their light. Every second number of paths
+        is timed: times of the others lie between.
         """
         few = PATHS[0] if gathers else None
-        paths = [(n, (subsets[0], n)) for n in PATHS if gathers]
+        paths = [(n, (subsets[0], n)) for n in PATHS[::2] if gathers]
         photons = [(n, (n, few)) for n in subsets[:-1]]
         for times, sizes in (self._path_times, paths), (self._photon_times, photons):
             for n, size in sizes:

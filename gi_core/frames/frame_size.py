@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver of a mobile
+PATHS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)  # per receiver of a mobile
 PATHS_AT_REST = 64  # the default, with some 4 % of noise
 
 

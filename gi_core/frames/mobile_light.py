@@ -86,7 +86,7 @@ class MobileLight:
             self._gather = gather
             poses = at.rotation.tobytes() + at.position.tobytes()
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
-        lit = gather.irradiance(at, static, paths.bit_length() - 1, reflectance, self._lights[1])
+        lit = gather.irradiance(at, static, paths, reflectance, self._lights[1])
         np.maximum(lit, 0.0, out=irradiance[gather.first :])
 
     def write_cells(self, rows: np.ndarray, place: np.ndarray, resting: np.ndarray, out: np.ndarray) -> None:

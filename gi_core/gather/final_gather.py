@@ -83,7 +83,7 @@ class FinalGather:
             halves = np.zeros((2, *self.last.shape))
             for half in range(2):
                 number, first = 2 * pair + half, 0
-                some = candidates(self._seed ^ (number << 20), m, self._lights.area, CANDIDATE_SETS)
+                some = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS)
                 while first < len(self._lit):
                     began, rows = time.perf_counter(), self._lit[first : first + max(1, self._pace.fit(STEP) >> m)]
                     self._gather(rows, number, m, some, light, halves[half])

@@ -87,43 +87,43 @@ class MobileGather:
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._near = near_receivers(positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
-        self._directions: dict[int, np.ndarray] = {}  # by log2 of paths
-        self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by log2 of paths
+        self._directions: dict[int, np.ndarray] = {}  # by number of paths
+        self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by number of paths
         glossy = glossy_receivers(s, besides=in_probes(s))
         self._glossy = np.unique(np.searchsorted(s.first_receiver, glossy[glossy >= self.first], side="right") - 1)
         self._bounced = np.empty((0, 3, 1), np.float32)  # see PathLight
         self.path_light: PathLight | None = None  # of the last call, until the next; None without glossy mobiles
 
     def irradiance(
-        self, at: Transforms, static: np.ndarray, log2_paths: int, reflectance: np.ndarray | None = None,
+        self, at: Transforms, static: np.ndarray, paths: int, reflectance: np.ndarray | None = None,
         lights: Lights | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
-        static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. 2^log2_paths paths per
-        receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their albedo.
+        static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. paths: per receiver, at
+        least 1. reflectance (F, 3) float64 of all faces, None: their albedo.
         lights: of one lamp; None: those of the last call, at first those of the scene file.
         """
         if self._lights is None or (lights is not None and lights is not self._lights):
             self._light_by(self._model.lights_at(self._model.emitters.lamps.full()) if lights is None else lights)
-        m, n, world = log2_paths, len(self._positions), self._model.world
+        n, world = len(self._positions), self._model.world
         if reflectance is not None:
             world = world._replace(bsdfs=world.bsdfs._replace(albedo=reflectance))
         light = PathSums(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
-        if m not in self._directions:
-            self._directions[m] = shared_directions(self._seed, m, KINDS)
-        lamps = [self._lamps(o, at, m) for o in range(1, len(at.position))]
-        places, kept, bounced = self._places(m), self._room(m), self._room_by_path(m)
+        if paths not in self._directions:
+            self._directions[paths] = shared_directions(self._seed, paths, KINDS)
+        lamps = [self._lamps(o, at, paths) for o in range(1, len(at.position))]
+        places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
 
         def work(_, first, last):
             found = []
             for k in order[first:last]:
-                batch = kept[k] or self._batch(m, *places[k])
+                batch = kept[k] or self._batch(paths, *places[k])
                 known = PathSums(*(a[batch.rows] for a in light))
-                found.append(self._gather(world, batch, at, lamps[batch.mobile - 1], static, m, known, bounced))
-                if (n << m) <= CACHED_PATHS:
+                found.append(self._gather(world, batch, at, lamps[batch.mobile - 1], static, paths, known, bounced))
+                if n * paths <= CACHED_PATHS:
                     kept[k] = batch
             return found
 
@@ -131,23 +131,23 @@ class MobileGather:
         order = [k for t in range(threads) for k in range(t, len(places), threads)]
         exchanges, lit = zip(*(e for part in run_ranges(work, len(places), threads, 1) for e in part), strict=True)
         exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
-        direct = light.direct / (1 << m)
-        E = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
+        direct = light.direct / paths
+        E = _exchanged(direct, light.bounced / paths, exchange, paths)
         if len(self._glossy):
             add_exchanged(exchange, direct + E, bounced)
-            given = self._near, self._kinds, self._kind_directions(m), light.close, bounced
+            given = self._near, self._kinds, self._kind_directions(paths), light.close, bounced
             self.path_light = PathLight(self._normals, *given, [d for d in lit if d is not None])
-        return direct + average_neighbours(self._near, light.close, 1 << m, E, threads)
+        return direct + average_neighbours(self._near, light.close, paths, E, threads)
 
-    def _room_by_path(self, m: int) -> np.ndarray:
-        """Return room for 2^m bounces per receiver (n, 3, 2^m), where a mobile is glossy."""
-        shape = len(self._positions) if len(self._glossy) else 0, 3, 1 << m
+    def _room_by_path(self, paths: int) -> np.ndarray:
+        """Return room for the bounces of each receiver (n, 3, paths), where a mobile is glossy."""
+        shape = len(self._positions) if len(self._glossy) else 0, 3, paths
         if self._bounced.shape != shape:
             self._bounced = np.empty(shape, np.float32)
         return self._bounced
 
-    def _kind_directions(self, m: int) -> np.ndarray:
-        return np.ascontiguousarray(self._directions[m].transpose(0, 2, 1), np.float32)
+    def _kind_directions(self, paths: int) -> np.ndarray:
+        return np.ascontiguousarray(self._directions[paths].transpose(0, 2, 1), np.float32)
 
     def _light_by(self, lights: Lights) -> None:
         """Use these lights from now on."""
@@ -168,38 +168,38 @@ class MobileGather:
             self._aimed[o] = centre.tobytes(), lights._replace(area=aimed(lights.area, centre, radius))
         return self._aimed[o][1]
 
-    def _lamps(self, o: int, at: Transforms, m: int) -> LampSamples:
-        """Return where 2^m paths per receiver of mobile o look for lamps."""
-        lights, every = self._lights_of(o, at), np.arange(1 << m)[None]
-        some = candidates(self._seed, m, lights.area)
+    def _lamps(self, o: int, at: Transforms, paths: int) -> LampSamples:
+        """Return where the paths of each receiver of mobile o look for lamps."""
+        lights, every = self._lights_of(o, at), np.arange(paths)[None]
+        some, m = candidates(self._seed, paths, lights.area), (paths - 1).bit_length()
         return LampSamples(lights, some, for_cells(some), picks(self._seed, m, 0, every, lights.delta))
 
-    def _places(self, m: int) -> list[tuple[int, slice]]:
-        """Return mobile and receivers of each batch of 2^m paths per receiver."""
+    def _places(self, paths: int) -> list[tuple[int, slice]]:
+        """Return mobile and receivers of each batch."""
         ends, places = self._model.surfaces.first_receiver[1:] - self.first, []
         for o, (first, last) in enumerate(itertools.pairwise(ends.tolist()), 1):
-            parts = -(-((last - first) << m) // BATCH_PATHS)
+            parts = -(-(last - first) * paths // BATCH_PATHS)
             bounds = [first + (last - first) * k // max(parts, 1) for k in range(parts + 1)]
             places += [(o, slice(*bound)) for bound in itertools.pairwise(bounds)]
         return places
 
-    def _room(self, m: int) -> list[ReceiverBatch | None]:
-        """Return the cached batches of 2^m paths, None at first; beyond CACHED_PATHS others are evicted."""
-        if m not in self._batches:
-            if sum(len(self._positions) << k for k in (*self._batches, m)) > CACHED_PATHS:
+    def _room(self, paths: int) -> list[ReceiverBatch | None]:
+        """Return the cached batches of so many paths, None at first; beyond CACHED_PATHS others are evicted."""
+        if paths not in self._batches:
+            if len(self._positions) * sum((*self._batches, paths)) > CACHED_PATHS:
                 self._batches.clear()
-            self._batches[m] = [None] * len(self._places(m))
-        return self._batches[m]
+            self._batches[paths] = [None] * len(self._places(paths))
+        return self._batches[paths]
 
-    def _batch(self, m: int, mobile: int, rows: slice) -> ReceiverBatch:
-        directions = np.empty(((rows.stop - rows.start) << m, 3), np.float32)
-        bounces(self._directions[m], self._kinds[rows], self._normals[rows], directions)
-        origins = np.repeat(self._positions[rows].astype(np.float32), 1 << m, axis=0)
+    def _batch(self, paths: int, mobile: int, rows: slice) -> ReceiverBatch:
+        directions = np.empty(((rows.stop - rows.start) * paths, 3), np.float32)
+        bounces(self._directions[paths], self._kinds[rows], self._normals[rows], directions)
+        origins = np.repeat(self._positions[rows].astype(np.float32), paths, axis=0)
         rays = BounceRays(self._model, mobile, origins, directions)
         return ReceiverBatch(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
     def _gather(
-        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, static, m, light: PathSums,
+        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, static, paths, light: PathSums,
         bounced: np.ndarray,
     ) -> tuple[Exchange, DirectLight | None]:  # fmt: skip
         """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles.
@@ -213,16 +213,16 @@ class MobileGather:
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
         ends = starts(np.arange(n), np.arange(n), positions, normals)
-        to_lamps = every, pick, 1 << m, ends, lights, far, gap
+        to_lamps = every, pick, paths, ends, lights, far, gap
         rays, blocked = batch.shadow.occluded(at, lambda: join_lamps(world.bsdfs, *to_lamps))
         add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
         distance, face = batch.bounce.nearest(at)
-        closeness(1 << m, distance, light.close)
+        closeness(paths, distance, light.close)
         count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), np.empty((count, 3)))
-        glossy, first = batch.mobile in self._glossy, batch.rows.start << m
+        glossy, first = batch.mobile in self._glossy, batch.rows.start * paths
         known = Field(s.corner_front, s.corner_back, static)
-        bounces = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
+        bounces = Bounces(paths, normals, R[0], batch.directions, distance, face)
         by_ray = bounced[batch.rows] if glossy else one_bounce.NO_RAYS
         met = one_bounce.meet(
             world, at, lights.area, lights.sky, known, bounces, self.first, first, light.bounced, by_ray, out

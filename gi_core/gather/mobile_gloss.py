@@ -82,7 +82,8 @@ class PathLight(NamedTuple):
 
 def for_cells(of: Candidates) -> Candidates:
     """Return all candidates where they are few, at last one of each stratum: more in a cell add time alone."""
-    return thinned(of, min(max(len(of.face) // ROOM, 1), CANDIDATES))
+    halvings = (max(len(of.face) - 1, 0) // ROOM).bit_length()
+    return thinned(of, min(1 << halvings, CANDIDATES))
 
 
 def direct_light(

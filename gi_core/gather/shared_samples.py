@@ -15,12 +15,12 @@ from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a full turn, between successive directions
 
 
-def shared_directions(seed: int, m: int, kinds: int) -> np.ndarray:
-    """Return unit directions (kinds, 2^m, 3) float64, cosine-distributed about the third axis.
+def shared_directions(seed: int, count: int, kinds: int) -> np.ndarray:
+    """Return unit directions (kinds, count, 3) float64, cosine-distributed about the third axis.
 
     Each kind is stratified over the hemisphere, and so are all kinds together.
     """
-    out = np.empty((kinds, 1 << m, 3))
+    out = np.empty((kinds, count, 3))
     _draw(seed, out)
     return out
 

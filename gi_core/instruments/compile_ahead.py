@@ -242,7 +242,7 @@ def _gather(scene: Scene, rays: str | None) -> None:
     (mobile,) = scene.mobiles
     mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
     model = Model(replace(scene, mobiles=mobiles), rays=rays)
-    MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
+    MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 2)
     _smooth()
 
 

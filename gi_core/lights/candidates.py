@@ -59,9 +59,9 @@ def thinned(of: Candidates, step: int) -> Candidates:
     return Candidates(point, normal, density, power, colour, face, of.pick, of.sets)
 
 
-def candidates(seed: int, m: int, lights: AreaLights, sets: int = 1) -> Candidates:
-    """Draw candidates for 2^m paths per receiver, in strata of equal probability; none without area lights."""
-    n = max((1 << m) // PATHS_PER_SHADOW, 1) * CANDIDATES * sets if len(lights.cdf) else 0
+def candidates(seed: int, paths: int, lights: AreaLights, sets: int = 1) -> Candidates:
+    """Draw candidates for so many paths per receiver, in strata of equal probability; none without area lights."""
+    n = max(paths // PATHS_PER_SHADOW, 1) * CANDIDATES * sets if len(lights.cdf) else 0
     point, normal, colour = np.empty((3, 3, n))
     face, pick = np.empty(n, np.int64), np.empty(n // CANDIDATES)
     out = Candidates(point, normal, *np.empty((2, n)), colour, face, pick, sets)

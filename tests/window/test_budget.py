@@ -222,9 +222,10 @@ def test_timed_frames_move_mobiles_and_gather_by_all_numbers_of_paths():
     """Without a move no rays are traced, and their times stay unknown; the frame on show stays."""
     solver = gathering()
     solver.budget, light, poses = FrameBudget(), solver.irradiance, solver.poses
-    assert sum(1 for _ in _timings(solver, 60.0)) == TIMED * len(PATHS)
+    timed = PATHS[::2]
+    assert sum(1 for _ in _timings(solver, 60.0)) == TIMED * len(timed)
     assert solver.irradiance is light and solver.poses == poses
-    assert [len(solver.budget._path_times.of(n)) for n in PATHS] == [TIMED - 1, *[TIMED] * (len(PATHS) - 1)]
+    assert [len(solver.budget._path_times.of(n)) for n in timed] == [TIMED - 1, *[TIMED] * (len(timed) - 1)]
     assert solver.size_within(60.0) == (300, PATHS[-1])
 
 
@@ -382,7 +383,7 @@ def test_without_photons_there_is_nothing_to_choose():
         (0.016, (16_384, 32)),  # half of the budget would buy 16 paths
         (0.018, (65_536, 32)),  # photons before more paths ...
         (0.026, (65_536, 64)),  # ... and these in the time that is left
-        (0.012, (16_384, 16)),
+        (0.012, (16_384, 24)),
         (0.004, (16_384, 8)),  # nothing fits: paths have their share
         (1.0, (1_000_000, 256)),
     ],

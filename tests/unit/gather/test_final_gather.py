@@ -71,7 +71,7 @@ def test_more_delta_lights_than_paths_are_picked_and_fewer_are_all_sampled():
     found = {3: [], 4: []}
     for m, each in found.items():
         for number in range(400 if m == 3 else 1):
-            out, none = np.zeros((len(areas), 36)), candidates(0, m, gather._lights.area)
+            out, none = np.zeros((len(areas), 36)), candidates(0, 1 << m, gather._lights.area)
             gather._gather(gather._lit, number, m, none, np.zeros((len(areas), 36)), out)
             each.append(out.reshape(len(areas), 12, 3))
     lit = gather._lit

@@ -66,7 +66,7 @@ def test_each_kind_is_stratified_and_all_together_more():
     light = np.array([0.5, 0.3, 0.8])
     one, all_kinds = [], []
     for seed in range(200):
-        bounce = shared_directions(seed, 3, KINDS)
+        bounce = shared_directions(seed, 8, KINDS)
         height = np.sort(bounce[..., 2].reshape(-1) ** 2)
         assert np.array_equal(np.floor(height * len(height)), np.arange(len(height)))
         found = np.maximum(0, bounce @ light) ** 2
@@ -135,7 +135,7 @@ def test_shadow_edges_stay_in_place():
     model = Model(Scene(black_walls, (grey(0.0), grey(0.8)), (ball,), (bulb,), up=(0, 0, 1)), 1)
     at = model.transforms(model.start_poses())
     gather = MobileGather(model, 0)
-    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 3)
+    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 8)
     way = np.array(bulb.position) - (gather._positions + at.position[1])
     cosine = (way * gather._normals).sum(axis=1) / np.sqrt((way**2).sum(axis=1))
     assert not found[cosine <= 0].any()
@@ -150,16 +150,16 @@ def test_averaging_removes_a_third_of_the_error_of_few_bounces(monkeypatch):
     model = Model(Scene(walls, (grey(0.7), grey(0.5)), (ball,), up=(0, 0, 1)), 1)
     at = model.transforms(model.start_poses())
     static = 1.0 + 4.0 * (model.object_receivers.positions[: model.first_probe] > 0.7)
-    truth = MobileGather(model, 99).irradiance(at, static, 12)
+    truth = MobileGather(model, 99).irradiance(at, static, 4096)
 
-    def off(m: int) -> float:
+    def off(paths: int) -> float:
         return np.mean(
-            [np.abs(MobileGather(model, seed).irradiance(at, static, m) - truth).mean() for seed in range(4)]
+            [np.abs(MobileGather(model, seed).irradiance(at, static, paths) - truth).mean() for seed in range(4)]
         )
 
-    averaged, many = off(3), off(9)
+    averaged, many = off(8), off(512)
     monkeypatch.setattr(mobile, "average_neighbours", lambda near, close, bounces, light, threads: light)
-    assert averaged < 0.6 * off(3) and many < 0.1 * averaged
+    assert averaged < 0.6 * off(8) and many < 0.1 * averaged
 
 
 def test_isolated_and_coincident_receivers():

@@ -44,14 +44,14 @@ def at_start(scene: Scene, threads: int = 2) -> tuple[Model, object]:
     return model, model.transforms(model.start_poses())
 
 
-@pytest.mark.parametrize("log2_paths", [0, 3, 12])
-def test_convex_mobile_between_uniform_walls_has_rho_times_their_light(log2_paths):
+@pytest.mark.parametrize("paths", [1, 8, 24, 4096])
+def test_convex_mobile_between_uniform_walls_has_rho_times_their_light(paths):
     """Paths of every direction end on a wall, so there is no noise."""
     walls = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
     thing = box_mobile("box", 0.2, 1)._replace(pose=Pose((0.4, 0.5, 0.6), (0.8, 0.6, 0.0, 0.0)))
     model, at = at_start(Scene(walls, (grey(0.7), grey(0.2)), (thing,), up=(0, 0, 1)))
     static = np.broadcast_to([1.0, 2.0, 4.0], (model.first_probe, 3))
-    found = MobileGather(model, 3).irradiance(at, static, log2_paths)
+    found = MobileGather(model, 3).irradiance(at, static, paths)
     assert len(found) > 20 and np.allclose(found, [0.7, 1.4, 2.8], rtol=1e-12)
 
 
@@ -63,7 +63,7 @@ def test_inside_a_hollow_mobile_light_goes_to_and_fro():
     bulb = PointLight("bulb", (0.5, 0.5, 0.5), (3.0, 3.0, 6.0))
     walls = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
     model, at = at_start(Scene(walls, (grey(0.5), grey(rho)), (hollow,), (bulb,), up=(0, 0, 1)))
-    found = MobileGather(model, 0).irradiance(at, np.zeros((model.first_probe, 3)), 6)
+    found = MobileGather(model, 0).irradiance(at, np.zeros((model.first_probe, 3)), 64)
     expected = np.array([3.0, 3.0, 6.0]) / (4 * np.pi * radius**2) / (1 - rho)
     assert np.allclose(found.mean(axis=0), expected, rtol=0.02)  # facets are nearer than the sphere
     assert np.allclose(found, expected, rtol=0.08)
@@ -88,11 +88,11 @@ def test_mobile_gather_equals_the_reference():
     truth, error = reference_irradiance(scene, points, normals, 700, 5, model=model)
     first = gather.first
     areas = receivers.areas[first:]
-    few, many = (relative_error(gather.irradiance(at, truth[:first], m), truth[first:], areas).l1 for m in (1, 9))
+    few, many = (relative_error(gather.irradiance(at, truth[:first], n), truth[first:], areas).l1 for n in (2, 512))
     noise = relative_error(truth[first:] + error[first:], truth[first:], areas).l1
     assert noise < 0.03 and many < 0.04
     assert few > 2 * many
-    total, expected = gather.irradiance(at, truth[:first], 9).sum(axis=0), truth[first:].sum(axis=0)
+    total, expected = gather.irradiance(at, truth[:first], 512).sum(axis=0), truth[first:].sum(axis=0)
     assert np.allclose(total, expected, rtol=0.02)
 
 
@@ -166,9 +166,7 @@ def test_unknown_light_and_path_counts_are_refused():
     with pytest.raises(SceneError, match="light must be one of best, photons, got 'baked'"):
         solver.configure(light="baked")
     before, poses = solver.irradiance, dict(solver.poses)
-    with pytest.raises(
-        SceneError, match="paths per receiver and frame must be one of 4, 8, 16, 32, 64, 128, 256, got 5"
-    ):
+    with pytest.raises(SceneError, match="paths per receiver and frame must be one of 4, 6, 8, 12, 16, .*, 256, got 5"):
         solver.move_all({"box": AWAY}, None, 5)
     assert solver.irradiance is before and solver.poses == poses
 
@@ -200,7 +198,7 @@ def three_things() -> Scene:
 @settings(max_examples=15)
 @given(
     st.lists(
-        st.tuples(st.integers(0, 2), st.integers(0, 3), st.sampled_from([0, 2, 3]), st.booleans()),
+        st.tuples(st.integers(0, 2), st.integers(0, 3), st.sampled_from([1, 4, 6, 8]), st.booleans()),
         min_size=2,
         max_size=6,
     )
@@ -211,25 +209,25 @@ def test_cached_hits_equal_those_of_an_empty_cache(history):
     model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
     gather = MobileGather(model, 4)
     light = np.random.default_rng(0).random((model.first_probe, 3))
-    for thing, step, m, brighter in history:
+    for thing, step, paths, brighter in history:
         mobile = scene.mobiles[thing]
         x, y, z = mobile.pose.position
         poses[mobile.name] = Pose((x, y + 0.1 * step, z - 0.05 * step), (0.8, 0.6, 0.0, 0.0))
         static = (2.0 if brighter else 1.0) * light
         at = model.transforms(poses)
-        uncached = MobileGather(Model(scene, 3), 4).irradiance(at, static, m)
-        assert np.array_equal(gather.irradiance(at, static, m), uncached)
+        uncached = MobileGather(Model(scene, 3), 4).irradiance(at, static, paths)
+        assert np.array_equal(gather.irradiance(at, static, paths), uncached)
 
 
 def test_batches_beyond_the_cache_limit_are_recomputed_with_equal_bits(monkeypatch):
     model, at = at_start(three_things())
     static = np.ones((model.first_probe, 3))
     keeping = MobileGather(model, 0)
-    expected = [keeping.irradiance(at, static, m) for m in (2, 4, 2)]
+    expected = [keeping.irradiance(at, static, n) for n in (4, 16, 4)]
     monkeypatch.setattr(mobile_gather, "CACHED_PATHS", 8 * len(expected[0]))
     frugal = MobileGather(model, 0)
-    assert all(np.array_equal(frugal.irradiance(at, static, m), e) for m, e in zip((2, 4, 2), expected, strict=True))
-    assert sum(batch is not None for batches in frugal._batches.values() for batch in batches) <= len(frugal._places(2))
+    assert all(np.array_equal(frugal.irradiance(at, static, n), e) for n, e in zip((4, 16, 4), expected, strict=True))
+    assert sum(batch is not None for batches in frugal._batches.values() for batch in batches) <= len(frugal._places(4))
 
 
 def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
@@ -237,15 +235,15 @@ def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
     scene = three_things()
     model, poses = Model(scene, 1), {m.name: m.pose for m in scene.mobiles}
     gather, static = MobileGather(model, 0), np.ones((model.first_probe, 3))
-    gather.irradiance(model.transforms(poses), static, 3)
+    gather.irradiance(model.transforms(poses), static, 8)
     traced, real = [], hit_cache._nearest_static
     monkeypatch.setattr(hit_cache, "_nearest_static", lambda *a: traced.append((a[3], len(a[4]))) or real(*a))
     monkeypatch.setattr(model.accelerator, "nearest", lambda *_: pytest.fail("traced through the mobile itself"))
-    gather.irradiance(model.transforms(poses), static, 3)
+    gather.irradiance(model.transforms(poses), static, 8)
     assert not traced
     moved = scene.mobiles[2]
     x, y, z = moved.pose.position
-    gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 3)
+    gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 8)
     last = model.surfaces.receiver_range(3)
     assert traced == [(3, 8 * (last.stop - last.start))]
 
@@ -284,7 +282,7 @@ model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
 gather, static = mobile.MobileGather(model, 0), np.ones((model.first_probe, 3))
 for k in range(3):
     poses["of 0.1"] = poses["of 0.1"]._replace(position=(0.3, 0.5, 0.6 - 0.05 * k))
-    gather.irradiance(model.transforms(poses), static, 3)
+    gather.irradiance(model.transforms(poses), static, 8)
 rows = model.surfaces.receiver_range(0)
 points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
 final = FinalGather(model, 0, points, normals, model.object_receivers.areas[rows])

@@ -29,12 +29,12 @@ MOVED = {"ball": Pose((0.55, 0.5, 0.3), axis_angle((0, 1, 1), 30.0))}
 AWAY = np.zeros((1, CELLS, 6), np.float32)  # resting light
 
 
-def of_paths(log2_paths: int, scene: Scene = ROOM, poses=MOVED, threads: int = 1, E: float = 0.5):
+def of_paths(paths: int, scene: Scene = ROOM, poses=MOVED, threads: int = 1, E: float = 0.5):
     """Return gather, its irradiance, and receivers that have cells, among those of mobiles."""
     model = Model(scene, threads=threads)
     gather = MobileGather(model, 7)
     at = model.transforms({**model.start_poses(), **poses})
-    found = gather.irradiance(at, np.full((model.first_probe, 3), E), log2_paths)
+    found = gather.irradiance(at, np.full((model.first_probe, 3), E), paths)
     rows = glossy_receivers(model.surfaces, besides=in_probes(model.surfaces))
     return gather, found, rows[rows >= gather.first] - gather.first
 
@@ -53,7 +53,8 @@ def of_stratum(d: DirectLight, r: int, e: int, paths: int, normal: np.ndarray) -
     """Return direction in the object's space and light of the candidates that ray e of receiver r stands for."""
     of, found = d.candidates, np.empty(len(d.candidates.face))
     unoccluded(of, np.uint64(0), d.positions[r], d.rotation @ normal, d.lights, found)
-    assert len(of.face) == min(len(of.pick) * CANDIDATES, max(len(of.pick), ROOM_OF_RAYS))  # while there is room
+    most = min(len(of.pick) * CANDIDATES, max(len(of.pick), ROOM_OF_RAYS))  # while there is room
+    assert most / 2 < len(of.face) <= most
     size, rays = len(of.face) // len(of.pick), []
     for c in range(d.stratum[e] * size, (d.stratum[e] + 1) * size):
         way = of.point[:, c] - d.positions[r]
@@ -97,10 +98,10 @@ def twin(light: PathLight, i: int) -> np.ndarray:
     return out
 
 
-@pytest.mark.parametrize("log2_paths", [3, 7])  # fewer paths than are added at a time, and more
-def test_cells_are_the_sums_of_lamps_and_of_the_nearest_bounces_of_each_kind(log2_paths):
+@pytest.mark.parametrize("paths", [8, 24, 128])  # fewer paths than are added at a time, and more
+def test_cells_are_the_sums_of_lamps_and_of_the_nearest_bounces_of_each_kind(paths):
     fine = ROOM.mobiles[1]._replace(mesh=sphere((0, 0, 0), 0.15, 3, 4))
-    gather, _, rows = of_paths(log2_paths, replace(ROOM, mobiles=(ROOM.mobiles[0], fine)))
+    gather, _, rows = of_paths(paths, replace(ROOM, mobiles=(ROOM.mobiles[0], fine)))
     light = gather.path_light
     cells = cells_of(light, rows)
     kinds = [light.kinds[light.near.of[a:b]] for a, b in zip(light.near.first[:-1], light.near.first[1:], strict=True)]
@@ -115,7 +116,7 @@ def test_cells_are_the_sums_of_lamps_and_of_the_nearest_bounces_of_each_kind(log
 
 def test_paths_add_up_to_the_irradiance_of_the_frame():
     """Lamps of a receiver, and bounces averaged over its neighbours: with those that hit other mobiles."""
-    gather, found, rows = of_paths(5)
+    gather, found, rows = of_paths(32)
     light = gather.path_light
     direct = np.zeros_like(found)
     for d in light.direct:
@@ -129,7 +130,7 @@ def test_paths_add_up_to_the_irradiance_of_the_frame():
 
 
 def test_threads_leave_the_bits_of_cells():
-    one, two = (of_paths(4, threads=n) for n in (1, 2))
+    one, two = (of_paths(16, threads=n) for n in (1, 2))
     assert np.array_equal(cells_of(one[0].path_light, one[2]), cells_of(two[0].path_light, two[2], 2))
 
 
@@ -138,7 +139,7 @@ def test_equal_radiance_from_everywhere_is_even_light():
     materials = Material("wall", (0, 0, 0), (1, 1, 1)), Material("satin", (0, 0, 0), gloss=Gloss(alpha=0.3))
     ball = Mobile("ball", sphere((0, 0, 0), 0.3, 2, 1))
     scene = Scene(box((-1, -1, -1), (1, 1, 1), 4, 0, inward=True), materials, (ball,), up=(0, 0, 1), name="furnace")
-    gather, found, rows = of_paths(8, scene, {"ball": Pose((0.1, 0.2, 0.0))}, E=0.0)
+    gather, found, rows = of_paths(256, scene, {"ball": Pose((0.1, 0.2, 0.0))}, E=0.0)
     np.testing.assert_allclose(found[rows], np.pi, rtol=0.1)
     cells, even = cells_of(gather.path_light, rows), even_light()
     np.testing.assert_allclose(cells[:, :, :3].sum(axis=1), 1, atol=1e-5)
@@ -158,7 +159,7 @@ def test_a_lamp_lights_the_cell_that_it_stands_in():
     ball = Mobile("ball", sphere((0, 0, 0), 0.3, 2, 1))
     scene = Scene(static, materials, (ball,), lights, up=(0, 0, 1), name="lamp")
     pose = Pose((0.1, -0.2, 0.1), axis_angle((0, 1, 1), 50.0))
-    gather, found, rows = of_paths(3, scene, {"ball": pose}, E=0.0)
+    gather, found, rows = of_paths(8, scene, {"ball": pose}, E=0.0)
     light, lit = gather.path_light, np.flatnonzero(found[rows].any(axis=1))
     assert 0.2 * len(rows) < len(lit) < len(rows)
     cells, to = cells_of(light, rows), (lamp - np.array(pose.position)) @ light.direct[0].rotation

@@ -41,7 +41,7 @@ def lit(rays, count: int, behind: float) -> np.ndarray:
 def found(lights, seed: int, behind: float, sets: int = 1) -> np.ndarray:
     """Return the light (3, 3) at the places by RAYS rays chosen among candidates."""
     rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) * RAYS)
-    some = candidates(seed, M, lights.area, sets)
+    some = candidates(seed, 1 << M, lights.area, sets)
     count = join_candidates(some, 1 << M, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays)
     return lit(rays, count, behind) / (1 << M)
 
@@ -76,7 +76,7 @@ def test_candidates_lie_in_strata_along_the_lamps():
     """Each stratum has its share of the probability, and points are those of the faces."""
     model = Model(scene(), 1)
     area = area_lights(model.surfaces)
-    some = candidates(5, M, area)
+    some = candidates(5, 1 << M, area)
     share = np.diff(area.cdf, prepend=0.0)
     first = np.searchsorted(area.cdf, np.arange(RAYS) / RAYS, side="right")
     faces = some.face.reshape(RAYS, CANDIDATES)
@@ -93,7 +93,7 @@ def test_sets_are_independent_and_receivers_take_them_by_chance():
     for sets in (1, 7):
         rows, rays = np.arange(places), room_for_shadows(places * RAYS)
         ends = starts(rows, rows, at, np.tile(NORMALS[0], (places, 1)))
-        some = candidates(3, M, area, sets)
+        some = candidates(3, 1 << M, area, sets)
         assert some.strata == RAYS and len(some.face) == sets * RAYS * CANDIDATES
         count = join_candidates(some, 1 << M, ends, area, 1e-6, rays)
         light[sets] = np.zeros((places, 3))
@@ -106,4 +106,4 @@ def test_sets_are_independent_and_receivers_take_them_by_chance():
 def test_without_area_lights_there_is_no_ray():
     model = Model(Scene(box((0, 0, 0), (1, 1, 1), 1, 0, inward=True), (grey(0.5),), (), up=(0, 0, 1)), 1)
     lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene), 1)
-    assert len(candidates(0, M, lights.area).pick) == 0 and not found(lights, 0, 2.0).any()
+    assert len(candidates(0, 1 << M, lights.area).pick) == 0 and not found(lights, 0, 2.0).any()

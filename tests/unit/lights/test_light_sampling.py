@@ -133,7 +133,7 @@ def test_light_equals_the_closed_form_for_any_choice_of_lamps():
     model = room(downward(0.35, 0.35, 0.5, 0.3, 1, 2), downward(0.0, 0.0, 0.99, 0.1, 2, 2))
     at = model.transforms(model.start_poses())
     gathers = [MobileGather(model, seed) for seed in range(8)]
-    found = np.mean([g.irradiance(at, np.zeros((model.first_probe, 3)), 10)[:, 0] for g in gathers], axis=0)
+    found = np.mean([g.irradiance(at, np.zeros((model.first_probe, 3)), 1024)[:, 0] for g in gathers], axis=0)
     positions, normals = gathers[0]._positions + CENTRE, gathers[0]._normals
     up = np.flatnonzero(normals[:, 2] > 0.5)
     close = np.array([[0.35, 0.35, 0.5], [0.35, 0.65, 0.5], [0.65, 0.65, 0.5], [0.65, 0.35, 0.5]])
@@ -149,7 +149,7 @@ def test_bounces_hit_a_lamp_of_one_face():
     corners = np.array([[0.35, 0.35, 0.43], [0.35, 0.65, 0.43], [0.65, 0.65, 0.43]])
     model = room(Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([1], np.int32)))
     at, gather = model.transforms(model.start_poses()), MobileGather(model, 0)
-    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 12)[:, 0]
+    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 4096)[:, 0]
     positions, normals = gather._positions + CENTRE, gather._normals
     up = np.flatnonzero(normals[:, 2] > 0.5)
     expected = np.array([lambert_polygon(1.0, corners, positions[k], normals[k]) for k in up])
@@ -169,10 +169,10 @@ def test_the_choice_stays_while_a_mobile_moves_a_little():
     there, beside_it, here = (
         model.transforms({"box": Pose(p)}) for p in ((0.2, 0.2, 0.2), (0.201, 0.2, 0.2), (0.7, 0.8, 0.5))
     )
-    gather.irradiance(here, dark, 3)
-    assert np.array_equal(gather.irradiance(there, dark, 3), MobileGather(model, 0).irradiance(there, dark, 3))
+    gather.irradiance(here, dark, 8)
+    assert np.array_equal(gather.irradiance(there, dark, 8), MobileGather(model, 0).irradiance(there, dark, 8))
     chosen = gather._aimed[1]
-    gather.irradiance(beside_it, dark, 3)
+    gather.irradiance(beside_it, dark, 8)
     assert gather._aimed[1] is chosen, "not chosen again"
 
 
@@ -181,10 +181,10 @@ def test_few_rays_find_more_of_the_light(monkeypatch):
     away = quad((0.5, 0.1, 0.9), (0.4, 0, 0), (0, 0.8, 0), (8, 8), 2)
     model = room(downward(0.1, 0.1, 0.95, 0.3, 1, 6), away)
     at, dark = model.transforms(model.start_poses()), np.zeros((model.first_probe, 3))
-    truth = MobileGather(model, 99).irradiance(at, dark, 12)
+    truth = MobileGather(model, 99).irradiance(at, dark, 4096)
 
     def off() -> float:
-        found = (MobileGather(model, seed).irradiance(at, dark, 3) for seed in range(8))
+        found = (MobileGather(model, seed).irradiance(at, dark, 8) for seed in range(8))
         return np.mean([np.abs(E - truth).mean() for E in found])
 
     better = off()
