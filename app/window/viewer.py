@@ -95,7 +95,7 @@ class Viewer:
         if self.frames == 0:
             self.painter.open()
         self.frames += 1
-        if not self._slept:  # times of frames in a row
+        if self.viewport.is_redrawn and not self._slept:  # frames that repeat a picture would hide slow ones
             self.frame_seconds.add(seconds)
         self._slept = False
         if self.params.app_shall_exit and not self._may_leave:  # the window's close button

@@ -60,6 +60,7 @@ class Viewport:
         self.covered: Box | None = None  # by a control, where the mouse is not for the picture
         self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
         self._drawn: tuple | None = None  # parameters of the last draw
+        self.is_redrawn = False  # this frame's picture is not that of the frame before
 
     def adopt(self, session: Session, keep_view: bool = False) -> None:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved.
@@ -332,7 +333,8 @@ class Viewport:
         scale, size = imgui.get_io().display_framebuffer_scale, self.view.size
         renderer.resize(round(size[0] * scale.x), round(size[1] * scale.y), samples)
         wanted = (renderer.size, samples, self._marked, self.picture)
-        if wanted != self._drawn:
+        self.is_redrawn = wanted != self._drawn
+        if self.is_redrawn:
             renderer.draw(self.look())
             self._drawn = wanted
         imgui.image(imgui.ImTextureRef(renderer.texture), size, (0, 1), (1, 0))

@@ -53,13 +53,18 @@ def test_frames_continue_while_the_scene_opens(play):
     assert errors(viewer) == []
 
 
-def test_a_wait_is_no_frame_time(play, monkeypatch):
+def test_frame_times_are_those_of_new_pictures_in_a_row(play, monkeypatch):
     added = []
 
     def script(hand, viewer):
         hand.wait_for_light()
+        hand.wait(lambda: not viewer.viewport.is_redrawn)
         monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
-        hand.ctx.yield_()
+        hand.ctx.yield_(3)
+        assert not added, "a picture shown again does not count"
+        draw = viewer.viewport.draw
+        monkeypatch.setattr(viewer.viewport, "draw", lambda *given: (viewer.viewport.redraw(), draw(*given)))
+        hand.ctx.yield_(3)
         in_a_row = len(added)
         viewer._slept = True
         hand.ctx.yield_()

@@ -50,7 +50,7 @@ def error_of(facts: Facts) -> float | None:
 
 
 def frame_rate(facts: Facts) -> str:
-    """Return the frames per second of the last drawn frames."""
+    """Return the frames per second of the last frames with a new picture."""
     if facts.frame_seconds <= 0:
         return ""
     rate = 1 / facts.frame_seconds
