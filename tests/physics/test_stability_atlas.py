@@ -61,7 +61,7 @@ FEWER = {
     photon_map.small_surfaces: 2,
     photon_map.thin_wall: 8,
     photon_map.corners: 8,
-    tangent_plane.walls_and_corners: 4,
+    tangent_plane.walls_and_corners: 2,
     tangent_plane.table_leg: 8,
     tangent_plane.curved_outside: 32,
     tangent_plane.larger_than_the_room: 16,
