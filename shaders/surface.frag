@@ -64,15 +64,17 @@ float beyond_surroundings(vec3 q) {
 
 // Where a ray from r, relative to the centre, leaves the surroundings: steps of double length, then regula falsi.
 vec3 leaving(vec3 r, vec3 d) {
-    float low = 0.0, high = reach / 64.0;
-    float inside = min(beyond_surroundings(r), -1e-4 * reach), outside = beyond_surroundings(r + high * d);
-    for (int k = 0; k < 7 && outside < 0.0; ++k) {
+    float low = 0.0, high = reach / 64.0, inside = beyond_surroundings(r), outside = beyond_surroundings(r + high * d);
+    bool hidden = inside > 1e-2 * reach;  // the ray starts behind what the centre sees
+    inside = min(inside, -1e-4 * reach);
+    for (int k = 0; k < 7 && (hidden || outside < 0.0); ++k) {
+        hidden = hidden && outside >= 0.0;
         low = high;
         inside = outside;
         high *= 2.0;
         outside = beyond_surroundings(r + high * d);
     }
-    if (outside < 0.0) return r + high * d;
+    if (hidden || outside < 0.0) return r + high * d;
     for (int k = 0; k < 4; ++k) {
         float middle = mix(low, high, clamp(inside / (inside - outside), 0.05, 0.95));
         float there = beyond_surroundings(r + middle * d);
@@ -169,9 +171,16 @@ vec3 reflected(vec3 flat_normal) {
         float wide = taps[j].z * sqrt(max(dot(to_eye, h), 0.1));
         if (planar) {
             vec3 through = d - 2.0 * dot(d, flat_normal) * flat_normal;
-            vec4 at = view_projection * vec4(point + beyond * through, 1.0);
+            vec4 along = view_projection * vec4(through, 0.0), from = view_projection * vec4(point, 1.0);
+            float far = beyond;
+            for (int k = 0; k < 2; ++k) {
+                vec4 at = from + far * along;
+                float depth = textureLod(plane_image, 0.5 * at.xy / at.w + 0.5, 0.0).a * reach;
+                far = abs(along.w) > 0.1 ? clamp((depth - from.w) / along.w, 0.25 * far, 4.0 * far) : far;
+            }
+            vec4 at = from + far * along;
             float pixel = 2.0 / (picture.y * length(vec3(view_projection[0][1], view_projection[1][1], view_projection[2][1])));
-            float lod = log2(max(beyond * wide / ((distance_to_eye + beyond) * pixel), 1.0));
+            float lod = log2(max(far * wide / ((distance_to_eye + far) * pixel), 1.0));
             sum += textureLod(plane_image, 0.5 * at.xy / at.w + 0.5, lod).rgb;
         } else {
             float lod = log2(max(wide * float(textureSize(surroundings, 0).x) / 1.57, 1.0));

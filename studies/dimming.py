@@ -50,14 +50,14 @@ def picture_of(solver: Solver) -> Callable[[], None]:
     """Return a function that uploads the light of a frame as the window does."""
     import moderngl
 
-    from app.draw.draw_mesh import dimmed, draw_meshes
+    from app.draw.draw_mesh import dimmed, meshes_of
     from app.draw.renderer import Renderer
     from app.draw.vertex_colours import weights
     from app.rest.scheduler import RestWork
     from app.session.snapshot import snapshot_of
     from app.window.view_content import Side, paint
 
-    meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
+    meshes = meshes_of(solver.model)
     ctx = moderngl.create_standalone_context(require=330, backend="egl")  # type: ignore[arg-type]
     renderer, work = Renderer(ctx, 1), RestWork(solver, time.perf_counter)
     renderer.set_scene(meshes)

@@ -39,7 +39,7 @@ def main() -> None:
             surfaces, _ = flatten(scene)
             sharp._sharp_lobe.cache_clear()
             start = time.process_time()
-            parts = sum(map(len, sharp.reflectors(surfaces)))
+            parts = len(sharp.sharp_faces(surfaces)[0])
             seconds = time.process_time() - start
             total, area, kinds = np.zeros(5), 0.0, 0
             for values, weights, of in found:

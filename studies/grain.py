@@ -18,11 +18,17 @@ from app.draw.shot import Shot
 from app.draw.tonemap import to_display
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
-from gi_core.gloss.sharp import BY_CELLS, ways
+from gi_core.gloss.reflectors import BY_CELLS, ways
 from studies.brdf_spheres import spheres
 
 MANY = 1024, 512  # rays of the truth, from lobes and to lamps
-WAYS = {"both": (reflected.RAYS, reflected.LAMP_RAYS), "lobes alone": (reflected.RAYS, 0), "lobes x 5": (160, 0)}
+# Rays of a lobe and to lamps at most, and the noise of 255 above which pixels have more than one of each; 0: all have.
+WAYS = {
+    "as needed": (reflected.RAYS, reflected.LAMP_RAYS, reflected.NOISE),
+    "all": (reflected.RAYS, reflected.LAMP_RAYS, 0.0),
+    "lobes alone": (reflected.RAYS, 0, 0.0),
+    "one": (1, 1, 0.0),
+}
 
 
 def main() -> None:
@@ -55,13 +61,13 @@ def _sharp_material(shot: Shot) -> np.ndarray:
     strips = visible.strips(model.accelerator, at, world, camera, (width, height))
     face = np.concatenate([s.face for s in strips]).reshape(height, width, -1)
     worn = np.concatenate([m.face_material for m in (scene.static, *(m.mesh for m in scene.mobiles))])
-    seen = np.where((face < 0) | (ways(shot.solver.surfaces)[1][face] == BY_CELLS), -1, worn[face])
+    seen = np.where((face < 0) | (ways(shot.solver.model).way[face] == BY_CELLS), -1, worn[face])
     return np.where((seen == seen[..., :1]).all(axis=2), seen[..., 0], -1)
 
 
-def _picture(shot: Shot, rays: int, lamp_rays: int) -> tuple[np.ndarray, float]:
+def _picture(shot: Shot, rays: int, lamp_rays: int, noise: float = 0.0) -> tuple[np.ndarray, float]:
     """Return the radiance (h, w, 3) [W/m2/sr] of a picture, and the time [s] of its rays."""
-    reflected.RAYS, reflected.LAMP_RAYS = rays, lamp_rays
+    reflected.RAYS, reflected.LAMP_RAYS, reflected.NOISE = rays, lamp_rays, noise
     start = time.perf_counter()
     return layers(shot).colour, time.perf_counter() - start
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.draw.draw_mesh import draw_meshes
+from app.draw.draw_mesh import meshes_of
 from app.draw.vertex_colours import gloss_colours
 from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver
@@ -121,7 +121,7 @@ class Truth:
 
     def __init__(self, solver: Solver, python: str, folder: Path) -> None:
         s, rng, receivers = solver.surfaces, np.random.default_rng(3), solver.receivers
-        meshes = draw_meshes(s, None, solver.model.object_receivers.normals)
+        meshes = meshes_of(solver.model)
         worn = solver.scene.static.face_material
         p = receivers.positions
         apart = np.minimum(p - LOW, HIGH - p)

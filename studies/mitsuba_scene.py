@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from app.draw.camera import from_camera
-from app.draw.draw_mesh import draw_meshes
+from app.draw.draw_mesh import meshes_of
 from app.draw.png import write_png
 from app.draw.shot import Shot
 from app.draw.vertex_colours import gloss_colours
@@ -143,7 +143,7 @@ class Truth:
         behind_lamp = (p[:, 1] > HIGH[1] - EDGE) & (np.abs(p[:, [0, 2]]) < np.array((0.6, 0.4)) + EDGE).all(axis=1)
         self.rows = rng.choice(walls[(at_planes == 1) & ~behind_lamp], POINTS, replace=False)
         at, normals = receivers.positions[self.rows], receivers.normals[self.rows]
-        self.mesh = draw_meshes(solver.surfaces, None, solver.model.object_receivers.normals)[0]
+        self.mesh = meshes_of(solver.model)[0]
         floor = np.flatnonzero(worn == names.index("floor"))
         self.vertices = rng.choice(np.unique(self.mesh.triangles[floor]), FLOOR_POINTS, replace=False)
         lobe = s.lobe[floor[0]]

@@ -26,7 +26,7 @@ from gi_core.gloss.hemisphere import CELLS, disc_of
 from gi_core.gloss.light import FIELDS
 from gi_core.gloss.radiance import GRAZING, Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RECEIVER_BIT
-from gi_core.gloss.sharp import BY_CELLS, ways
+from gi_core.gloss.reflectors import BY_CELLS, ways
 from gi_core.gloss.source import LIST, OPENED
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
@@ -66,7 +66,7 @@ def depths(scene: str, photons: int, out: Path) -> None:
     light, s = solver.frame.gloss, solver.surfaces
     given, receivers = light.directions(), solver.model.object_receivers
     first = np.full(len(receivers.areas), -1)
-    of_vertices = np.flatnonzero(ways(s)[1] == BY_CELLS)
+    of_vertices = np.flatnonzero(ways(solver.model).way == BY_CELLS)
     glossy = of_vertices[~np.isnan(s.lobe[of_vertices, 4])]
     first[s.corner_front[glossy].reshape(-1)] = np.repeat(glossy, 3)
     which = np.flatnonzero(first[light.rows] >= 0)

@@ -16,7 +16,7 @@ from app.draw.renderer import Renderer
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
 from app.settings import Settings, make_solver, open_scene
-from gi_core.gloss.sharp import BY_CELLS, ways
+from gi_core.gloss.reflectors import BY_CELLS, ways
 from tests.support.gl_drawing import look_of, upload
 from tests.support.viewer_support import standalone_context
 
@@ -38,7 +38,7 @@ def main() -> None:
     face = _faces(shot)
     scene = solver.scene
     worn = np.concatenate([m.face_material for m in (scene.static, *(m.mesh for m in scene.mobiles))])
-    noise, way = ways(solver.surfaces)
+    noise, way, _ = ways(solver.model)
     for k, m in enumerate(scene.materials):
         for kind in np.unique(way[(worn == k) & ~np.isnan(noise)]):
             seen = (face >= 0) & (worn[face] == k) & (way[face] == kind)

@@ -14,7 +14,8 @@ from app.draw.quads import NO_QUADS, Quads, quads_of
 from gi_core.base.grouping import group_of
 from gi_core.bsdf.table import Tables
 from gi_core.geometry.surfaces import Surfaces, glossy_receivers
-from gi_core.gloss.sharp import Reflector, reflectors
+from gi_core.gloss.reflectors import Reflector, reflectors
+from gi_core.model import Model
 from gi_core.scene.types import Paint, Texture
 
 
@@ -49,33 +50,31 @@ class DrawMesh(NamedTuple):
         return slice(None) if self.glowing is None else self.glowing
 
 
-def draw_meshes(
-    surfaces: Surfaces, lamp: np.ndarray | None = None, normals: np.ndarray | None = None
-) -> tuple[DrawMesh, ...]:
-    """Return one DrawMesh per object: the static part, then the mobiles in order.
+def draw_meshes(surfaces: Surfaces, lamp: np.ndarray | None = None) -> tuple[DrawMesh, ...]:
+    """Return one DrawMesh per object: the static part, then the mobiles in order; pictures of them have no gloss.
 
-    lamp (F,): of emissive faces; normals (R, 3): of receivers, in object space; None: pictures have no gloss.
+    lamp (F,): of emissive faces.
     """
     lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
-    meshes = _with_gloss_and_reflectors(surfaces, lamp, normals)
-    return tuple(mesh._replace(quads=_quads(mesh)) for mesh in meshes)
+    meshes = (_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
+    return tuple(_with_quads(mesh._replace(lobe=None, tangent=None, tables=None)) for mesh in meshes)
 
 
-def _quads(mesh: DrawMesh) -> Quads:
-    """Return the quads of a mesh; sharp reflections keep their faces."""
+def meshes_of(model: Model) -> tuple[DrawMesh, ...]:
+    """Return the draw meshes of a model, with its gloss."""
+    s = model.surfaces
+    if np.isnan(s.lobe).all():
+        return draw_meshes(s, model.lamp_of_face)
+    glossy, normals = glossy_receivers(s), model.object_receivers.normals
+    meshes = (_with_gloss(_draw_mesh(s, model.lamp_of_face, o), glossy, normals) for o in range(s.objects))
+    with_reflectors = (_with_reflectors(mesh, some) for mesh, some in zip(meshes, reflectors(model), strict=True))
+    return tuple(_with_quads(mesh) for mesh in with_reflectors)
+
+
+def _with_quads(mesh: DrawMesh) -> DrawMesh:
+    """Return the mesh with its quads; sharp reflections keep their faces."""
     usable = None if mesh.reflector is None else mesh.reflector < 0
-    return quads_of(mesh.positions, mesh.triangles, mesh.uv, usable)
-
-
-def _with_gloss_and_reflectors(
-    surfaces: Surfaces, lamp: np.ndarray, normals: np.ndarray | None
-) -> tuple[DrawMesh, ...]:
-    meshes = tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
-    if normals is None or np.isnan(surfaces.lobe).all():
-        return tuple(mesh._replace(lobe=None, tangent=None, tables=None) for mesh in meshes)
-    glossy = glossy_receivers(surfaces)
-    meshes = tuple(_with_gloss(mesh, glossy, normals) for mesh in meshes)
-    return tuple(_with_reflectors(mesh, some) for mesh, some in zip(meshes, reflectors(surfaces), strict=True))
+    return mesh._replace(quads=quads_of(mesh.positions, mesh.triangles, mesh.uv, usable))
 
 
 def _with_reflectors(mesh: DrawMesh, some: tuple[Reflector, ...]) -> DrawMesh:

@@ -1,7 +1,8 @@
 """Reflections for sharp gloss: the scene reflected in planes, and probes of the surroundings as cube maps.
 
 Images hold linear radiance times exposure, and the distance along the view axis in units of the scene size. A plane
-follows the camera in every frame. A probe depends on light and poses alone: it is drawn again where these change.
+follows the camera in every frame. A probe depends on light and poses alone: it is drawn again where these change and a
+picture shows it.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ import numpy as np
 
 from app.draw.tonemap import srgb_decode
 from app.draw.unlit import BACKGROUND
-from gi_core.gloss.sharp import PLANAR, PROBE, TAPS, Reflector
+from gi_core.gloss.reflectors import INSIDE, PLANAR, PROBE, Reflector
+from gi_core.gloss.sharp import TAPS
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
+    from app.draw.gl_coverage import Shares
 
 PLANE_UNIT, PROBE_UNIT = 2, 3  # texture units
 SIDE = 256  # texels along a face of a probe
 BIAS = 1e-4  # of the scene size: the reflected scene begins so far in front of its plane
-INSIDE = 0.6  # of the box of a probe's faces: what is nearer to its centre is left out. A ball hides no more than 0.58
+PLANES, PLANES_IN_PROBES = 4, 2  # drawn per picture and per face of a probe, those that cover most; the rest: probes
+LEAST_SHARE, LEAST_SHARE_IN_PROBES = 0.002, 0.05  # of the view that a drawn plane covers
 NEAR, FAR = 1e-3, 4.0  # of the scene size: clip planes of probes, and the distance of the background
 SEAMLESS = 0x884F  # GL_TEXTURE_CUBE_MAP_SEAMLESS
 
@@ -37,26 +41,24 @@ class View(NamedTuple):
     view_projection: np.ndarray  # (4, 4) float64 world to clip
     eye: np.ndarray  # (3,) float64 [m]
     front_face: str
-    mirrors: tuple[str, ...]  # ways of sharp gloss that are shown in it
+    mirrors: tuple[str, ...]  # ways of sharp gloss that it may show
     gloss: float  # 0: seen from this eye; 1: in a plane, tables as diffuse surfaces; 2: in a probe, all gloss so
     size: tuple[int, int]  # pixels of the image
     skipped: int = -1  # number of the probe whose own faces are left out, -1: none
     compressed: bool = False  # the image holds c / (1 + max c): edges of lamps are then as smooth as in the picture
 
 
-class Placed(NamedTuple):
-    """A reflector of an object."""
+Reflected = dict[int, tuple[View, tuple[int, int, int, int]]]  # by plane: the view in it, and its pixel rectangle
+
+
+class PlaneFaces(NamedTuple):
+    """All faces of a plane."""
 
     object: int
-    reflector: Reflector
-    corners: np.ndarray  # (n, 3) float64 of its faces, object space
+    equation: np.ndarray  # (4,) float64 in the object's space
+    corners: np.ndarray  # (n, 3) float64 there
     one_sided: bool
-
-    def shows_probe(self, number: int) -> bool:
-        return self.reflector.way != PLANAR and self.reflector.number == number
-
-    def shows_plane(self, number: int) -> bool:
-        return self.reflector.way == PLANAR and self.reflector.number == number
+    blurs: bool  # whether a lobe needs smaller copies of its image
 
 
 class GLMirrors:
@@ -64,129 +66,156 @@ class GLMirrors:
 
     def __init__(self, ctx: moderngl.Context, meshes: Sequence[DrawMesh]) -> None:
         self._ctx = ctx
-        self._placed = [_placed(o, mesh, r) for o, mesh in enumerate(meshes) for r in mesh.reflectors]
+        self._of = {(o, k): r for o, mesh in enumerate(meshes) for k, r in enumerate(mesh.reflectors)}
         boxes = [mesh.positions for mesh in meshes if len(mesh.positions)]
         self.size = max((float(np.ptp(p, axis=0).max()) for p in boxes), default=1.0)
+        numbers = sorted({r.plane.number for r in self._of.values() if r.plane is not None})
+        self._faces = {number: self._faces_of(number, meshes) for number in numbers}
+        self._probes = {r.probe.number: (o, r.probe) for (o, _), r in self._of.items()}
         self._planes: dict[int, _Image] = {}  # of the picture
         self._planes_in_probes: dict[int, _Image] = {}
         self._images = self._planes  # those that are read now
         self._cubes: dict[int, moderngl.TextureCube] = {}
         self._face: _Image | None = None
         self._seen: set[int] = set()  # planes that have an image for this view
-        self._key: tuple | None = None  # of the light and the poses in the probes
+        self._keys: dict[int, tuple] = {}  # of the light and the poses in each probe
 
     def __bool__(self) -> bool:
-        return bool(self._placed)
+        return bool(self._of)
+
+    def _faces_of(self, number: int, meshes: Sequence[DrawMesh]) -> PlaneFaces:
+        some = [(o, r) for (o, _), r in self._of.items() if r.plane is not None and r.plane.number == number]
+        o, first = some[0]
+        assert first.plane is not None
+        rows = np.unique(meshes[o].triangles[np.concatenate([r.faces for _, r in some])])
+        corners, is_one_sided = meshes[o].positions[rows].astype(np.float64), bool((meshes[o].back[rows] < 0).all())
+        return PlaneFaces(o, first.plane.equation, corners, is_one_sided, _blurs(r for _, r in some))
 
     def forget(self) -> None:
-        """Forget the probes: the light has changed, so the next picture draws them again."""
-        self._key = None
+        """Forget the probes: the light has changed, so the next picture draws those that it shows again."""
+        self._keys.clear()
 
     def draw(
         self,
         draw: Callable[[View], None],
-        view_projection: np.ndarray,
-        eye: np.ndarray,
+        shares: Callable[[View], Shares],
+        picture: View,
         models: Sequence[np.ndarray],
-        size: tuple[int, int],
         samples: int,
         key: tuple,
     ) -> None:
-        """Draw all reflections that the picture may show.
+        """Draw all reflections that a picture shows.
 
-        draw(view) draws the scene into the bound framebuffer; models (4, 4) per object; key: of everything besides
-        light and poses that the images depend on.
+        draw(view) draws the scene into the bound framebuffer; shares(view): of its reflectors; models (4, 4) per
+        object; key: of everything besides light and poses that the images depend on.
         """
-        self._draw_probes(draw, models, (*key, *(m.tobytes() for m in models)))
+        shown = shares(picture)
+        planes = self._through(self._chosen(shown, PLANES, LEAST_SHARE), picture, models, 1.0, (PROBE,))
+        needed = {r.probe.number for r in map(self._of.__getitem__, shown) if not _is_by(r, planes)}
+        for view, _ in planes.values():
+            needed |= {self._of[which].probe.number for which in shares(view)}
+        poses = *key, *(m.tobytes() for m in models)
+        for number in sorted(needed):
+            if self._keys.get(number) != poses:
+                self._keys[number] = poses
+                self._draw_probe(number, draw, shares, models)
         self._images = self._planes
-        self._draw_planes(draw, View(view_projection, eye, "cw", (PROBE,), 1.0, size), models, size, samples)
+        self._draw_planes(planes, draw, samples)
 
-    def _draw_probes(self, draw: Callable[[View], None], models: Sequence[np.ndarray], key: tuple) -> None:
-        probes = {p.reflector.number: p for p in self._placed if p.reflector.way != PLANAR}
-        if not probes or key == self._key:
-            return
-        self._key = key
+    def _chosen(self, shares: Shares, count: int, least: float) -> list[int]:
+        """Return the numbers of the planes that cover most of a view, at most `count`, each at least a share."""
+        of: dict[int, float] = {}
+        for which, share in shares.items():
+            plane = self._of[which].plane
+            if plane is not None:
+                of[plane.number] = of.get(plane.number, 0.0) + share
+        return sorted((n for n in of if of[n] >= least), key=lambda n: -of[n])[:count]
+
+    def _through(self, numbers, view: View, models, gloss: float, mirrors: tuple[str, ...]) -> Reflected:
+        """Return the views that planes reflect, and the pixels that they fill."""
+        out = {}
+        for number in numbers:
+            faces = self._faces[number]
+            model = models[faces.object]
+            normal = model[:3, :3] @ faces.equation[:3]
+            offset = faces.equation[3] + normal @ model[:3, 3]
+            height = float(normal @ view.eye - offset)
+            area = _rectangle(faces.corners @ model[:3, :3].T + model[:3, 3], view.view_projection, view.size)
+            if area is None or abs(height) < BIAS * self.size or (faces.one_sided and height < 0):
+                continue
+            mirror = np.eye(4)
+            mirror[:3, :3] -= 2 * np.outer(normal, normal)
+            mirror[:3, 3] = 2 * offset * normal
+            clip = np.append(normal, -offset) * np.sign(height)
+            clip[3] -= BIAS * self.size
+            through = _clipped(view.view_projection @ mirror, clip)
+            eye = view.eye - 2 * height * normal
+            out[number] = View(through, eye, "cw", mirrors, gloss, view.size, -1, not faces.blurs), area
+        return out
+
+    def _draw_planes(self, planes: Reflected, draw: Callable[[View], None], samples: int) -> None:
+        self._seen = set()
+        for number, (view, area) in planes.items():
+            image = self._images.get(number)
+            if image is None or (image.size, image.samples) != (view.size, samples):
+                if image is not None:
+                    image.release()
+                image = self._images[number] = _Image(self._ctx, view.size, samples)
+            image.begin(area)
+            draw(view)
+            image.finish(self._faces[number].blurs)
+        self._seen = set(planes)
+
+    def _draw_probe(self, number: int, draw: Callable[[View], None], shares, models: Sequence[np.ndarray]) -> None:
+        o, probe = self._probes[number]
         if self._face is None:
             self._face = _Image(self._ctx, (SIDE, SIDE), 1)
+        turn = models[o][:3, :3]
+        centre, half = turn @ probe.centre + models[o][:3, 3], np.abs(turn) @ probe.half
+        if number not in self._cubes:
+            self._cubes[number] = self._ctx.texture_cube((SIDE, SIDE), 4, dtype="f2")
+        cube, blurs = self._cubes[number], _blurs(r for r in self._of.values() if r.probe.number == number)
+        cube.filter = _filter(blurs)
+        self._images = self._planes_in_probes
         room = self._ctx.buffer(reserve=8 * SIDE * SIDE)
-        for number, p in probes.items():
-            turn = models[p.object][:3, :3]
-            centre, half = turn @ p.reflector.centre + models[p.object][:3, 3], np.diag(_half_box(p.reflector, turn))
-            if number not in self._cubes:
-                self._cubes[number] = self._ctx.texture_cube((SIDE, SIDE), 4, dtype="f2")
-            cube, blurs = self._cubes[number], _blurs(q.reflector for q in self._placed if q.shows_probe(number))
-            cube.filter = _filter(blurs)
-            for face, (forward, up) in enumerate(FACES):
-                near = INSIDE * float(np.abs(np.array(forward) @ half).max())
-                view = _quarter_view(centre, forward, up, max(near, NEAR * self.size), 2 * FAR * self.size)
-                self._images = self._planes_in_probes
-                self._draw_planes(draw, View(view, centre, "cw", (), 2.0, (SIDE, SIDE)), models, (SIDE, SIDE), 1)
-                self._face.begin()
-                draw(View(view, centre, "ccw", (PLANAR,), 2.0, (SIDE, SIDE), number))
-                self._face.texture.read_into(room)
-                cube.write(face, room)
-            if blurs:
-                cube.build_mipmaps()  # half of the time of a software renderer
+        for face, (forward, up) in enumerate(FACES):
+            near = max(INSIDE * float(np.abs(np.array(forward) @ half).max()), NEAR * self.size)
+            through = _quarter_view(centre, forward, up, near, 2 * FAR * self.size)
+            view = View(through, centre, "ccw", (PLANAR,), 2.0, (SIDE, SIDE), number)
+            chosen = self._chosen(shares(view), PLANES_IN_PROBES, LEAST_SHARE_IN_PROBES)
+            self._draw_planes(self._through(chosen, view, models, 2.0, ()), draw, 1)
+            self._face.begin()
+            draw(view)
+            self._face.texture.read_into(room)
+            cube.write(face, room)
+        if blurs:
+            cube.build_mipmaps()  # half of the time of a software renderer
         room.release()
 
-    def _draw_planes(self, draw, behind: View, models: Sequence[np.ndarray], size: tuple[int, int], samples: int):
-        """Draw the images of all planes that a view shows; behind: how it shows what lies behind a plane."""
-        self._seen = set()
-        for p in self._placed:
-            if p.reflector.way == PLANAR and p.reflector.number not in self._seen:
-                self._draw_plane(p, draw, behind, models[p.object], size, samples)
-
-    def _draw_plane(self, p: Placed, draw, behind: View, model: np.ndarray, size: tuple[int, int], samples: int):
-        normal, eye = model[:3, :3] @ p.reflector.plane[:3], behind.eye
-        offset = p.reflector.plane[3] + normal @ model[:3, 3]
-        height = float(normal @ eye - offset)
-        corners = p.corners @ model[:3, :3].T + model[:3, 3]
-        area = _rectangle(corners, behind.view_projection, size)
-        if area is None or abs(height) < BIAS * self.size or (p.one_sided and height < 0):
-            return
-        number = p.reflector.number
-        self._seen.add(number)
-        image = self._images.get(number)
-        if image is None or (image.size, image.samples) != (size, samples):
-            if image is not None:
-                image.release()
-            image = self._images[number] = _Image(self._ctx, size, samples)
-        mirror = np.eye(4)
-        mirror[:3, :3] -= 2 * np.outer(normal, normal)
-        mirror[:3, 3] = 2 * offset * normal
-        clip = np.append(normal, -offset) * np.sign(height)
-        clip[3] -= BIAS * self.size
-        image.begin(area)
-        blurs = _blurs(q.reflector for q in self._placed if q.shows_plane(number))
-        through = _clipped(behind.view_projection @ mirror, clip)
-        draw(behind._replace(view_projection=through, eye=eye - 2 * height * normal, compressed=not blurs))
-        image.finish(blurs)
-
-    def shows(self, reflector: Reflector) -> bool:
-        """Return whether there is an image for a reflector."""
-        if reflector.way == PLANAR:
-            return reflector.number in self._seen
-        return reflector.number in self._cubes
+    def way(self, reflector: Reflector, mirrors: tuple[str, ...]) -> str | None:
+        """Return the way in which a view with some `mirrors` shows a reflector; None: there is no image of it."""
+        if PLANAR in mirrors and reflector.plane is not None and reflector.plane.number in self._seen:
+            return PLANAR
+        return PROBE if PROBE in mirrors and reflector.probe.number in self._cubes else None
 
     def set_up(self, program) -> None:
         """Set the uniforms of a program that all reflectors share."""
         program["plane_image"], program["surroundings"] = PLANE_UNIT, PROBE_UNIT
 
-    def use(self, program, reflector: Reflector, model: np.ndarray) -> None:
+    def use(self, program, reflector: Reflector, model: np.ndarray, way: str) -> None:
         """Bind the image of a reflector and set the program's uniforms for it."""
-        planar, lobe = reflector.way == PLANAR, reflector.lobe
-        if planar:
-            image = self._images[reflector.number]
+        lobe, plane, probe = reflector.lobe, reflector.plane, reflector.probe
+        if way == PLANAR:
+            assert plane is not None
+            image = self._images[plane.number]
             image.texture.use(PLANE_UNIT)
             program["picture"] = tuple(map(float, image.size))
         else:
-            self._cubes[reflector.number].use(PROBE_UNIT)
+            self._cubes[probe.number].use(PROBE_UNIT)
             self._ctx.enable_direct(SEAMLESS)
-        program["planar"] = planar
-        program["compressed"] = planar and not _blurs(
-            q.reflector for q in self._placed if q.shows_plane(reflector.number)
-        )
-        program["centre"] = tuple(model[:3, :3] @ reflector.centre + model[:3, 3])
+        program["planar"] = way == PLANAR
+        program["compressed"] = way == PLANAR and not self._faces[plane.number].blurs
+        program["centre"] = tuple(model[:3, :3] @ probe.centre + model[:3, 3])
         taps = np.zeros((TAPS, 3), np.float32)
         taps[: len(lobe.taps)] = lobe.taps
         program["taps"].write(taps.tobytes())
@@ -200,7 +229,8 @@ class GLMirrors:
             image.release()
         for cube in self._cubes.values():
             cube.release()
-        self._planes, self._planes_in_probes, self._cubes, self._face, self._key = {}, {}, {}, None, None
+        self._planes, self._planes_in_probes, self._cubes, self._face = {}, {}, {}, None
+        self._keys, self._seen = {}, set()
 
 
 class _Image:
@@ -252,9 +282,8 @@ def _filter(blurred: bool) -> tuple[int, int]:
     return (moderngl.LINEAR_MIPMAP_LINEAR if blurred else moderngl.LINEAR), moderngl.LINEAR
 
 
-def _placed(o: int, mesh: DrawMesh, r: Reflector) -> Placed:
-    rows = mesh.triangles[r.faces].reshape(-1)
-    return Placed(o, r, mesh.positions[np.unique(rows)].astype(np.float64), bool((mesh.back[rows] < 0).all()))
+def _is_by(r: Reflector, planes: Reflected) -> bool:
+    return r.plane is not None and r.plane.number in planes
 
 
 def _rectangle(corners: np.ndarray, to_clip: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
@@ -290,11 +319,6 @@ def _eye_of(to_clip: np.ndarray) -> np.ndarray:
     """Return the point (4,) in which all rays of a perspective view meet: x, y and w are 0 there."""
     point = np.linalg.solve(to_clip[[0, 1, 3], :3], -to_clip[[0, 1, 3], 3])
     return np.append(point, 1.0)
-
-
-def _half_box(reflector: Reflector, turn: np.ndarray) -> np.ndarray:
-    """Return half of the sides (3,) of the box around the turned box of a reflector."""
-    return np.abs(turn) @ (reflector.box[1] - reflector.box[0]) / 2
 
 
 def _quarter_view(centre: np.ndarray, forward, up, near: float, far: float) -> np.ndarray:

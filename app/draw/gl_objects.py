@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
     from app.draw.gl_textures import GLTextures
     from gi_core.gloss.radiance import Directions
-    from gi_core.gloss.sharp import Reflector
+    from gi_core.gloss.reflectors import Reflector
     from gi_core.scene.types import Texture
 
 
@@ -265,14 +265,25 @@ class DrawnObject:
             self._part(vertices, call.first, call.indices, cull and call.one_sided)
 
     @property
-    def has_reflectors(self) -> bool:
-        return bool(self._mesh.reflectors)
+    def reflectors(self) -> tuple[Reflector, ...]:
+        return self._mesh.reflectors
 
-    def mark(self, cull: bool = False) -> None:
-        """Draw all triangles with the program of the mask."""
+    def mark(self, cull: bool = False, omitted: Callable[[Reflector], bool] = lambda reflector: False) -> None:
+        """Draw all triangles with the program of the mask, but those of omitted reflectors."""
+        if any(map(omitted, self.reflectors)):
+            for call in self._calls:
+                if call.reflector < 0 or not omitted(self.reflectors[call.reflector]):
+                    self._part(self._marked, call.first, call.indices, cull and call.one_sided)
+            return
         split = self._one_sided_indices if cull else 0
         self._part(self._marked, 0, split, True)
         self._part(self._marked, split, self.indices - split, False)
+
+    def mark_reflector(self, k: int, cull: bool) -> None:
+        """Draw the triangles of one reflector as mark(), with the same depths."""
+        for call in self._calls:
+            if call.reflector == k:
+                self._part(self._marked, call.first, call.indices, cull and call.one_sided)
 
     def mark_faces(self, faces: np.ndarray, cull: bool) -> None:
         """Draw some faces (k,) as mark(), with the same depths."""

@@ -44,7 +44,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
         seen = strip.seen(hit)
         light, facing = raycast.seen_radiance(world, *radiance, *seen, steps, strip.eye)
         if above is not None:
-            light = light + raycast.gloss_seen(world, *radiance, strip, hit, above, sharp)
+            light = light + raycast.gloss_seen(world, *radiance, strip, hit, above, sharp, light)
         E = math.pi * raycast.seen_radiance(world, *white, *seen, None, strip.eye)[0]
         rho = raycast.seen_radiance(dark, *bare, *seen, steps, strip.eye)[0]
         lit = (facing | ~world.one_sided[seen[0]])[:, None]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 GRID_ROWS = 16  # of rays that measure visible light, times the samples of a pixel
 
 
-Sharp = Callable[[PictureScene, np.ndarray, np.ndarray, Strip, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Sharp = Callable[[PictureScene, np.ndarray, np.ndarray, Strip, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def picture(
@@ -179,7 +179,7 @@ def _shade(
         return out
     radiance, facing = seen_radiance(world, front, back, *strip.seen(hit), steps, strip.eye)
     if above is not None:
-        radiance += gloss_seen(world, front, back, strip, hit, above, sharp)
+        radiance += gloss_seen(world, front, back, strip, hit, above, sharp, radiance)
     if scale is None:
         out[hit] = to_display(radiance, exposure, tone_map, gains)
     else:
@@ -190,11 +190,14 @@ def _shade(
     return out
 
 
-def gloss_seen(world: PictureScene, front, back, strip: Strip, hit: np.ndarray, above, sharp: Sharp | None):
-    """Return the radiance (n, 3) of gloss at hits (n,) of a strip, of light at vertices or reflected."""
+def gloss_seen(world: PictureScene, front, back, strip: Strip, hit: np.ndarray, above, sharp: Sharp | None, under):
+    """Return the radiance (n, 3) of gloss at hits (n,) of a strip, of light at vertices or reflected.
+
+    under (n, 3): radiance of the hits without it.
+    """
     radiance = seen_radiance(world, above[0], above[1], *strip.seen(hit), None, strip.eye)[0]
     if sharp is not None:
-        rows, reflected = sharp(world, front, back, strip, hit)
+        rows, reflected = sharp(world, front, back, strip, hit, under)
         radiance[rows] = reflected
     return radiance
 

@@ -16,16 +16,19 @@ from app.draw.raycast import above_textures, seen_radiance
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import Tables, join
+from gi_core.geometry.error import luminance
 from gi_core.gloss.highlights import OFFSET, arriving, highlights, without_surface
 from gi_core.gloss.lamp_rays import lamp_rays, share_of_lamps
 from gi_core.gloss.lobe_rays import draw_lobe
-from gi_core.gloss.sharp import PLANAR, Reflector
+from gi_core.gloss.reflectors import Reflector
 from gi_core.lights.light_sampling import Lights
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 BOUNCES = 3  # between sharp surfaces; the last one shows cells
-RAYS = 32  # per ray of the picture, at its first rough lobe; further lobes and mirrors have one
+RAYS = 32  # per ray of the picture at most, at its first rough lobe; further lobes and mirrors have one
 LAMP_RAYS = 16  # as many to lamps there; further rough lobes have one
+NOISE = 0.5  # of a pixel, of 255: more rays than one are for pixels that would have more
+MOST_RAYS = 1 << 23  # that rough lobes of a picture have beyond the first, a share for each strip
 # Of the R2 sequence, and the golden ratio (Roberts 2018): two numbers choose a direction, the third a part of the lobe.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532, 0.6180339887498949])
 
@@ -51,11 +54,12 @@ class Hits(NamedTuple):
     key: np.ndarray  # (n,) int64, number of the path: row, column and sample, then the ray of the rough lobe
     bounce: int  # reflections before
     spread: bool  # a rough lobe among them, whose rays are many
+    rays: int  # of the first rough lobe
 
     def at(self, rows: np.ndarray) -> Hits:
         """Return some of the hits."""
         face, u, v, direction, eye, key = (a[rows] for a in self[:6])
-        return Hits(face, u, v, direction, eye, key, self.bounce, self.spread)
+        return Hits(face, u, v, direction, eye, key, self.bounce, self.spread, self.rays)
 
 
 class Views(NamedTuple):
@@ -97,17 +101,23 @@ class Mirrors:
         cull: bool,
         background: np.ndarray,
         lights: Lights,
+        exposure: float,
+        height: int,
     ) -> None:
         """gloss(eye) as Shot.gloss(); weights as for raycast.picture(); eye (3,); pixel: tangent of a pixel's angle,
-        None without textures; background (3,): radiance around a scene without a sky; lights: as one lamp."""
+        None without textures; background (3,): radiance around a scene without a sky; lights: as one lamp;
+        exposure [EV] and height [pixels]: of the picture."""
         self._accelerator, self._at, self._eye = accelerator, at, eye
         self._pixel, self._cull, self._background = pixel, cull, background
+        self._exposure, self._height = exposure, height
         self._delta, self._sky, self._area = without_surface(lights), lights.sky, lights.area
         # Luminaires have highlights instead.
         self._has_lamps = LAMP_RAYS > 0 and bool((lights.area.table < 0).any())
         self._tables = next((m.tables for m in meshes if m.tables is not None), join([]))
         self._reflectors: list[Reflector] = []
-        self._above: list[Above] = []
+        self._owner: list[int] = []  # object of each
+        self._above: dict[int, Above] = {}
+        self._seen_by = meshes, gloss, weights
         of_face, normals, tangents = [], [], []
         for o, mesh in enumerate(meshes):
             R, first, none = at.rotation[o], len(self._reflectors), np.zeros((len(mesh.positions), 3))
@@ -117,21 +127,40 @@ class Mirrors:
             tangents.append(none if not own or mesh.tangent is None else mesh.tangent @ R.T)
             for r in mesh.reflectors:
                 self._reflectors.append(r)
-                self._above.append(above_textures(meshes, gloss(_virtual_eye(r, R, at.position[o], eye)), weights))
+                self._owner.append(o)
         self._of_face = np.concatenate(of_face)
         self._normals, self._tangents = np.concatenate(normals), np.concatenate(tangents)
         self._lobes = np.array([r.lobe.lobe for r in self._reflectors]).reshape(-1, 5)
+        self._has_rough = any(len(r.lobe.taps) > 1 for r in self._reflectors)
 
     def reflected(
-        self, world: PictureScene, front: np.ndarray, back: np.ndarray, strip: Strip, hit: np.ndarray
+        self, world: PictureScene, front: np.ndarray, back: np.ndarray, strip: Strip, hit: np.ndarray, under: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return which of the hits (n,) of a strip see sharp faces (k,), and the radiance (k, 3) of their gloss."""
+        """Return which of the hits (n,) of a strip see sharp faces (k,), and the radiance (k, 3) of their gloss.
+
+        under (n, 3): radiance of the hits without it. Each rough lobe has one ray of each kind first. Pixels of more
+        noise than NOISE have as many as bring it there.
+        """
         rows = np.flatnonzero(self._of_face[strip.face[hit]] >= 0)
-        rays = hit[rows]
-        first = strip.rows.start * (len(strip.face) // (strip.rows.stop - strip.rows.start))
+        rays, height = hit[rows], strip.rows.stop - strip.rows.start
+        first = strip.rows.start * (len(strip.face) // height)
         given = strip.face[rays], strip.u[rays], strip.v[rays], strip.directions[rays].astype(np.float64)
         eyes = np.broadcast_to(strip.eye.astype(np.float64), (len(rays), 3))
-        return rows, self._gloss(Lit(world, front, back), Hits(*given, eyes, rays + first, 0, False))
+        lit, hits = Lit(world, front, back), Hits(*given, eyes, rays + first, 0, False, 1)
+        out = self._gloss(lit, hits)
+        if RAYS > 1 and self._has_rough:
+            at = rays // len(PIXEL_OFFSETS)
+            counts = _rays_wanted(self._shown(under[rows], out), at, height, len(strip.face) // len(PIXEL_OFFSETS))
+            counts = _within(counts, int(MOST_RAYS * height / self._height))
+            for count in np.unique(counts[counts > 1]):
+                some = np.flatnonzero(counts == count)
+                out[some] = self._gloss(lit, hits.at(some)._replace(rays=int(count)))
+        return rows, out
+
+    def _shown(self, under: np.ndarray, gloss: np.ndarray) -> np.ndarray:
+        """Return the values (n,), 0 to 255, as which a tone map shows gloss above other light."""
+        light = 2.0**self._exposure * luminance(under + gloss)
+        return 255 * light / (1 + light)
 
     def _gloss(self, lit: Lit, hits: Hits) -> np.ndarray:
         """Return the radiance (n, 3) of sharp gloss at hits."""
@@ -140,9 +169,8 @@ class Mirrors:
             rows = np.flatnonzero(of == k)
             some, rough = hits.at(rows), len(self._reflectors[k].lobe.taps) > 1
             views = self._views(lit.world, some, int(k))
-            count, to_lamps = (RAYS, LAMP_RAYS) if rough and not hits.spread else (1, 1)
-            if not (rough and self._has_lamps):
-                to_lamps = 0
+            count = hits.rays if rough and not hits.spread else 1
+            to_lamps = max(count * LAMP_RAYS // RAYS, 1) if rough and self._has_lamps else 0
             out[rows] = self._of_lobe(lit, some, views, int(k), count, to_lamps)
             if to_lamps:
                 out[rows] += self._of_lamps(lit.world, some, views, count, to_lamps)
@@ -204,18 +232,28 @@ class Mirrors:
         start = many.points + OFFSET * lit.world.size * many.flat
         eye = many.points - travelled * new
         rival = density * count / to_lamps if to_lamps else np.full(len(density), np.inf)
-        radiance = self._radiance(lit, start, new, eye, key, rival, hits.bounce + 1, spread, k)
+        given = start, new, eye, key, rival
+        radiance = self._radiance(lit, *given, hits.bounce + 1, spread, hits.rays, k)
         return (factors * radiance).reshape(-1, count, 3).mean(axis=1)
+
+    def _gloss_seen_in(self, k: int) -> Above:
+        """Return gloss as reflector k shows it."""
+        if k not in self._above:
+            meshes, gloss, weights = self._seen_by
+            o = self._owner[k]
+            eye = _virtual_eye(self._reflectors[k], self._at.rotation[o], self._at.position[o], self._eye)
+            self._above[k] = above_textures(meshes, gloss(eye), weights)
+        return self._above[k]
 
     def _nearest(self, world: PictureScene, origins: np.ndarray, d: np.ndarray):
         """Return the face that rays (n,) see and its barycentric weights; face -1: none."""
         narrow = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(d, np.float32)
         return visible_faces(self._accelerator, self._at, lambda hit: (world, hit), *narrow, self._cull)
 
-    def _radiance(self, lit: Lit, origins, d, eyes, keys, density, bounce: int, spread: bool, k: int) -> np.ndarray:
+    def _radiance(self, lit: Lit, origins, d, eyes, keys, density, bounce, spread, count: int, k: int) -> np.ndarray:
         """Return the radiance (n, 3) along rays of reflector k, without the share that rays to lamps bring.
 
-        eyes, keys, bounce, spread: as in Hits; density (n,): as for share_of_lamps().
+        eyes, keys, bounce, spread, count: as in Hits; density (n,): as for share_of_lamps().
         """
         face, u, v = self._nearest(lit.world, origins, d)
         out = np.tile(self._background, (len(face), 1))
@@ -224,11 +262,11 @@ class Mirrors:
         rays = np.flatnonzero(face >= 0)
         if not len(rays):
             return out
-        hits = Hits(face[rays], u[rays], v[rays], d[rays], eyes[rays], keys[rays], bounce, spread)
+        hits = Hits(face[rays], u[rays], v[rays], d[rays], eyes[rays], keys[rays], bounce, spread, count)
         seen = hits.face, hits.u, hits.v, hits.direction
         steps = None if self._pixel is None else _steps(hits.direction, self._pixel)
         radiance, facing = seen_radiance(*lit, *seen, steps, hits.eye)
-        above = self._above[k]
+        above = self._gloss_seen_in(k)
         if above is not None:
             gloss = seen_radiance(lit.world, *above, *seen, None, hits.eye)[0]
             sharp = np.flatnonzero(self._of_face[hits.face] >= 0) if bounce < BOUNCES else np.zeros(0, np.int64)
@@ -246,16 +284,45 @@ class Mirrors:
         return out
 
 
+def _rays_wanted(shown: np.ndarray, at: np.ndarray, height: int, pixels: int) -> np.ndarray:
+    """Return the number (n,) of rays, a power of two up to RAYS, that samples need for NOISE.
+
+    shown (n,): values of samples in pixels (n,) of a strip. The variance between a pixel's samples is a mean over 3 x 3
+    pixels, because four samples know little of it.
+    """
+    count, total, squares = (np.bincount(at, w, minlength=pixels) for w in (None, shown, shown * shown))
+    apart = np.maximum(squares - total * total / np.maximum(count, 1), 0.0)
+    free = np.maximum(count - 1, 0)
+    apart, free = (_around(a.reshape(height, -1)).reshape(-1) for a in (apart, free))
+    wanted = apart / np.maximum(free, 1) / len(PIXEL_OFFSETS) / max(NOISE * NOISE, 1e-9)
+    powers = np.ceil(np.log2(np.clip(wanted, 1.0, RAYS)))
+    return np.minimum(np.exp2(powers), RAYS).astype(np.int64)[at]
+
+
+def _around(of: np.ndarray) -> np.ndarray:
+    """Return sums (h, w) over 3 x 3 pixels."""
+    wide = np.pad(of, 1)
+    down = wide[:-2] + wide[1:-1] + wide[2:]
+    return down[:, :-2] + down[:, 1:-1] + down[:, 2:]
+
+
+def _within(counts: np.ndarray, most: int) -> np.ndarray:
+    """Return the counts (n,) of rays, halved until those above 1 are at most `most` in all."""
+    while (counts[counts > 1]).sum() > most and (counts > 1).any():
+        counts = np.maximum(counts // 2, 1)
+    return counts
+
+
 def _none_of(mesh: DrawMesh) -> np.ndarray:
     return np.full(len(mesh.triangles), -1)
 
 
 def _virtual_eye(r: Reflector, R: np.ndarray, position: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """Return the mirrored eye (3,), or the centre of the probe."""
-    if r.way != PLANAR:
-        return R @ r.centre + position
-    normal = R @ r.plane[:3]
-    return eye - 2 * (normal @ eye - r.plane[3] - normal @ position) * normal
+    if r.plane is None:
+        return R @ r.probe.centre + position
+    normal = R @ r.plane.equation[:3]
+    return eye - 2 * (normal @ eye - r.plane.equation[3] - normal @ position) * normal
 
 
 def _steps(d: np.ndarray, pixel: float) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from app.draw.bare_lights import MOST
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
+from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_gloss import GlossTexture
 from app.draw.gl_mirrors import FAR, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
@@ -26,7 +27,7 @@ from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
-from gi_core.gloss.sharp import PLANAR, PROBE, Reflector
+from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
 
 if TYPE_CHECKING:
     from app.draw.bare_lights import BareLights
@@ -85,7 +86,7 @@ class Renderer:
             _program(ctx, "surface.vert", "mask.frag"),
         )
         self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
-        self._mirrors = GLMirrors(ctx, ())
+        self._mirrors, self._coverage = GLMirrors(ctx, ()), GLCoverage(ctx, samples)
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
         self._sky = _program(ctx, "screen.vert", "sky.frag")
@@ -120,6 +121,7 @@ class Renderer:
             raise
         self._gloss.release()
         self._mirrors.release()
+        self._coverage.release()
         self._mirrors = GLMirrors(self.ctx, meshes)
         before, self._objects, self._used_textures = self._objects, made, textures
         self._release(before)
@@ -280,10 +282,34 @@ class Renderer:
         def draw(view: View) -> None:
             self._draw_layer(look, layer, view)
 
-        self._mirrors.draw(
-            draw, look.view_projection, look.eye, look.models, targets.size, targets.drawn.samples or 1, key
-        )
+        def shares(view: View) -> Shares:
+            return self._shares(look, view)
+
+        picture = View(look.view_projection, look.eye, "ccw", (PLANAR, PROBE), 0.0, targets.size)
+        self._mirrors.draw(draw, shares, picture, look.models, targets.drawn.samples or 1, key)
         return True
+
+    def _shares(self, look: Look, view: View) -> Shares:
+        """Return the share of a view that each reflector covers.
+
+        From a probe, only planes count: without mobiles that have none, it is the same at all their poses.
+        """
+        some = dict(enumerate(self._objects))
+        if view.skipped >= 0:
+            some = {o: d for o, d in some.items() if o == 0 or any(r.plane is not None for r in d.reflectors)}
+
+        def place(o: int) -> None:
+            _place(self._programs.mask, view.view_projection, look.models[o])
+
+        self.ctx.front_face = view.front_face
+        matrices = b"".join(
+            np.ascontiguousarray(m).tobytes() for m in (view.view_projection, *(look.models[o] for o in some))
+        )
+        key = matrices, view.size, view.front_face, view.skipped, look.cull
+        given = view.size, some, place, look.cull, lambda reflector: view.skipped in reflector.omitted
+        found = self._coverage.of(key, *given)
+        self._state()
+        return found
 
     def _draw_layer(self, look: Look, layer: int, view: View) -> None:
         """Draw all objects as a view sees them."""
@@ -301,20 +327,20 @@ class Renderer:
         for o, model in zip(self._objects, look.models, strict=True):
             _place(self._programs.surface, view.view_projection, model, view.eye)
             painted = o.is_textured and (look.textured or o.has_holes)
-            if not painted and not o.has_reflectors:
+            if not painted and not o.reflectors:
                 o.draw(look.cull, layer)
                 continue
             for program in self._programs.of_surfaces[1:]:
                 _place(program, view.view_projection, model, view.eye)
 
             def sharp(program, reflector: Reflector, model=model) -> bool:
-                if reflector.way not in view.mirrors or not self._mirrors.shows(reflector):
-                    return False
-                self._mirrors.use(program, reflector, model)
-                return True
+                way = self._mirrors.way(reflector, view.mirrors)
+                if way is not None:
+                    self._mirrors.use(program, reflector, model, way)
+                return way is not None
 
             def left_out(reflector: Reflector) -> bool:
-                return reflector.way != PLANAR and reflector.number == view.skipped
+                return view.skipped in reflector.omitted
 
             o.draw_calls(self._textures, look.cull, layer, sharp, left_out)
         if self._bright is not None and look.is_light and not mirrored:
@@ -395,6 +421,7 @@ class Renderer:
         self._textures.keep(())
         self._gloss.release()
         self._mirrors.release()
+        self._coverage.release()
         screens = self._screen, self._outline, self._sky_screen, self._sky
         for thing in (*screens, self._programs.mask, *self._programs.of_surfaces):
             thing.release()

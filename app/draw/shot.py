@@ -9,7 +9,7 @@ import numpy as np
 
 from app.draw import raycast
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
-from app.draw.draw_mesh import DrawMesh, dimmed, draw_meshes
+from app.draw.draw_mesh import DrawMesh, dimmed, meshes_of
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
 from app.draw.light_faces import LightFaces, light_faces
@@ -18,7 +18,7 @@ from app.draw.reflected import Mirrors
 from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
 from app.draw.unlit import BACKGROUND
-from app.draw.vertex_colours import colours, gloss_towards, weights
+from app.draw.vertex_colours import Gloss, colours, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
 
@@ -32,7 +32,7 @@ class Shot:
     def __init__(self, solver: Solver, settings: Settings) -> None:
         self.solver, self.settings = solver, settings
         model = solver.model
-        self._meshes = draw_meshes(solver.surfaces, model.lamp_of_face, model.object_receivers.normals)
+        self._meshes = meshes_of(model)
         self.camera = home_camera(solver)
         flux = solver.model.emitters.total_flux
         self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
@@ -51,16 +51,13 @@ class Shot:
         drawn = self.solver.drawn(self.solver.irradiance).irradiance
         return colours(self.meshes[o], drawn, self.settings.shows_radiance)
 
-    def gloss(self, eye: np.ndarray | None = None) -> list[tuple[np.ndarray, np.ndarray] | None]:
-        """Return the radiance (D, 3) of gloss on front and back of each object; None: it has none.
-
-        eye (3,): of the model's space; None: that of the camera.
-        """
+    def gloss(self, eye: np.ndarray | None = None, other: Gloss | None = None) -> Gloss:
+        """Return the gloss of all objects; eye (3,): None: the camera's; other: as for gloss_towards()."""
         s = self.solver
         light = s.frame.gloss if self.settings.shows_radiance else None
         eye = self.camera.relative_to(s.model.origins[0]).eye() if eye is None else eye
         at, E = s.model.transforms(s.poses), s.drawn(s.irradiance).irradiance
-        return gloss_towards(self.meshes, light, E, at, eye)
+        return gloss_towards(self.meshes, light, E, at, eye, other)
 
     def sharp(self) -> raycast.Sharp | None:
         """Return reflections in sharp gloss; None: there are none."""
@@ -68,11 +65,19 @@ class Shot:
         if s.frame.gloss is None or not self.settings.shows_radiance or not any(m.reflectors for m in meshes):
             return None
         weights = [self.weights(o) for o in range(len(meshes))]
-        around = srgb_decode(np.array(BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
+        exposure = self.metered() if self.exposure is None else self.exposure
+        around = srgb_decode(np.array(BACKGROUND)) / (2.0**exposure * np.array(self.gains))
         pixel = 2 * math.tan(camera.fov / 2) / self.settings.size[1] if any(m.textures for m in meshes) else None
         lights = s.model.lights_at(s.levels)
-        given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around, lights
-        return Mirrors(s.model.accelerator, s.model.transforms(s.poses), *given).reflected
+        of_camera = self.gloss()
+
+        def gloss(eye: np.ndarray) -> Gloss:
+            return self.gloss(eye, of_camera)
+
+        given = meshes, gloss, weights, camera.eye(), pixel, self.settings.cull, around, lights
+        return Mirrors(
+            s.model.accelerator, s.model.transforms(s.poses), *given, exposure, self.settings.size[1]
+        ).reflected
 
     def light_faces(self) -> LightFaces:
         """Return the bright faces of the luminaires."""

@@ -60,15 +60,30 @@ def gloss_colours(
     return found[0], found[1]
 
 
+Gloss = list[tuple[np.ndarray, np.ndarray] | None]  # per object: radiance (D, 3) on front and back; None: it has none
+
+
 def gloss_towards(
-    meshes: Sequence[DrawMesh], light: GlossLight | None, irradiance: np.ndarray, at: Transforms, eye: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray] | None]:
-    """Return gloss_colours() of all objects at their poses for an eye (3,) of the model's space."""
+    meshes: Sequence[DrawMesh], light: GlossLight | None, irradiance: np.ndarray, at: Transforms, eye: np.ndarray,
+    other: Gloss | None = None,
+) -> Gloss:  # fmt: skip
+    """Return gloss_colours() of all objects at their poses for an eye (3,) of the model's space.
+
+    other: those for another eye, which sharp gloss keeps: reflections hide it.
+    """
     if light is None:
         return [None] * len(meshes)
     eyes = [R.T @ (eye - position) for R, position in zip(at.rotation, at.position, strict=True)]
-    directions = light.directions()
-    return [gloss_colours(mesh, directions, irradiance, eye) for mesh, eye in zip(meshes, eyes, strict=True)]
+    directions, out = light.directions(), []
+    for mesh, seen_from, before in zip(meshes, eyes, other or [None] * len(meshes), strict=True):
+        if before is None or mesh.reflector is None:
+            out.append(gloss_colours(mesh, directions, irradiance, seen_from))
+            continue
+        which = np.unique(mesh.triangles[mesh.reflector < 0])
+        front, back = (side.copy() for side in before)
+        front[which], back[which] = gloss_colours(mesh, directions, irradiance, seen_from, which)  # type: ignore[misc]
+        out.append((front, back))
+    return out
 
 
 def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:

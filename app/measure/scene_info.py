@@ -15,10 +15,11 @@ from app.cli.version import version
 from app.cli.warnings import warnings_of
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
-from gi_core.gloss.sharp import BY_CELLS, PLANAR, PROBE, ways
+from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways
 from gi_core.scene.part_names import material_named, part_named
 
 if TYPE_CHECKING:
+    from gi_core.model import Model
     from gi_core.scene.types import Light
     from gi_core.solver import Solver
 
@@ -45,7 +46,7 @@ def info(settings: Settings) -> list[str]:
         rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
         rows += [control, ("disc search", _search(solver)), ("rays", _rays(solver))]
     notes = _notes(scene, solver)
-    materials = material_lines(scene, solver.surfaces)
+    materials = material_lines(scene, solver.model)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
 
 
@@ -210,12 +211,12 @@ def _aligned(rows: list[tuple[str, str]]) -> list[str]:
     return [name.ljust(width) + text for name, text in rows]
 
 
-def material_lines(scene, surfaces) -> list[str]:
+def material_lines(scene, model: Model) -> list[str]:
     """Return a table of materials by area, one name per line, and one line for the rest.
 
     Those of a mobile are named after it: its file may use a name of another file.
     """
-    s = surfaces
+    s = model.surfaces
     meshes = (scene.static, *(m.mesh for m in scene.mobiles))
     every = zip(s.faces, s.paint, strict=True)
     textured = np.concatenate([np.zeros(len(f), bool) if p is None else p.face_texture >= 0 for f, p in every])
@@ -224,15 +225,17 @@ def material_lines(scene, surfaces) -> list[str]:
     number = np.concatenate([_numbered(mesh, scene, o, numbers) for o, mesh in enumerate(meshes)])
     names = list(numbers)
     whole = max(float(s.areas.sum()), 1e-300)
-    noise, way = ways(s)
+    gloss = ways(model)
     rows = []
     for k in np.unique(number):
         faces = np.flatnonzero(number == k)
         area = float(s.areas[faces].sum())
         rho = (s.reflectance[faces] * s.areas[faces, None]).sum(axis=0) / max(area, 1e-300)
         cells = f'"{names[k]}"', triple(np.round(rho, 3)), f"{len(faces):,}", f"{100 * area / whole:.3g} %"
-        kind = _kind(s.two_sided[faces], textured[faces], s.emission[faces]) + _gloss(noise[faces], way[faces])
-        rows.append((area, names[k], (*cells, kind), not np.isnan(noise[faces]).all()))
+        kind = _kind(s.two_sided[faces], textured[faces], s.emission[faces]) + _gloss(
+            Ways(*(a[faces] for a in gloss)), s.areas[faces]
+        )
+        rows.append((area, names[k], (*cells, kind), not np.isnan(gloss.noise[faces]).all()))
     rows.sort(key=lambda row: -row[0])
     listed = [place < LISTED or row[3] for place, row in enumerate(rows)]
     shown = [HEAD, *(row[2] for row, line in zip(rows, listed, strict=True) if line)]
@@ -267,13 +270,19 @@ def _kind(two_sided: np.ndarray, textured: np.ndarray, emission: np.ndarray) -> 
     return ", ".join(words)
 
 
-def _gloss(noise: np.ndarray, way: np.ndarray) -> str:
-    """Return the way in which pictures show the gloss of a material, and its noise factor; "" for diffuse ones."""
-    glossy = ~np.isnan(noise)
+def _gloss(of: Ways, areas: np.ndarray) -> str:
+    """Return the way in which pictures show the gloss of a material, and its noise factor; "" for diffuse ones.
+
+    A probe has the share of rays that it serves, as a mean by area.
+    """
+    glossy, by_probe = ~np.isnan(of.noise), ~np.isnan(of.seen)
     if not glossy.any():
         return ""
-    names = " and ".join(name for name in (PLANAR, PROBE, BY_CELLS) if (way[glossy] == name).any())
-    return f", gloss by {names} (noise factor {noise[glossy].max():.2g})"
+    names = " and ".join(name for name in (PLANAR, PROBE, BY_CELLS) if (of.way[glossy] == name).any())
+    seen = (
+        f"; probes show {100 * np.average(of.seen[by_probe], weights=areas[by_probe]):.0f} %" if by_probe.any() else ""
+    )
+    return f", gloss by {names} (noise factor {of.noise[glossy].max():.2g}{seen})"
 
 
 def _place(values, solver) -> str:

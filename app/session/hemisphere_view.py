@@ -12,7 +12,7 @@ import numpy as np
 from gi_core.base.random_numbers import basis
 from gi_core.bsdf.table import Tables
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -59,7 +59,7 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
     cells = (light.cells[place] if is_changed else light.resting[owner]).copy()
     faces = (s.corner_front == receiver).any(axis=1) | (s.corner_back == receiver).any(axis=1)
     face = int(np.flatnonzero(faces & ~np.isnan(s.lobe[:, 4]))[0])
-    if reflected := bool(in_probes(s)[face]):
+    if reflected := bool(is_sharp(s)[face]):
         cells[:, :3] = 0.0
     o, normal = int(np.searchsorted(s.first_receiver[1:], receiver, "right")), model.object_receivers.normals[receiver]
     at = model.transforms(solver.frame.poses)

@@ -197,14 +197,14 @@ class Opening:
 
     def _drawn(self, model: Model, earlier: Model | None) -> tuple[tuple[DrawMesh, ...], Picker]:
         """Return draw meshes and picker of a model: those of the scene on show, if its surfaces are the same."""
-        from app.draw.draw_mesh import draw_meshes
+        from app.draw.draw_mesh import meshes_of
         from app.draw.picking import Picker
 
         if earlier is not None and model.surfaces is earlier.surfaces:
             shown = self._before.opened
             if np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
                 return shown.meshes, shown.picker
-        meshes = draw_meshes(model.surfaces, model.lamp_of_face, model.object_receivers.normals)
+        meshes = meshes_of(model)
         return meshes, Picker(model.surfaces, model.origins)
 
     def _stop_if_cancelled(self) -> None:

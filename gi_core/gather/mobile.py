@@ -30,7 +30,7 @@ from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.surfaces import glossy_receivers
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
 from gi_core.lights.light_sampling import Lights, aimed, steady
 from gi_core.lights.next_event import add_lit, picks
@@ -89,7 +89,7 @@ class MobileGather:
         self._kinds = kinds(self._near)
         self._directions: dict[int, np.ndarray] = {}  # by number of paths
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by number of paths
-        glossy = glossy_receivers(s, besides=in_probes(s))
+        glossy = glossy_receivers(s, besides=is_sharp(s))
         self._glossy = np.unique(np.searchsorted(s.first_receiver, glossy[glossy >= self.first], side="right") - 1)
         self._bounced = np.empty((0, 3, 1), np.float32)  # see PathLight
         self.path_light: PathLight | None = None  # of the last call, until the next; None without glossy mobiles

@@ -2,19 +2,18 @@
 
 A lobe's noise factor is the noise of its radiance over that of irradiance, from the same rays of uniform light:
 sqrt(pi * integral of f^2 cos) / (integral of f cos), for a view along the normal. GGX has 1.2 at alpha 0.3, 2.0 at
-0.15, and 0.29 / alpha below. Lobes above MOST_NOISE are drawn by reflections: flat faces by the scene reflected in
-their plane, others from a probe.
+0.15, and 0.29 / alpha below. Lobes above MOST_NOISE are drawn by reflections (`reflectors.py`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.grouping import components, group_of
 from gi_core.bsdf.table import Tables
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.gloss.lobe_rays import draw_lobe
@@ -23,10 +22,6 @@ MOST_NOISE = 2.0  # of cells: GGX of alpha 0.153; narrower lobes are also narrow
 DRAWS = 4096  # rays that measure a lobe: its noise factor within 2 %
 TAPS = 16  # rays per pixel in place of a lobe, each with a blurred look into the reflection
 NODES = 17  # of the albedo, in the cosine of the view
-PLANES, PROBES = 4, 6  # at most per scene, the largest first; the rest shows cells
-PLANE_AREA = 0.01  # of the squared scene size: smaller flat parts are drawn from a probe
-FLAT = 1e-4  # of the scene size: departure from a plane
-BY_CELLS, PLANAR, PROBE = "cells", "planar", "probe"
 
 
 class SharpLobe(NamedTuple):
@@ -38,22 +33,6 @@ class SharpLobe(NamedTuple):
     # tangent and bitangent, and the square root of the solid angle [sr] that the ray stands for. One ray for a mirror
     taps: np.ndarray
     albedo: np.ndarray  # (NODES, 3) float64, reflected share of uniform light by the cosine of the view, from 0 to 1
-
-
-class Reflector(NamedTuple):
-    """Faces of an object that show one reflection, in its space."""
-
-    way: str  # PLANAR or PROBE
-    number: int  # among the planes or the probes of the scene; lobes may share one
-    lobe: SharpLobe
-    faces: np.ndarray  # (n,) int64 of the object
-    plane: np.ndarray  # (4,) float64, unit normal and its product with a point of the plane; PROBE: nan
-    box: np.ndarray  # (2, 3) float64 [m], of all faces that share the plane or probe
-
-    @property
-    def centre(self) -> np.ndarray:
-        """Return the place (3,) of the probe."""
-        return self.box.mean(axis=0)
 
 
 def noise_factor(lobe: np.ndarray, tables: Tables) -> float:
@@ -128,134 +107,27 @@ def _rays(lobe: np.ndarray, tables: Tables, cosine: float, numbers: np.ndarray):
     return draw_lobe(np.broadcast_to(lobe, (n, 5)), tables, *axes, numbers)
 
 
-def reflectors(surfaces: Surfaces) -> tuple[tuple[Reflector, ...], ...]:
-    """Return the reflectors of each object, none for diffuse ones and for lobes that cells carry."""
-    s, found = surfaces, _sharp_faces(surfaces)
-    kept: list[list[Reflector]] = [[] for _ in range(s.objects)]
-    if found is None:
-        return tuple(map(tuple, kept))
-    lobes, of_face = found
-    size = max(float(np.ptp(v, axis=0).max()) for v in s.vertices if len(v))
-    planes = [part for o in range(s.objects) for part in _planes(s, o, of_face, size)]
-    planes.sort(key=lambda part: -part[0])
-    taken = np.zeros(len(of_face), bool)
-    for number, (_, o, faces, plane) in enumerate(planes[:PLANES]):
-        taken[faces] = True
-        kept[o] += _by_lobe(s, o, PLANAR, number, faces, of_face, lobes, plane)
-    rest = [part for o in range(s.objects) for part in _parts(s, o, np.where(taken, -1, of_face), size)]
-    rest.sort(key=lambda part: -part[0])
-    for number, (_, o, faces) in enumerate(rest[:PROBES]):
-        kept[o] += _by_lobe(s, o, PROBE, number, faces, of_face, lobes, np.full(4, math.nan))
-    return tuple(map(tuple, kept))
-
-
-def in_probes(surfaces: Surfaces) -> np.ndarray:
-    """Return the faces (F,) bool whose gloss pictures show from a probe."""
-    out = np.zeros(len(surfaces.lobe), bool)
-    for o, some in enumerate(reflectors(surfaces)):
-        for r in some:
-            out[r.faces + int(surfaces.first_face[o])] = r.way == PROBE
-    return out
-
-
-def ways(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
-    """Return the noise factor (F,) of the gloss of each face, nan for diffuse ones, and its way (F,) in pictures."""
-    noise, way = np.full(len(surfaces.lobe), math.nan), np.full(len(surfaces.lobe), BY_CELLS, object)
-    for f, faces in _lobe_classes(surfaces):
-        noise[faces] = noise_factor(surfaces.lobe[f], surfaces.tables)
-    for o, some in enumerate(reflectors(surfaces)):
-        for r in some:
-            way[r.faces + int(surfaces.first_face[o])] = r.way
-    return noise, way
-
-
-def _lobe_classes(s: Surfaces):
-    """Yield a face of each lobe, and all its faces."""
-    glossy = np.flatnonzero(~np.isnan(s.lobe[:, 4]))
-    if len(glossy):
-        _, first, kind = np.unique(s.lobe[glossy], axis=0, return_index=True, return_inverse=True)
-        for k, f in enumerate(first):
-            yield int(glossy[f]), glossy[kind.reshape(-1) == k]
-
-
-def _sharp_faces(s: Surfaces) -> tuple[list[SharpLobe], np.ndarray] | None:
-    """Return the sharp lobes, and the lobe (F,) of each face, -1 for none."""
-    lobes, of_face = [], np.full(len(s.lobe), -1)
-    for f, faces in _lobe_classes(s):
-        sharp = sharp_lobe(s.lobe[f], s.tables)
+def sharp_faces(surfaces: Surfaces) -> tuple[list[SharpLobe], np.ndarray]:
+    """Return the sharp lobes, and the lobe (F,) int64 of each face, -1: cells carry its gloss, or it has none."""
+    lobes, of_face = [], np.full(len(surfaces.lobe), -1)
+    for f, faces in lobe_classes(surfaces):
+        sharp = sharp_lobe(surfaces.lobe[f], surfaces.tables)
         if sharp is not None:
             of_face[faces] = len(lobes)
             lobes.append(sharp)
-    return (lobes, of_face) if lobes else None
+    return lobes, of_face
 
 
-def _by_lobe(s: Surfaces, o: int, way, number, faces, of_face, lobes, plane) -> list[Reflector]:
-    corners = s.vertices[o][s.faces[o][faces - s.first_face[o]].reshape(-1)]
-    box = np.stack([corners.min(axis=0), corners.max(axis=0)])
-    kinds = np.unique(of_face[faces])
-    return [
-        Reflector(way, number, lobes[k], faces[of_face[faces] == k] - int(s.first_face[o]), plane, box) for k in kinds
-    ]
+def is_sharp(surfaces: Surfaces) -> np.ndarray:
+    """Return the faces (F,) bool whose gloss pictures show by reflections."""
+    return sharp_faces(surfaces)[1] >= 0
 
 
-def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[float, int, np.ndarray, np.ndarray]]:
-    """Return area, object, global faces and plane of the large flat sharp parts of an object, as a floor of tiles."""
-    faces = np.flatnonzero(of_face[s.face_range(o)] >= 0) + int(s.first_face[o])
-    if not len(faces):
-        return []
-    patch = np.unique(s.patch[faces], return_inverse=True)[1].reshape(-1)
-    n = int(patch.max()) + 1
-    area = np.bincount(patch, s.areas[faces])
-    turned = (s.normals[faces] * s.areas[faces, None]).T
-    normal = np.stack([np.bincount(patch, part) for part in turned], axis=1) / np.maximum(area, 1e-300)[:, None]
-    length = np.sqrt((normal * normal).sum(axis=1))
-    normal /= np.maximum(length, 1e-300)[:, None]
-    heights = np.einsum("fkc,fc->fk", s.vertices[o][s.faces[o][faces - s.first_face[o]]], normal[patch])
-    low, high = np.full(n, np.inf), np.full(n, -np.inf)
-    np.minimum.at(low, patch, heights.min(axis=1))
-    np.maximum.at(high, patch, heights.max(axis=1))
-    planes, count, plane_of = np.zeros((n, 4)), 0, np.full(n, -1)
-    for p in np.argsort(-area):
-        if length[p] < 0.99 or high[p] - low[p] > FLAT * size:
-            continue
-        height, known = (low[p] + high[p]) / 2, planes[:count]
-        same = (known[:, :3] @ normal[p] > 1 - 1e-6) & (np.abs(known[:, 3] - height) < FLAT * size)
-        plane_of[p] = np.argmax(same) if same.any() else count
-        planes[plane_of[p]] = planes[plane_of[p]] if same.any() else (*normal[p], height)
-        count += not same.any()
-    of = plane_of[patch]
-    total = np.bincount(of[of >= 0], s.areas[faces[of >= 0]], minlength=count)
-    large = np.flatnonzero(total >= PLANE_AREA * size * size)
-    return [(float(total[k]), o, faces[of == k], planes[k]) for k in large]
-
-
-def _parts(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[float, int, np.ndarray]]:
-    """Return area, object and global faces of the sharp parts of an object: all of a mobile, else connected ones.
-
-    A part whose middle lies in the box of a larger one belongs to it: seen from inside, it would hide the surroundings.
-    """
-    faces = np.flatnonzero(of_face[s.face_range(o)] >= 0) + int(s.first_face[o])
-    if not len(faces):
-        return []
-    if o > 0:
-        return [(float(s.areas[faces].sum()), o, faces)]
-    corners = s.faces[o][faces - s.first_face[o]]
-    cell = np.round(s.vertices[o][corners.reshape(-1)] / (FLAT * size)).astype(np.int64)
-    place = group_of(list(cell.T)).reshape(-1, 3)
-    n = len(faces)
-    links = np.stack([np.repeat(np.arange(n), 3), n + place.reshape(-1)], axis=1)
-    part = components(links, n + int(place.max()) + 1)[:n]
-    found: list[tuple[float, np.ndarray, np.ndarray]] = []  # area, faces, box
-    area = np.bincount(part, s.areas[faces])
-    for p in np.argsort(-area):
-        some = faces[part == p]
-        points = s.vertices[o][corners[part == p].reshape(-1)]
-        box = np.stack([points.min(axis=0), points.max(axis=0)])
-        middle = box.mean(axis=0)
-        for k, (there, others, around) in enumerate(found):
-            if ((around[0] < middle) & (middle < around[1])).all():
-                found[k] = there + float(area[p]), np.concatenate([others, some]), around
-                break
-        else:
-            found.append((float(area[p]), some, box))
-    return [(a, o, some) for a, some, _ in found]
+def lobe_classes(surfaces: Surfaces) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield a face of each lobe, and all its faces (n,)."""
+    lobe = surfaces.lobe
+    glossy = np.flatnonzero(~np.isnan(lobe[:, 4]))
+    if len(glossy):
+        _, first, kind = np.unique(lobe[glossy], axis=0, return_index=True, return_inverse=True)
+        for k, f in enumerate(first):
+            yield int(glossy[f]), glossy[kind.reshape(-1) == k]

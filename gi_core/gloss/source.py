@@ -11,7 +11,7 @@ from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.light import CellWriter, GlossLight
 from gi_core.gloss.rays import RayLists
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.sites import sites
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
@@ -41,7 +41,7 @@ class GlossSource:
             glossy = owners = rows = glossy_receivers(s)
             place = np.arange(len(glossy), dtype=np.int32)
             if way == QUADTREE:  # a list is that of its receiver
-                own = glossy_receivers(s, besides=in_probes(s))
+                own = glossy_receivers(s, besides=is_sharp(s))
                 rows, site = sites(self._model, own, radius * RADII)
                 even = np.setdiff1d(glossy, own)
                 owners = np.union1d(rows, even)

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from app.draw.camera import from_camera
-from app.draw.draw_mesh import draw_meshes
+from app.draw.draw_mesh import meshes_of
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
 from app.draw.vertex_colours import gloss_colours
@@ -232,7 +232,7 @@ def test_a_ball_in_a_furnace_shows_its_directional_albedo(name, alpha):
     numbers = np.random.default_rng(0).random((4000, 4))
     for pose in (Pose((0.1, 0, 0)), Pose((0.2, 0.3, -0.1), axis_angle((0, 1, 1), 40.0))):
         solver.move("ball", pose)
-        mesh = draw_meshes(solver.surfaces, None, solver.model.object_receivers.normals)[1]
+        mesh = meshes_of(solver.model)[1]
         eye = np.array([0.0, -0.9, 0.0])  # in the ball's space
         front, _ = gloss_colours(mesh, solver.frame.gloss.directions(), solver.irradiance, eye)
         way = eye - mesh.positions
@@ -286,7 +286,7 @@ def test_a_mobile_of_every_model_in_a_furnace_shows_its_directional_albedo(numbe
     scene = furnace_of_models(found)
     solver = Solver(scene, photons=20_000, radius=0.1, seed=2, light="best")
     solver.solve()
-    mesh = draw_meshes(solver.surfaces, None, solver.model.object_receivers.normals)[1]
+    mesh = meshes_of(solver.model)[1]
     sharp = set(scene.mobiles[0].mesh.face_material[mesh.reflector >= 0] - 1)
     shot = Shot(solver, Settings(size=(PIXELS, PIXELS), exposure=0.0, tone_map="clip"))
     for pose in (Pose(), Pose((0.2, -0.1, 0.1), axis_angle((0, 1, 1), 40.0))):

@@ -11,7 +11,7 @@ from app.draw.shot import Shot
 from app.settings import Settings, make_solver
 from gi_core.bsdf.models import lobe
 from gi_core.geometry.error import luminance
-from gi_core.gloss.sharp import reflectors
+from gi_core.gloss.reflectors import reflectors
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Scene
 from tests.support.scene_builders import box, merge, quad, sphere
 from tests.window.test_reflections import kind_of
@@ -46,13 +46,20 @@ def shot_of(ball: Material) -> Shot:
     scene = Scene(static, materials, (mobile,), camera=camera, up=(0, 0, 1), name="ball")
     shot = Shot(make_solver(scene, SETTINGS), SETTINGS)
     shot.solver.solve()
-    assert len(reflectors(shot.solver.surfaces)[1]) == 1, "the ball is sharp enough for reflections"
+    assert len(reflectors(shot.solver.model)[1]) == 1, "the ball is sharp enough for reflections"
     return shot
 
 
-def drawn(shot: Shot, rays: int = reflected.RAYS, lamp_rays: int = reflected.LAMP_RAYS) -> np.ndarray:
-    """Return the luminance (h, w) [W/m2/sr] of a picture; lamp_rays 0: by rays from lobes alone."""
+def drawn(
+    shot: Shot, rays: int = reflected.RAYS, lamp_rays: int = reflected.LAMP_RAYS, wanted: float = 0.0
+) -> np.ndarray:
+    """Return the luminance (h, w) [W/m2/sr] of a picture.
+
+    lamp_rays 0: by rays from lobes alone; wanted: noise of pixels that have no further rays, 0: all have all.
+    """
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reflected, "NOISE", wanted)
+        patch.setattr(reflected, "MOST_RAYS", 1 << 40)
         patch.setattr(reflected, "RAYS", rays)
         patch.setattr(reflected, "LAMP_RAYS", lamp_rays)
         return luminance(layers(shot).colour)
@@ -82,3 +89,41 @@ def test_a_rough_ball_has_as_many_rays_in_a_mirror_as_seen_directly():
     truth, now, single = (drawn(shot, *rays)[in_mirror] for rays in ((512, 256), (32, 16), (1, 1)))
     assert in_mirror.sum() > 300
     assert noise(now, truth) < 0.4 * noise(single, truth)
+
+
+def counted(shot: Shot, most: int = reflected.MOST_RAYS, wanted: float = reflected.NOISE) -> tuple[np.ndarray, int]:
+    """Return the picture of drawn(), and the number of rays from lobes."""
+    count, draw = 0, reflected.draw_lobe
+
+    def counting(lobe, *others):
+        nonlocal count
+        count += len(lobe)
+        return draw(lobe, *others)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reflected, "draw_lobe", counting)
+        patch.setattr(reflected, "MOST_RAYS", most)
+        patch.setattr(reflected, "NOISE", wanted)
+        return luminance(layers(shot).colour), count
+
+
+def test_pixels_have_as_many_rays_as_their_noise_asks_for():
+    """Fewer rays, with noise near that of all. The truth has 16 times as many."""
+    shot = shot_of(ROUGH["GGX of alpha 0.1"])
+    truth, full = drawn(shot, 512, 256), drawn(shot)
+    some, few = counted(shot)
+    _, all_rays = counted(shot, 1 << 40, 0.0)
+    rough, rougher = counted(shot, wanted=8.0)
+    assert rougher < 0.5 * few < 0.4 * all_rays
+    assert noise(rough, truth) > noise(some, truth)
+    assert noise(some, truth) < 1.5 * noise(full, truth)
+    assert some.sum() == pytest.approx(truth.sum(), rel=0.01), "pixels of little noise are those without much light"
+
+
+def test_rays_of_a_picture_are_bounded():
+    """With every pixel asking for more, further rays stay within their bound: a picture ends in time."""
+    shot = shot_of(ROUGH["GGX of alpha 0.1"])
+    _, least = counted(shot, 0)
+    _, bounded = counted(shot, 10_000, 1e-3)
+    _, free = counted(shot, 1 << 40, 1e-3)
+    assert least < bounded < least + 4 * 10_000 < free, "each ray is followed by three more at most"

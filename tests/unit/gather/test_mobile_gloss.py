@@ -15,7 +15,7 @@ from gi_core.gather.mobile_gloss import DirectLight, PathLight
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, cell_of, even_light
 from gi_core.gloss.radiance import GRAZING
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.lights.candidates import CANDIDATES, unoccluded
 from gi_core.model import Model
@@ -35,7 +35,7 @@ def of_paths(paths: int, scene: Scene = ROOM, poses=MOVED, threads: int = 1, E: 
     gather = MobileGather(model, 7)
     at = model.transforms({**model.start_poses(), **poses})
     found = gather.irradiance(at, np.full((model.first_probe, 3), E), paths)
-    rows = glossy_receivers(model.surfaces, besides=in_probes(model.surfaces))
+    rows = glossy_receivers(model.surfaces, besides=is_sharp(model.surfaces))
     return gather, found, rows[rows >= gather.first] - gather.first
 
 

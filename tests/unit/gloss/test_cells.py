@@ -12,7 +12,7 @@ from gi_core.bsdf.table import join
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, cell_of, centres, even_light
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
@@ -79,7 +79,7 @@ def test_gloss_that_pictures_show_from_probes_costs_no_rays():
     """It has even light, for luminance and for reflections of reflections; lists hold its rays all the same."""
     solver, even = solved(), even_light()
     s, kept = solver.surfaces, solver.frame.gloss
-    probed = np.setdiff1d(kept.rows, glossy_receivers(s, besides=in_probes(s)))
+    probed = np.setdiff1d(kept.rows, glossy_receivers(s, besides=is_sharp(s)))
     seen = np.searchsorted(kept.rows, probed)
     place = kept.place[seen]
     assert len(probed) > 10

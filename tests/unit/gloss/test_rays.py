@@ -12,7 +12,7 @@ from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RayTree
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.errors import SceneError
@@ -208,7 +208,7 @@ def test_another_way_is_shown_at_once_where_all_photons_are_traced():
         solver.solve()
         light = solver.frame.gloss
         assert light.opened == OPENED[way] and (light.tree is None) == (way == QUADTREE)
-        own = glossy_receivers(solver.surfaces, besides=in_probes(solver.surfaces))
+        own = glossy_receivers(solver.surfaces, besides=is_sharp(solver.surfaces))
         own = np.intersect1d(own, np.intersect1d(light.owners, before.gloss.owners))  # of cells alone, some share them
         resting = [of.resting[np.searchsorted(of.owners, own)] for of in (light, before.gloss)]
         assert len(own) > 30 and np.array_equal(*resting)

@@ -1,24 +1,18 @@
-"""Sharp gloss: noise factors, and the reflections that a scene needs."""
+"""Sharp gloss: noise factors, and the rays that stand for a lobe."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from app.measure.scene_info import material_lines
 from gi_core.bsdf.models import lobe
 from gi_core.bsdf.table import join
 from gi_core.bsdf.tabulate import tabulate
-from gi_core.geometry.surfaces import flatten
-from gi_core.gloss.sharp import MOST_NOISE, PLANES, TAPS, noise_factor, reflectors, sharp_lobe
-from gi_core.scene.types import Gloss, Material, Mobile, Scene
-from tests.support.scene_builders import box, merge, quad, sphere
+from gi_core.gloss.sharp import MOST_NOISE, TAPS, noise_factor, sharp_lobe
 
 NONE = join([])
-METAL = Gloss((0.9, 0.7, 0.3))
 
 
 def ggx(alpha: float, f0: float = 0.9) -> np.ndarray:
@@ -62,65 +56,3 @@ def test_brushed_metal_has_taps_along_its_grain():
     tables = join([tabulate((lobe("ward", {"kd": 0.0, "ks": 0.7, "ax": 0.03, "ay": 0.3}),), True)])
     taps = sharp_lobe(np.array([0, 0, 0, 0, -1.0]), tables).taps
     assert np.abs(taps[:, 1]).mean() > 5 * np.abs(taps[:, 0]).mean()
-
-
-def hall(mirrors: int = 1) -> Scene:
-    """A hall with flat mirrors of falling size, a chrome ball on the static part, a golden and a satin mobile."""
-    materials = (
-        Material("wall"),
-        Material("mirror", (0, 0, 0), gloss=METAL._replace(alpha=0.0)),
-        Material("chrome", (0, 0, 0), gloss=METAL._replace(alpha=0.05)),
-        Material("satin", gloss=Gloss(alpha=0.3)),
-    )
-    flat = [quad((0.1, 0.01 + 0.01 * k, 0.1), (0.6 - 0.05 * k, 0, 0), (0, 0, 0.6), (2, 2), 1) for k in range(mirrors)]
-    static = merge(box((0, 0, 0), (2, 2, 2), 2, 0, inward=True), *flat, sphere((1, 1, 1), 0.2, 2, 2))
-    gold = Mobile("gold", box((-0.08, -0.08, -0.08), (0.08, 0.08, 0.08), 1, 2))
-    return Scene(static, materials, (gold, Mobile("satin", sphere((0, 0, 0), 0.1, 2, 3))), name="hall")
-
-
-def test_flat_parts_are_planes_and_others_probes():
-    surfaces, _ = flatten(hall())
-    static, gold, satin = reflectors(surfaces)
-    (plane,) = (r for r in static if r.way == "planar")
-    (ball,) = (r for r in static if r.way == "probe")
-    np.testing.assert_allclose(np.abs(plane.plane), (0, 1, 0, 0.01), atol=1e-9)
-    np.testing.assert_allclose(ball.centre, (1, 1, 1), atol=1e-9)
-    assert len(plane.faces) == 8 and len(ball.faces) == 320
-    (cube,) = gold  # its sides are too small for a plane each
-    assert (cube.way, len(cube.faces)) == ("probe", 12) and satin == ()
-
-
-def test_tiles_of_a_floor_are_one_plane():
-    """36 tiles with joints between them: each is small, and one plane reflects for all of them."""
-    tiles = [quad((0.1 + 0.3 * i, 0.01, 0.1 + 0.3 * j), (0, 0, 0.28), (0.28, 0, 0), (1, 1), 1)
-             for i in range(6) for j in range(6)]  # fmt: skip
-    scene = replace(hall(0), static=merge(box((0, 0, 0), (2, 2, 2), 2, 0, inward=True), *tiles))
-    (floor,) = reflectors(flatten(scene)[0])[0]
-    assert floor.way == "planar" and len(floor.faces) == 72
-    np.testing.assert_allclose(floor.plane, (0, 1, 0, 0.01), atol=1e-9)
-
-
-def test_a_closed_tube_is_no_plane():
-    """Its normals cancel: no direction remains that could be a plane's."""
-    a = 2 * np.pi * np.arange(13) / 12
-    p = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
-    sides = [quad(p[k], p[k + 1] - p[k], (0, 0, 1), (1, 1), 1) for k in range(12)]
-    scene = replace(hall(), static=merge(*sides))
-    assert [r.way for r in reflectors(flatten(scene)[0])[0]] == ["probe"]
-
-
-def test_a_scene_has_a_bounded_number_of_planes():
-    surfaces, _ = flatten(hall(PLANES + 3))
-    static = reflectors(surfaces)[0]
-    assert len({r.number for r in static if r.way == "planar"}) == PLANES
-    probes = [r for r in static if r.way == "probe"]
-    assert sum(len(r.faces) for r in static) == 8 * (PLANES + 3) + 320 and len(probes) == 4
-
-
-def test_info_names_the_way_of_each_material():
-    scene = hall()
-    lines = {line.split('"')[1]: line for line in material_lines(scene, flatten(scene)[0])[1:]}
-    assert "gloss by planar (noise factor inf)" in lines["mirror"]
-    assert "gloss by probe (noise factor 5.8)" in lines["chrome"]
-    assert "gloss by cells (noise factor 1.2)" in lines["satin: satin"], "of the mobile of that name"
-    assert "gloss" not in lines["wall"]

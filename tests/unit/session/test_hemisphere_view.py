@@ -6,7 +6,7 @@ import numpy as np
 
 from app.session.hemisphere_view import hemisphere_view
 from gi_core.files.load import load_scene
-from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sharp import is_sharp
 from gi_core.solver import Solver
 
 
@@ -15,7 +15,7 @@ def test_receivers_that_a_reflection_shows_have_no_light_by_direction():
     solver = Solver(load_scene("showroom"), photons=4096)
     solver.solve()
     s, rows = solver.surfaces, solver.frame.gloss.rows
-    corners = np.concatenate([c[in_probes(s)].ravel() for c in (s.corner_front, s.corner_back)])
+    corners = np.concatenate([c[is_sharp(s)].ravel() for c in (s.corner_front, s.corner_back)])
     by_probe, none = np.isin(rows, corners), (np.zeros((0, 2, 3)), np.zeros(0, np.int64))
 
     for reflected in (True, False):
