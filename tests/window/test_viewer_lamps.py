@@ -80,6 +80,36 @@ def test_panel_dims_lamps(play):
 
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl", "folder")
+def test_lamps_that_solo_switches_off_look_so(play, monkeypatch):
+    """Their boxes stayed ticked."""
+    tips = []
+    explained = ui.explained
+    monkeypatch.setattr(ui, "explained", lambda text: (tips.append(text), explained(text))[1])
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_click("**/bulb/Solo")
+        assert session.settings.solo == "bulb"
+        assert ctx.item_is_checked("**/bulb/##on") and not ctx.item_is_checked("**/lamp/##on")
+        ctx.item_click("**/lamp/##on")
+        assert session.settings.lamps == (), "the lamp keeps its own switch"
+        hand.wait(lambda: "Off because of Solo of bulb. After All it is on." in tips)
+        ctx.item_click("**/bulb/All")
+        assert ctx.item_is_checked("**/lamp/##on")
+        ctx.item_uncheck("**/lamp/##on")
+        ctx.item_click("**/bulb/Solo")
+        ctx.mouse_move("**/lamp/##on")
+        hand.wait(lambda: "Off because of Solo of bulb. After All it is off." in tips)
+        ctx.item_click("**/bulb/All")
+        assert not ctx.item_is_checked("**/lamp/##on") and not errors(viewer)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
 def test_a_held_slider_follows_the_mouse_in_one_step_of_undo(play):
     def script(hand, viewer):
         session, ctx = viewer.session, hand.ctx

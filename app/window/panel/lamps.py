@@ -116,9 +116,14 @@ def _row(
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     lit = lamp.on and solo in ("", lamp.name)
     flux = _shown(_flux(lamp, solo, k, facts), facts)
-    _, on = imgui.checkbox("##on", lamp.on)
-    lamp = lamp._replace(on=on)
-    ui.tip("On or off.")
+    if solo in ("", lamp.name):
+        lamp = lamp._replace(on=imgui.checkbox("##on", lamp.on)[1])
+        ui.tip("On or off.")
+    else:
+        imgui.begin_disabled()
+        imgui.checkbox("##on", False)
+        imgui.end_disabled()
+        ui.tip(f"Off because of Solo of {solo}. After All it is {'on' if lamp.on else 'off'}.")
     imgui.same_line(0, gap)
     name_at, most = imgui.get_cursor_pos_x(), min(names, MOST_NAME * width)
     chosen = facts.lamp is not None and facts.lamp.name == lamp.name
