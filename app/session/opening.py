@@ -101,7 +101,7 @@ class Opening:
             from gi_core.instruments import compile_ahead
 
             self._compile(compile_ahead.DIFFUSE)
-            self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
+            self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
             versions = self._versions()
             scene = as_asked(versions.last, self.settings)
             self._stop_if_cancelled()
@@ -165,7 +165,7 @@ class Opening:
         from gi_core.base.kernel_cache import problems
         from gi_core.display.first_look import LookLight
 
-        self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
+        self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
         earlier = self._before.results() if self._before is not None else None
         solver = make_solver(scene, self.settings, earlier and earlier.photons)
         if self.look is not None and math.isfinite(self.look.noise):

@@ -82,7 +82,7 @@ class Reload:
         """Return a line for the log: how the scene on show came, by edits of which things."""
         if self._edited is not None and (words := words_of(self._before.edits, shown.settings.edits)):
             return words
-        return f"{'reloaded' if self.same else 'opened'}: {shown.settings.scene}"
+        return f"{'reloaded' if self.same else 'opened'}: {shown.settings.document or shown.settings.scene}"
 
     @property
     def progress(self) -> tuple[str, float | None] | None:

@@ -134,7 +134,7 @@ def runner_params(
 
     params = hello_imgui.RunnerParams()
     window = params.app_window_params
-    window.window_title = title_of(settings.scene)
+    window.window_title = title_of(settings.document or settings.scene)
     window.window_geometry.size = settings.size
     window.restore_previous_geometry = settings.size == Settings().size
 

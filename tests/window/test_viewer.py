@@ -315,8 +315,9 @@ def test_settings_survive_in_the_title(play):
     def script(hand, viewer):
         hand.ctx.yield_(2)
 
-    viewer = play(script, settings=replace(support.SETTINGS, scene="some/kitchen.glb"))
-    assert viewer.params.app_window_params.window_title == "kitchen - gi-viewer"
+    for document, title in (("", "kitchen"), ("some/kitchen-eve.toml", "kitchen-eve")):
+        viewer = play(script, settings=replace(support.SETTINGS, scene="some/kitchen.glb", document=document))
+        assert viewer.params.app_window_params.window_title == f"{title} - gi-viewer"
 
 
 def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):

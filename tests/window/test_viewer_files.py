@@ -118,8 +118,9 @@ def close_by_button(hand) -> None:
     hand.ctx.yield_(3)
 
 
-def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder):
-    K, seen = keys(), {}
+def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder, monkeypatch):
+    K, seen, titles = keys(), {}, []
+    monkeypatch.setattr("glfw.set_window_title", lambda window, title: titles.append(title))
 
     def script(hand, viewer):
         hand.wait_for_light()
@@ -139,6 +140,7 @@ def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder
         hand.press(int(K.mod_ctrl) | int(K.s))
         enter(hand, "Save the scene", folder / "mine")
         assert not viewer.files.has_changed(session) and session.settings.document == str(folder / "mine.toml")
+        assert titles == ["mine - gi-viewer"]
         session.want(replace(session.settings, exposure=1.25))
         hand.wait_for_light()
         assert viewer.files.has_changed(session)
@@ -163,8 +165,9 @@ def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder
     assert seen["saved"].exposure == 1.25 and viewer.files.recent == [str(folder / "mine.toml")]
 
 
-def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder):
-    K = keys()
+def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
+    K, titles = keys(), []
+    monkeypatch.setattr("glfw.set_window_title", lambda window, title: titles.append(title))
     here = replace(support.SETTINGS, tone_map="clip", exposure=-0.5, poses=(("block", (*AWAY.position, 1, 0, 0, 0)),))
     here = replace(here, camera=(0.5, 0.6, 2.5, 0.5, 0.45, 0.5, 40.0))
     saved_scene.write(folder / "mine.toml", here)
@@ -190,6 +193,8 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder):
         )
         assert loader.asked[-1].camera == here.camera
         assert viewer.files.recent == [s.document] and not viewer.files.has_changed(viewer.session)
+        assert f"opened: {s.document}" in [entry.text for entry in viewer.log.entries], "not the scene that it names"
+        assert titles == ["mine - gi-viewer"]
 
         # A bad file: one sentence, and everything stays.
         Path("bad.toml").write_text('scene = "room"\n[settings]\nphotons = -3\n')

@@ -14,6 +14,7 @@ from app.window import dialogs, readout_marks, screenshot, view_content
 from app.window.actions.lamps import is_photometric, use_file
 from app.window.actions.objects import insert, is_mesh
 from app.window.actions.parts import Window
+from app.window.window import rename
 
 
 def choose_scene(window: Window) -> None:
@@ -64,7 +65,9 @@ def save_as(window: Window) -> None:
 def _write(window: Window, path: str) -> None:
     try:
         pending = ", with an edit that is still being prepared" if window.session.is_editing else ""
-        window.log(f"saved {window.files.save(window.session, window.viewport, path)}{pending}")
+        file = window.files.save(window.session, window.viewport, path)
+        window.log(f"saved {file}{pending}")
+        rename(str(file))
     except (UsageError, OSError) as problem:
         _not_saved(window, problem, path)
 
