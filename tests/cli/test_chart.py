@@ -14,7 +14,8 @@ from app import __main__ as cli
 from app.measure.chart import measure, rival, tuned
 from app.measure.chart import run as chart_run
 from app.measure.chart.figure import draw, front, styles
-from app.measure.chart.measure import Walk, errors, flicker, make_walk
+from app.measure.chart.gloss import drawn_gloss, truth_of
+from app.measure.chart.measure import AtCases, Walk, errors, flicker, make_walk
 from app.measure.chart.report import REPORT, beside, choice_like
 from app.measure.chart.results import KEY, Results
 from app.measure.chart.rows import Measurer
@@ -23,8 +24,10 @@ from app.measure.chart.settings import FULL, TUNED, Choice, choices
 from app.measure.chart.truth import PoseTruth, cases, choose, steady_and_moved
 from app.measure.chart.tuned import nearness
 from app.settings import LampSetting, Settings, make_solver, open_scene
-from gi_core.geometry.error import relative_error
+from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
+from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
+from tests.support.scene_builders import box, merge, quad, sphere
 from tests.support.small_charts import small_charts
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
@@ -207,7 +210,8 @@ def test_the_truth_has_the_levels_of_the_lamps(small):
     assert np.array_equal(full.rows, dimmed.rows)
     assert np.array_equal(0.25 * full.truth, dimmed.truth)
     walk = Walk([solvers[0].poses], [full], full.rows, full.weights, *[np.ones(len(full.rows), bool)] * 2, 1.0)
-    assert np.array_equal(*(scale * rival.seen(s, walk, 1, 0)[0] for s, scale in zip(solvers, (0.25, 1), strict=True)))
+    seen = [rival.seen(s, walk, 1, 0).irradiance[0] for s in solvers]
+    assert np.array_equal(0.25 * seen[0], seen[1])
 
 
 def test_rows_of_other_levels_are_not_used(tmp_path):
@@ -244,7 +248,8 @@ def test_errors_are_those_of_error_py():
     E, T, end = random.random((3, 30, 3))
     kind, w = np.repeat([0, 1, 2], 10), random.random(30)
     cases = [PoseTruth(k, None, w[s], kind[s], T[s], 0.1 * T[s]) for k, s in enumerate((slice(0, 15), slice(15, 30)))]
-    found = errors([E[:15], E[15:]], [end[:15], end[15:]], cases)
+    seen, limit = (AtCases([a[:15], a[15:]], [None, None]) for a in (E, end))
+    found = errors(seen, limit, cases)
     assert found["total all"] == pytest.approx(relative_error(E, T, w).l1)
     assert found["total l2 mobile"] == pytest.approx(relative_error(E, T, w, kind == 2).l2)
     assert found["noise affected"] == pytest.approx(relative_error(E, end, w, kind == 1).l1)
@@ -296,3 +301,44 @@ def test_rows_of_other_machines_and_commits_stay_and_do_not_count(tmp_path):
     assert [r["frame_ms"] for r in again.rows] == [1.25] and len(again.every) == 2
     assert not again.has({**setting, "radius": 0.2}) and again.rows[0]["control"] is True
     assert Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields).rows[0]["new"] == 7
+
+
+def test_gloss_towards_the_camera_is_near_its_truth():
+    """A satin floor and a two-sided satin sheet in a lit room: by many photons, with the noise of both taken out.
+
+    The light of another exposure of the lamps is off by its factor: the measure is no constant.
+    """
+    satin = Gloss(alpha=0.3)
+    materials = (
+        Material("wall", (0.7, 0.7, 0.7)),
+        Material("lamp", emission=(5.0, 5.0, 5.0)),
+        Material("floor", (0.2, 0.2, 0.2), gloss=satin),
+        Material("sheet", (0.3, 0.3, 0.3), gloss=satin, two_sided=True),
+    )
+    static = merge(
+        box((-1, -1, 0), (1, 1, 2), 8, 0, inward=True),
+        quad((-0.5, -0.5, 1.98), (0, 1, 0), (1, 0, 0), (2, 2), 1),
+        quad((-0.98, -0.98, 0.01), (1.96, 0, 0), (0, 1.96, 0), (16, 16), 2),
+        quad((0.7, -0.5, 0.3), (0, 1, 0), (0, 0, 1), (8, 8), 3),
+    )
+    ball = Mobile("ball", sphere((0, 0, 0), 0.2, 1, 0), Pose((0, 0.5, 0.4)))
+    scene = Scene(
+        static, materials, (ball,), camera=Camera((-0.6, -0.9, 1.2), (0, 0.3, 0.4), 60.0), up=(0, 0, 1), name="satin"
+    )
+    solver = make_solver(scene, Settings(photons=400_000, radius=0.12, light="photons"))
+    solver.solve()
+    truth = truth_of(solver, 1000, 0)
+    assert truth is not None and len(truth.weights) > 100
+    corners = solver.surfaces.corner_back[solver.surfaces.two_sided]
+    assert not truth.back.all() and (truth.back.any() or not len(corners)), "the sheet shows its back to the camera"
+    found = drawn_gloss(solver, truth)
+    total, noise = (
+        relative_error(found, truth.truth, truth.weights).l1,
+        noise_of_truth(truth.standard_error, truth.truth, truth.weights),
+    )
+    assert noise < 0.05 and total < 0.15
+    assert relative_error(2 * found, truth.truth, truth.weights).l1 > 0.8
+    plain = replace(scene, materials=(*materials[:2], *(m._replace(gloss=None) for m in materials[2:])))
+    bare = make_solver(plain, Settings(photons=1000, radius=0.12))
+    bare.solve()
+    assert truth_of(bare, 100, 0) is None and drawn_gloss(bare, None) is None

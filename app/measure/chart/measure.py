@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.measure.chart.gloss import drawn_gloss
 from app.measure.chart.settings import Choice
 from app.measure.chart.truth import PoseTruth, background_of, light_of, steady_and_moved
 from gi_core.gather.reference_sample import draw_by_area
@@ -29,11 +30,18 @@ class Walk(NamedTuple):
     change: float  # sum over frames and moved receivers of area x change from frame to frame, by the most photons
 
 
+class AtCases(NamedTuple):
+    """Light at the points of each case."""
+
+    irradiance: list[np.ndarray]  # (n, 3) [W/m2]
+    gloss: list[np.ndarray | None]  # (m, 3) [W/m2/sr]; None: the scene has none, or this light
+
+
 class Recorded(NamedTuple):
     """Frame times and light of one setting."""
 
     ms: np.ndarray  # (frames,) time of each GI frame
-    at_cases: list[np.ndarray]  # irradiance (n, 3) at each case's receivers
+    at_cases: AtCases
     light: np.ndarray  # (frames, watched) luminance
 
 
@@ -61,12 +69,16 @@ def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None
         light.append(light_of(solver.irradiance, walk.watched))
         for case in walk.cases:
             if case.frame == k:
-                by_frame[k] = solver.irradiance[case.rows]
-    return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
+                by_frame[k] = solver.irradiance[case.rows], drawn_gloss(solver, case.gloss)
+    return Recorded(np.array(ms), _at_cases([by_frame[c.frame] for c in walk.cases]), np.array(light))
 
 
-def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[np.ndarray]:
-    """Return irradiance (n, 3) at the receivers of each case, gathered at its pose for so many CPU seconds."""
+def _at_cases(pairs: list[tuple[np.ndarray, np.ndarray | None]]) -> AtCases:
+    return AtCases([E for E, _ in pairs], [gloss for _, gloss in pairs])
+
+
+def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> AtCases:
+    """Return the light of each case, gathered at its pose for so many CPU seconds."""
     out = []
     for case in walk.cases:
         solver.move_all(walk.lap[case.frame])
@@ -74,11 +86,11 @@ def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[np.ndarra
         for _ in solver.gather_pose_steps() if seconds else ():
             if time.process_time() - started > seconds:
                 break
-        out.append(solver.irradiance[case.rows])
-    return out
+        out.append((solver.irradiance[case.rows], drawn_gloss(solver, case.gloss)))
+    return _at_cases(out)
 
 
-def row(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
+def row(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, first_frame: float) -> dict:
     """Return the columns of a setting: times [ms] and relative errors of `gi_core.geometry.error`."""
     numbers = {
         **choice._asdict(),
@@ -92,21 +104,41 @@ def row(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Wa
     return numbers | errors(seen.at_cases, limit, walk.cases)
 
 
-def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[PoseTruth]) -> dict[str, float]:
-    """Return noise, bias, total (l1), total (l2) and the noise of the truth, of all receivers and of each class."""
+def errors(found: AtCases, limit: AtCases | None, cases: list[PoseTruth]) -> dict[str, float]:
+    """Return noise, bias, total (l1), total (l2) and the noise of the truth.
+
+    They are those of all receivers, of each class, and of gloss where the scene has some.
+    """
     T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
-    found = np.concatenate(E)
-    end = None if limit is None else np.concatenate(limit)
-    out = {}
+    E = np.concatenate(found.irradiance)
+    end = None if limit is None else np.concatenate(limit.irradiance)
+    out: dict[str, float] = {}
     for name in ("all", *CLASSES):
         of = slice(None) if name == "all" else kind == CLASSES.index(name)
-        out[f"noise {name}"] = float("nan") if end is None else relative_error(found, end, w, of).l1
-        out[f"bias {name}"] = float("nan") if end is None else relative_error(end, T, w, of).l1
-        total = relative_error(found, T, w, of)
-        out[f"total {name}"], out[f"total l2 {name}"] = total.l1, total.l2
-        out[f"truth {name}"] = noise_of_truth(s, T, w, of)
-        out[f"points {name}"] = len(kind[of])
+        out |= _errors(name, E[of], None if end is None else end[of], T[of], s[of], w[of])
+    shining = [k for k, case in enumerate(cases) if case.gloss is not None and found.gloss[k] is not None]
+    if shining:
+        L, end = (None if of is None else _together([of.gloss[k] for k in shining]) for of in (found, limit))
+        T, s, w = (np.concatenate(a) for a in zip(*(cases[k].gloss[3:] for k in shining), strict=True))
+        out |= _errors("gloss", L, end, T, s, w)
     return out
+
+
+def _together(parts: list[np.ndarray | None]) -> np.ndarray | None:
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None
+
+
+def _errors(name: str, found, end, T: np.ndarray, s: np.ndarray, w: np.ndarray) -> dict[str, float]:
+    total = relative_error(found, T, w)
+    return {
+        f"noise {name}": float("nan") if end is None else relative_error(found, end, w).l1,
+        f"bias {name}": float("nan") if end is None else relative_error(end, T, w).l1,
+        f"total {name}": total.l1,
+        f"total l2 {name}": total.l2,
+        f"truth {name}": noise_of_truth(s, T, w),
+        f"points {name}": len(w),
+    }
 
 
 def flicker(light: np.ndarray, walk: Walk) -> float:

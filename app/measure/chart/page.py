@@ -105,15 +105,17 @@ def _report(rows: list[dict], about: dict) -> list[str]:
 
 
 def _everything(rows: list[dict]) -> str:
-    over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", 3), ("over frames", 2)]
-    head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, "changed", "mobile", "borders", "flicker", "jump"]
+    kinds = {"affected": "changed", "mobile": "mobile", "border": "borders"}
+    kinds |= {"gloss": "gloss"} if any(_there(r.get("total gloss")) for r in rows) else {}
+    over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", len(kinds)), ("over frames", 2)]
+    head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, *kinds.values(), "flicker", "jump"]
     lines = []
     for r in sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"])):
         words = f"{r['photons']} paths per vertex" if r["curve"] == RIVAL else Choice.of(r).summary()
         lines.append([
             f"{r['curve']}: {words}", _ms(r["frame_ms"]), _ms(r["frame_p95_ms"]), f"{1e-3 * r['first_frame_ms']:.2f} s",
             *(_percent(r[f"{name} all"]) for name in ALL_COLUMNS),
-            *(_percent(r[f"total {name}"]) for name in ("affected", "mobile", "border")),
+            *(_percent(r.get(f"total {name}")) for name in kinds),
             _percent(r["flicker"], 2), _number(r["jump"]),
         ])  # fmt: skip
     return table(head, lines, over)

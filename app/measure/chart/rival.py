@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from app.measure.chart.measure import Walk
+from app.measure.chart.measure import AtCases, Walk
 from gi_core.gather.point_gather import Gatherer
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.solver import Solver
@@ -16,13 +16,13 @@ TIMED = 4  # paths per vertex; the time of more is scaled from these
 OTHER_SEED = 0x417A1  # the truth has other paths
 
 
-def seen(solver: Solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
-    """Return irradiance (n, 3) at the receivers of each case, from a number of paths per receiver."""
+def seen(solver: Solver, walk: Walk, paths: int, seed: int) -> AtCases:
+    """Return the irradiance of each case from a number of paths per receiver; it has no gloss."""
     out = []
     for case in walk.cases:
         gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ OTHER_SEED)
         out.append(gatherer.paths(case.rows, 0, paths).mean(axis=1))
-    return out
+    return AtCases(out, [None] * len(out))
 
 
 def times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:

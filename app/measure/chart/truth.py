@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.measure.chart.gloss import GlossTruth, truth_of
 from app.rest.reference_store import ReferenceStore
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import luminance
@@ -25,6 +26,7 @@ class PoseTruth(NamedTuple):
     kind: np.ndarray  # (n,) int, of CLASSES
     truth: np.ndarray  # (n, 3) float64 [W/m2]
     standard_error: np.ndarray  # (n, 3) float64 [W/m2]
+    gloss: GlossTruth | None = None  # in view of the camera
 
 
 def background_of(solver: Solver) -> np.ndarray:
@@ -54,7 +56,8 @@ def cases(
         store = ReferenceStore(solver.model, solver.poses, rows, seed, weights=weights, levels=solver.levels)
         for reached in store.gather(error):
             progress(f"truth {k + 1} of {len(frames)}", (k + reached.fraction) / len(frames))
-        out.append(PoseTruth(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error))
+        gloss = truth_of(solver, points, seed + frame)
+        out.append(PoseTruth(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error, gloss))
     solver.move_all(start)
     return out
 

@@ -1,0 +1,108 @@
+"""The reference of gloss: radiance towards an eye at receivers, by rays drawn from their lobes.
+
+Light of a ray is followed by the paths of the reference. Lights without a surface, which no ray meets, have highlights.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.threads import run_ranges
+from gi_core.gather.path_tracer import BLOCK, NOTHING_KNOWN, PathEnds, arrive, follow, starts
+from gi_core.gloss.highlights import arriving, highlights, without_surface
+from gi_core.gloss.lobe_rays import draw_lobe
+from gi_core.lights.light_sampling import Lights
+from gi_core.model import Model
+from gi_core.rays.accelerator import FAR, Transforms
+from gi_core.rays.all_objects import nearest_in_world
+
+AT_ONCE = 1 << 18  # rays, which bounds memory
+
+
+class GlossViews(NamedTuple):
+    """Views of n glossy points, in the world."""
+
+    positions: np.ndarray  # (n, 3) float64 [m], lifted off the surface
+    normals: np.ndarray  # (n, 3) float64 unit, of the lobe
+    flat: np.ndarray  # (n, 3) float64 unit, of the face, on the same side
+    tangents: np.ndarray  # (n, 3) float64 unit
+    to_eye: np.ndarray  # (n, 3) float64 unit
+    face: np.ndarray  # (n,) int64 global, whose lobe it is
+
+
+def gloss_views(model: Model, at: Transforms, rows: np.ndarray, face: np.ndarray, eye: np.ndarray) -> GlossViews:
+    """Return the views of receivers (n,) on glossy faces (n,) from an eye (3,) in the world."""
+    s = model.surfaces
+    of = np.searchsorted(s.first_face, face, side="right") - 1
+    R = at.rotation[of]
+    points, normals = (a[rows] for a in model.evaluation_points)
+    place = np.einsum("nij,nj->ni", R, points) + at.position[of]
+    normal, flat = (np.einsum("nij,nj->ni", R, a) for a in (normals, s.normals[face]))
+    front = (s.corner_front[face] == rows[:, None]).any(axis=1)
+    along = np.einsum("nij,nj->ni", R, s.tangent[face]) if len(s.tangent) else normal
+    to_eye = eye - place
+    to_eye = to_eye / np.sqrt((to_eye * to_eye).sum(axis=1))[:, None]
+    return GlossViews(place, normal, np.where(front[:, None], flat, -flat), along, to_eye, face)
+
+
+def reference_gloss(
+    model: Model, at: Transforms, lights: Lights, views: GlossViews, rays: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radiance of gloss towards the eye and its standard error, both (n, 3) float64 [W/m2/sr].
+
+    lights: of one lamp; rays: per point, at least 2.
+    """
+    n = len(views.face)
+    mean, error = np.zeros((n, 3)), np.zeros((n, 3))
+    each = max(AT_ONCE // rays, 1)
+    for first in range(0, n, each):
+        part = slice(first, min(first + each, n))
+        L = _by_rays(model, at, lights, GlossViews(*(a[part] for a in views)), rays, seed, first)
+        mean[part], error[part] = L.mean(axis=1), L.std(axis=1, ddof=1) / math.sqrt(rays)
+    delta = without_surface(lights)
+    if len(delta.kind):
+        s = model.surfaces
+        light = arriving(model.accelerator, at, views.positions, views.flat, delta, model.world.size)
+        light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
+        mean += highlights(
+            s.lobe[views.face], s.tables, views.to_eye, views.normals, views.tangents, light, delta.value
+        )
+    return mean, error
+
+
+def _by_rays(model: Model, at: Transforms, lights: Lights, views: GlossViews, rays: int, seed: int, first: int):
+    """Return the radiance (n, rays, 3) that single rays bring; first: number of the first point."""
+    s, n = model.surfaces, len(views.face)
+    position, normal, flat, tangent, to_eye, face = (np.repeat(a, rays, axis=0) for a in views)
+    numbers = np.random.default_rng([seed, first]).random((n * rays, 3))
+    d, factors, _ = draw_lobe(s.lobe[face], s.tables, to_eye, normal, tangent, numbers)
+    factors = np.where(((d * flat).sum(axis=1) > 0)[:, None], factors, 0.0)  # none from below the face
+    path = np.int64(first) * rays + np.arange(n * rays)
+    total = np.zeros((n * rays, lights.channels))
+
+    def work(_, a, b):
+        for begin in range(a, b, BLOCK):
+            k = slice(begin, min(begin + BLOCK, b))
+            ends = starts(path[k].copy(), np.arange(k.stop - begin), position[k].copy(), normal[k].copy())
+            # A mirror's density: no ray to a lamp competes.
+            ends = ends._replace(
+                throughput=factors[k].copy(), face=face[k].astype(np.int32), density=-np.ones(len(ends.row))
+            )
+            _go_on(model, at, lights, seed, ends, d[k], total[k])
+
+    run_ranges(work, n * rays, model.threads, BLOCK // 2)
+    return total.reshape(n, rays, -1)[..., :3] / math.pi
+
+
+def _go_on(model: Model, at: Transforms, lights: Lights, seed: int, ends: PathEnds, d: np.ndarray, total) -> None:
+    """Follow rays of directions (n, 3) from the ends of paths; overwrites these."""
+    direction = d.astype(np.float32)
+    limits = np.full(len(d), np.float32(FAR * model.world.size), np.float32)
+    hits = nearest_in_world(model.accelerator, at, ends.position.astype(np.float32), direction, limits)
+    given = at, lights.area, lights.sky, NOTHING_KNOWN, seed, 0, 0
+    n = arrive(model.world, *given, ends, direction, *hits, total)
+    if n:
+        follow(model, at, lights, seed, 0, PathEnds(*(a[:n] for a in ends)), NOTHING_KNOWN, total, 1)
