@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from app.cli import saved_scene
-from app.session.lights import LightId
+from app.session.lights import LightId, aim_of
+from app.session.new_lights import PANEL
 from app.session.opening import Opening
 from app.settings import LampSetting, Settings
 from app.window.actions import lamps as actions
 from app.window.drag import TURN_SPEED
+from app.window.panel import widgets as ui
 from app.window.panel.lights import FILE, AddLamp, ChangeLight, SelectLamp
 from gi_core.files.edits import Darken, Light, edited
 from gi_core.lights.lamps import OTHERS
@@ -281,10 +283,10 @@ def test_angles_of_the_panel_turn_a_lamp(play):
             ctx.item_close(f"**/{section}")
         viewer._do(SelectLamp(SPOT))
         hand.ctx.yield_(2)
-        change(hand, viewer, lambda: ctx.item_input_value("**/##Aim tilt", 90.0))
+        change(hand, viewer, lambda: ctx.item_input_value("**/##Tilt angle", 90.0))
         assert viewer.session.scene.lights[1].direction[1] == pytest.approx(0.0, abs=1e-6)
         flux = viewer.session.model.emitters.flux_of_lamps[2]
-        change(hand, viewer, lambda: ctx.item_input_value("**/##Beam outer", 50.0))
+        change(hand, viewer, lambda: ctx.item_input_value("**/##Outer cone angle", 50.0))
         spot = viewer.session.scene.lights[1]
         assert spot.outer_degrees == 50.0 and spot.inner_degrees == 10.0
         assert viewer.session.model.emitters.flux_of_lamps[2] == pytest.approx(flux)
@@ -293,6 +295,36 @@ def test_angles_of_the_panel_turn_a_lamp(play):
         viewer._do("lamp marks")
         hand.move(hand.at(spot.position))
         assert not viewer.viewport.lamps.takes_mouse and not viewer.viewport.lamps.are_shown
+
+    assert errors(play(script, open_with=open_lit)) == []
+
+
+def test_each_number_of_a_lamp_has_a_label_and_its_unit(play, monkeypatch):
+    """Three angles stood in one row without names, and sides without metres."""
+    drawn, fields = {}, ui.fields
+    monkeypatch.setattr(ui, "fields", lambda name, *given: (drawn.update({name: given}), fields(name, *given))[1])
+
+    def script(hand, viewer):
+        ctx = hand.ctx
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        for section in ("Objects", "Scene"):
+            ctx.item_close(f"**/{section}")
+        drawn.clear()
+        change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
+        name = viewer._facts().lamp
+        assert name.name == PANEL
+        for label, number in (("Tilt", 60.0), ("Heading", 40.0), ("Turn", 20.0)):
+            change(hand, viewer, lambda: ctx.item_input_value(f"**/##{label} angle", number))  # noqa: B023
+        assert aim_of(viewer.session.lights[name], viewer.session.scene.up) == pytest.approx((60.0, 40.0, 20.0))
+        units = {label: given[2] for label, given in drawn.items()}
+        assert units == {
+            "Flux": "%.5g W", "Position": "%.3f", "Tilt": "%.1f°", "Heading": "%.1f°", "Turn": "%.1f°", "Size": "%.3f m"
+        }  # fmt: skip
+        drawn.clear()
+        viewer._do(SelectLamp(SPOT))
+        ctx.yield_(2)
+        assert set(drawn) == {"Flux", "Position", "Tilt", "Heading", "Inner cone", "Outer cone"}
 
     assert errors(play(script, open_with=open_lit)) == []
 

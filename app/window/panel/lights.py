@@ -28,6 +28,15 @@ KINDS = {
     SKY: "An overcast sky: a dome of constant luminance. Rooms need an opening.",
 }
 FILE = "from a file..."
+AIM = {
+    "Tilt": "Angle from straight down",
+    "Heading": "Angle about the vertical",
+    "Turn": "Angle about the lamp's own axis",  # of luminaires alone
+}
+CONE = {
+    "Inner cone": "Angle from the axis up to which the light is full",
+    "Outer cone": "Angle from the axis at which the light ends",
+}
 
 _headings: dict[LightId, float] = {}  # last heading: straight down has none
 _held = [False]  # a field: its next value belongs to the same step of undo
@@ -115,23 +124,24 @@ def _light(lamp: LightId, light: Light, facts: Facts, actions: set[Any]) -> None
     if isinstance(light, Directed):
         tilt, heading, turn = aim_of(light, facts.up, _headings.get(lamp, 0.0))
         _headings[lamp] = heading
-        angles: tuple[float, ...] = tilt, heading
-        about = "Angle from straight down, and about the vertical [degrees]"
-        if isinstance(light, PhotometricLight):
-            angles, about = (tilt, heading, turn), f"{about}; then about the lamp's own axis"
-        values, *done = ui.fields("Aim", angles, 0.5, "%.1f°", ("tilt", "heading", "turn")[: len(angles)])
-        ui.tip(f"{about}. In the picture, drag the ring where the lamp's axis meets a surface.")
-        tilt, heading, turn = (*values, turn)[:3]
-        if done[0]:
-            _headings[lamp] = heading
-        _changed(lamp, aimed(light, tilt, heading, turn, facts.up), done, actions)
+        angles = [tilt, heading, turn]
+        for k, (name, about) in enumerate(AIM.items()):
+            if name == "Turn" and not isinstance(light, PhotometricLight):
+                continue
+            (angles[k],), *done = ui.fields(name, angles[k : k + 1], 0.5, "%.1f°", ("angle",))
+            ui.tip(f"{about} [degrees]. In the picture, drag the ring where the lamp's axis meets a surface.")
+            if done[0]:
+                _headings[lamp] = angles[1]
+            tilt, heading, turn = angles
+            _changed(lamp, aimed(light, tilt, heading, turn, facts.up), done, actions)
     if isinstance(light, SpotLight):
-        cone = light.inner_degrees, light.outer_degrees
-        values, *done = ui.fields("Beam", cone, 0.2, "%.1f°", ("inner", "outer"))
-        ui.tip("Angles from the axis: up to the first the light is full, at the second it ends. The flux stays.")
-        _changed(lamp, beam(light, values[0], values[1]), done, actions)
+        cone = [light.inner_degrees, light.outer_degrees]
+        for k, (name, about) in enumerate(CONE.items()):
+            (cone[k],), *done = ui.fields(name, cone[k : k + 1], 0.2, "%.1f°", ("angle",))
+            ui.tip(f"{about} [degrees]. The flux stays.")
+            _changed(lamp, beam(light, *cone), done, actions)
     if isinstance(light, PhotometricLight):
-        values, *done = ui.fields("Size", light.size, SPEED * facts.scene_size, "%.3f", ("C0", "C90"))
+        values, *done = ui.fields("Size", light.size, SPEED * facts.scene_size, "%.3f m", ("C0", "C90"))
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
         a, b = (max(v, 0.0) for v in values)
         sides = (a, b) if a == b == 0 else (max(a, LEAST_SIDE), max(b, LEAST_SIDE))
