@@ -61,11 +61,14 @@ def test_panel_dims_lamps(play):
         assert np.array_equal(lit({}), full)
         assert session.meshes[0].emission.any() and session.settings.lamps == ()
 
-        # A light scene, kept and chosen again.
+        # A light scene, kept and chosen again; the first one moves no row of a lamp.
         ctx.item_input_value(f"{section}/##level", 50.0)
         lit({"bulb": (0.5,) * 3})
         ctx.item_input_value("**/##Keep as", "evening")
+        before = ctx.item_info(f"{section}/##level").rect_full
         ctx.item_click("**/Keep")
+        hand.ctx.yield_(2)
+        assert ctx.item_info(f"{section}/##level").rect_full.min.y == before.min.y
         ctx.item_click("**/Reset lamps")
         lit({})
         (evening,) = dict(session.settings.light_scenes).values()
@@ -257,7 +260,8 @@ def test_the_wheel_over_a_lamp_scrolls_the_panel(play):
             before = panel.scroll.y
 
     bulbs = tuple(PointLight(f"bulb {k}", (0.1 + 0.07 * k, 0.2, 0.8), (0.4,) * 3) for k in range(11))
-    play(script, replace(support.SETTINGS, light="photons"), support.opening(replace(support.room(), lights=bulbs)))
+    settings = replace(support.SETTINGS, light="photons", size=(720, 570))
+    play(script, settings, support.opening(replace(support.room(), lights=bulbs)))
 
 
 @pytest.mark.gl

@@ -76,21 +76,20 @@ def _flux_field(lamp: LampSetting, k: int, facts: Facts) -> LampSetting:
 
 def _light_scenes(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
-    names, asked = list(facts.light_scenes), s.levels(facts.lamps)
-    if names:
-        ui.label("Light scene")
-        choices = {**facts.light_scenes, **({} if OF_FILE in names else {OF_FILE: ()})}
-        shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(facts.lamps) == asked)
-        now, chosen = next(shown, None), None
-        if imgui.begin_combo("##Light scene", "other levels" if now is None else now):
-            for name in choices:
-                chosen = name if imgui.selectable(name or NAMELESS, name == now)[0] else chosen
-            imgui.end_combo()
-        ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
-               "within a second.")  # fmt: skip
-        if chosen is not None:
-            s = s.in_light_scene(choices[chosen])
-            actions.add("fade")
+    ui.label("Light scene")
+    asked, choices = s.levels(facts.lamps), dict(facts.light_scenes)
+    choices.setdefault(OF_FILE, ())
+    shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(facts.lamps) == asked)
+    now, chosen = next(shown, None), None
+    if imgui.begin_combo("##Light scene", "other levels" if now is None else now):
+        for name in choices:
+            chosen = name if imgui.selectable(name or NAMELESS, name == now)[0] else chosen
+        imgui.end_combo()
+    ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
+           "within a second. Keep adds one.")  # fmt: skip
+    if chosen is not None:
+        s = s.in_light_scene(choices[chosen])
+        actions.add("fade")
     ui.label("Keep as")
     em = imgui.get_font_size()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - 3.6 * em)
