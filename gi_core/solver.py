@@ -22,7 +22,9 @@ from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
+from gi_core.frames.unchanged_paths import same_static_part
 from gi_core.gather.reference import ReferenceState
+from gi_core.gather.static import StaticGather
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lamps
@@ -282,14 +284,26 @@ class BeforeEdit(NamedTuple):
     """Results of a solver that one of the edited scene begins with."""
 
     photons: Photons  # see photons_of()
-    light: EarlierLight | None  # gathered, of the static part
+    light: EarlierLight | None  # of the static part
+    gathered: StaticGather | None  # of the static part: a copy, as gathering may go on
 
 
 def before_edit(solver: Solver) -> BeforeEdit:
     """Return what a solver of an edited scene begins with."""
-    light = solver.frame_light
-    unreached = light.unreached.static.rows
-    return BeforeEdit(photons_of(solver), light.static.before_edit(solver.frame.background, unreached))
+    static, unreached = solver.frame_light.static, solver.frame_light.unreached.static.rows
+    gathered = None if static.gathered is None else static.gathered.copied(solver.model)
+    return BeforeEdit(photons_of(solver), static.before_edit(solver.frame.background, unreached), gathered)
+
+
+def begin_with(solver: Solver, before: BeforeEdit) -> None:
+    """Let a solver of an edited scene, of the same seed, begin with the static light of the scene before.
+
+    Gathering goes on where the edit leaves static part and lamps as they were.
+    """
+    static = solver.frame_light.static
+    if static.lacks_gathered and (before.light is not None or before.gathered is not None):
+        goes_on = before.gathered is not None and same_static_part(before.photons.model, solver.model)
+        static.begin_with(before.light, before.gathered if goes_on else None)
 
 
 def edited_solver(solver: Solver, scene: Scene) -> Solver:

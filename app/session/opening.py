@@ -164,6 +164,7 @@ class Opening:
     def _open(self, scene: Scene, versions: Versions) -> Opened:
         from gi_core.base.kernel_cache import problems
         from gi_core.display.first_look import LookLight
+        from gi_core.solver import begin_with
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
         earlier = self._before.results() if self._before is not None else None
@@ -173,8 +174,8 @@ class Opening:
         meshes, picker = self._drawn(solver.model, earlier and earlier.photons.model)
         for _ in load(solver) if solver.light == "best" else ():
             self._stop_if_cancelled()
-        if earlier is not None and earlier.light is not None and solver.frame_light.static.lacks_gathered:
-            solver.frame_light.static.begin_with(earlier.light)
+        if earlier is not None:
+            begin_with(solver, earlier)
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()

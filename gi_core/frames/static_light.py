@@ -227,9 +227,16 @@ class StaticLight:
             return None
         return earlier_light(shown, self._of_photons_per_lamp(shown), own.deviation, own.noise, 0.0, unreached)
 
-    def begin_with(self, earlier: EarlierLight) -> None:
-        """Show light gathered before an edit, changed as photons say, until there is better."""
-        self.gathered, self._edited = StaticGather(self._model, self._seed), EditedLight(earlier, self._model)
+    def begin_with(self, earlier: EarlierLight | None, gathered: StaticGather | None = None) -> None:
+        """Show light before an edit, changed as photons say, until there is better.
+
+        gathered: before an edit that leaves the static part as it was; it goes on.
+        """
+        if gathered is not None:
+            self.gathered, self._edited = gathered.copied(self._model), None
+        if earlier is not None and (gathered is None or gathered.is_earlier or math.isinf(gathered.noise)):
+            self._edited = EditedLight(earlier, self._model)
+            self.gathered = StaticGather(self._model, self._seed) if gathered is None else self.gathered
 
     @property
     def shows_earlier(self) -> bool:

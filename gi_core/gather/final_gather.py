@@ -10,6 +10,7 @@ The differences within pairs give the noise.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Iterator
 
@@ -53,6 +54,12 @@ class FinalGather:
         self.paths = 0  # per receiver in `mean`; 0: no result yet
         self.per_lamp = self.last = np.zeros(shape)  # (n, 3 G) float64 [W/m2]; `last`: of the last pair alone
         self.mean = np.zeros(positions.shape)  # (n, 3) float64 [W/m2], of all lamps
+
+    def copied(self, model: Model) -> FinalGather:
+        """Return a copy that goes on from here, of a model with the same static part and lamps."""
+        other = copy.copy(self)
+        other._model, other._lights = model, model.lights
+        return other
 
     @property
     def standard_error(self) -> np.ndarray:

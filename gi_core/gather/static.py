@@ -9,6 +9,7 @@ than phase 1 has error. Both are denoised in proportion to their noise (`denoise
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
@@ -135,6 +136,15 @@ class StaticGather:
         vars(g).update(light)
         return g
 
+    def copied(self, model: Model) -> StaticGather:
+        """Return a copy that goes on from here; model: of the same static part and lamps, as in same_static_part()."""
+        g = copy.copy(self)
+        g._model, g._final = model, self._final.copied(model)
+        g.state = None if self.state is None else ReferenceState(*(a.copy() for a in self.state))
+        if (s := self._sample) is not None:
+            g._sample = s._replace(rounds=g._rounds_at(s.rows, s.times, s.rounds.state))
+        return g
+
     def show_earlier(self, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> None:
         """Show other light (n, 3 G) [W/m2] until this has less noise; deviation (n,): of its luminance [W/m2]."""
         self.per_lamp, self.deviation, self.is_earlier = per_lamp, deviation, True
@@ -228,16 +238,18 @@ class StaticGather:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample, in steps."""
         if self._sample is None:
             rows, times = draw_by_area(np.flatnonzero(self._paid > 0), self._paid, SAMPLE, self._seed)
-            points, seed = (a[rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
-            given = self._model.scene, *points, seed, times
-            rounds = ReferenceRounds(*given, model=self._model, mobiles=False, rounds=SAMPLE_ROUNDS)
-            self._sample = ErrorSample(rows, times, rounds)
+            self._sample = ErrorSample(rows, times, self._rounds_at(rows, times))
         s = self._sample
         # Of point lights on a convex body single bounces have no noise, but whole paths do: they pick a light each.
         for _ in gather_until(s.rounds, s.times, max(SAMPLE_NOISE * noise, ENOUGH)):
             yield False
         # The error of the total is known best, as noise averages out there; the rest is only known to a part.
         return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
+
+    def _rounds_at(self, rows: np.ndarray, times: np.ndarray, state: ReferenceState | None = None) -> ReferenceRounds:
+        points, seed = (a[rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
+        given = self._model.scene, *points, seed, times
+        return ReferenceRounds(*given, model=self._model, mobiles=False, rounds=SAMPLE_ROUNDS, state=state)
 
     def _whole_paths(self) -> Iterator[bool | None]:
         given = self._model.scene, *self._points, self._seed, self._paid

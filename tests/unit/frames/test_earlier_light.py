@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from gi_core.base.steps import finish
-from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, edited
+from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Remove, edited
 from gi_core.frames import first_frame
 from gi_core.frames.smoothed_photons import NEAR, smooth_per_lamp
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.scene.types import Pose, Scene
-from gi_core.solver import Solver, before_edit
+from gi_core.solver import Solver, before_edit, begin_with
 from tests.physics.test_edits import room
 from tests.support.scene_builders import box, merge
 
@@ -46,7 +46,7 @@ def before() -> Solver:
 def after(before: Solver, *edits: Edit) -> Solver:
     given = before_edit(before)
     solver = Solver(edited(before.scene, edits), **GIVEN, earlier=given.photons)
-    solver.frame_light.static.begin_with(given.light)
+    begin_with(solver, given)
     solver.solve()
     return solver
 
@@ -65,7 +65,7 @@ def test_photons_that_were_worse_before_an_edit_do_not_replace_its_light(before,
     for measured, stays in ((0.05, True), (0.0, False)):
         blur = measured
         assert before_edit(before).light.of_photons == measured
-        solver = after(before, Finish("ball", RED))
+        solver = after(before, Finish("wall", (("reflectance", (0.78, 0.8, 0.8)),)))
         static, b = solver.frame_light.static, solver.frame.background
         monkeypatch.setattr(static, "_smoothed", static._of_photons(b)._replace(noise=0.02))
         assert static.compare(b) is stays
@@ -175,3 +175,37 @@ def test_another_radius_is_not_compared(before):
     solver.frame_light.static.begin_with(given.light)
     solver.solve()
     assert not solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def gathered_rounds(solver: Solver, rounds: int) -> StaticGather:
+    """Gather whole paths until there are so many rounds."""
+    for _ in solver.gather_steps():
+        g = solver.frame_light.static.gathered
+        if g.state is not None and g.state.rounds >= rounds:
+            return g
+    raise AssertionError("enough before")
+
+
+@pytest.mark.parametrize(
+    "edit", [Finish("ball", RED), Remove("ball"), Finish("wall", RED)], ids=["colour", "removed", "wall"]
+)
+def test_gathering_goes_on_where_the_static_part_stays(edit):
+    """With the bits of a run without a break; the light on show stays, and so does the fraction that is done."""
+    solver, other = solved(room()), solved(edited(room(), [edit]))
+    g = gathered_rounds(solver, 3)
+    given = before_edit(solver)
+    gathered_rounds(solver, 4)  # the solver before goes on meanwhile
+    new = Solver(edited(solver.scene, [edit]), **GIVEN, earlier=given.photons)
+    begin_with(new, given)
+    new.solve()
+    goes_on = new.frame_light.static.gathered
+    if edit == Finish("wall", RED):
+        assert goes_on.state is None and goes_on.is_earlier
+        return
+    assert goes_on.state.rounds == 3 and goes_on.fraction > 0.05
+    assert np.array_equal(goes_on.per_lamp, given.gathered.per_lamp) and not goes_on.is_earlier
+    assert new.frame_light.static.is_gathered and np.array_equal(new.irradiance, new.from_scratch())
+    mine, alone = gathered_rounds(new, 5), gathered_rounds(other, 5)
+    for a, b in zip(mine.state, alone.state, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert g is solver.frame_light.static.gathered and goes_on is mine and mine is not g
