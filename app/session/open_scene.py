@@ -38,6 +38,7 @@ class Finished(NamedTuple):
 
     values: Values  # as an edit gives it
     textured: bool  # its colour is a texture, or several colours
+    darkened: str = ""  # where and why the scene on show darkens it, as `gi_core.bsdf.table.Table.limited`
 
 
 class OpenScene:
@@ -162,7 +163,7 @@ class OpenScene:
 
         if (key := (name, material, part)) not in self._finishes:
             values = finish_of(self.scene, self.model.surfaces, *key)
-            self._finishes[key] = Finished(values, is_textured(self.scene, *key))
+            self._finishes[key] = Finished(values, is_textured(self.scene, *key), _darkened(values))
         found = self._finishes[key]
 
         def given(edits: Iterable[Edit]) -> list[Values]:
@@ -171,11 +172,11 @@ class OpenScene:
         if asked := given(self.edits):
             newest: dict[str, Any] = dict(asked[-1])
             if "reflectance" in newest:
-                return Finished(asked[-1], False)
+                return Finished(asked[-1], False, found.darkened)
             if "brdf" not in newest:
                 newest = {"reflectance": dict(found.values).get("reflectance", GREY), **newest}
             comes = any("reflectance" in dict(shown) for shown in given(self.settings.edits))  # back, by an undo
-            return Finished(tuple(newest.items()), found.textured or comes)
+            return Finished(tuple(newest.items()), found.textured or comes, found.darkened)
         return found
 
     @property
@@ -220,3 +221,14 @@ class OpenScene:
     def models(self) -> tuple[np.ndarray, ...]:
         """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""
         return tuple(matrices(self.model.transforms(self.light.snapshot.poses)))
+
+
+def _darkened(values: Values) -> str:
+    """Return where and why a material of these values is darkened, "" if it is not; its table is that of the scene."""
+    from gi_core.bsdf.tabulate import tabulate
+    from gi_core.files.formats.materials_table import FINISH, brdf_of, checked
+    from gi_core.files.formats.toml_fields import as_table
+    from gi_core.scene.types import Material
+
+    material = brdf_of(checked(as_table(values), "", FINISH), Material(""))
+    return tabulate(material.brdf, True).limited if material.scaled else ""

@@ -411,6 +411,30 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
     assert errors(play(script, open_with=open_edited)) == []
 
 
+def test_a_model_that_is_darkened_says_so(play, monkeypatch):
+    """The choice of a model ticked the box without a word."""
+    from gi_core.instruments import compile_ahead
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)
+    said, dim = [], material._dim
+    monkeypatch.setattr(material, "_dim", lambda text: (said.append(text), dim(text))[1])
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer.viewport.select(("block",))
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_close("Objects")
+        hand.ctx.item_open("Material")
+        for model, darkened in (("EON", ""), ("GGX", "ggx reflects more light than arrives, at "), ("Diffuse", "")):
+            change(hand, viewer, lambda: hand.ctx.combo_click(f"##Model/{model}"))  # noqa: B023
+            said.clear()
+            hand.ctx.yield_(2)
+            assert viewer._facts().darkened.startswith(darkened) and bool(darkened) == bool(viewer._facts().darkened)
+            assert (material.DARKENED in said) == bool(darkened)
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
 def two_part_room():
     """The room, whose block has a front of red under a texture."""
     scene = support.room()

@@ -75,6 +75,7 @@ class Facts:
     parts: tuple[str, ...] = ()  # of that mobile, by material; () for a material of the static part
     part: str = ""  # the one clicked, else the first
     material: tuple[tuple[str, Any], ...] = ()  # of that surface or part, as `gi_core.files.edits.Finish` has it
+    darkened: str = ""  # where and why its model is darkened in the scene on show
     textured: bool = False  # its colour is a texture, or several colours
     glossy: bool = False  # a face of the scene has gloss
     piece: bool = False  # a place of the static part has been clicked
@@ -167,6 +168,7 @@ def facts_of(
         parts=parts,
         part=part if parts else "",
         material=finish.values,
+        darkened=finish.darkened,
         textured=finish.textured,
         piece=bool(clicked),
         lights=session.lights,

@@ -19,6 +19,7 @@ BRIGHTEST = 0.98  # reflectance, as for files
 COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 DIFFUSE, METAL_ROUGH = "diffuse", "metal-rough"
 MOST_FACTOR = 1.0  # of a model in a linear combination
+DARKENED = "Darkened: it would reflect more light than arrives."
 COLOURS = "reflectance", "kd", "rho", "C"  # parameters that carry on the colour of another model
 
 
@@ -96,7 +97,7 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
                 values[name], edited = value, True
                 keeps &= name != "reflectance"
     if "brdf" in values:
-        values, moved = _draw_scale(values)
+        values, moved = _draw_scale(values, facts.darkened)
         edited |= moved
     if facts.textured:
         _dim(_about_texture(model))
@@ -125,10 +126,17 @@ def _draw_part(number: int, given: Values) -> Values:
     return tuple(part.items())
 
 
-def _draw_scale(values: dict[str, Any]) -> tuple[dict[str, Any], bool]:
-    """Draw whether a surface is darkened; return the values, and whether that has changed."""
+def _draw_scale(values: dict[str, Any], darkened: str) -> tuple[dict[str, Any], bool]:
+    """Draw whether a surface is darkened, and whether it needs to be; return the values, and whether that has changed.
+
+    darkened: the reason, "" for none.
+    """
     changed, scale = imgui.checkbox("Darken above 100 %", values.get("scale", False))
-    ui.tip("Where the models reflect more light than arrives, the surface is darkened to it. Otherwise it is refused.")
+    ui.tip("Where the models reflect more light than arrives, the surface is darkened to it. Otherwise it is refused. "
+           "The choice of a model ticks it.")  # fmt: skip
+    if darkened and values.get("scale"):
+        _dim(DARKENED)
+        ui.tip(f"{darkened[:1].upper()}{darkened[1:]}.")
     return (values | {"scale": scale} if changed else values), changed
 
 
