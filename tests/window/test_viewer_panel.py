@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.window.panel import widgets as ui
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
@@ -402,3 +403,21 @@ def test_quality_slider_sets_photons_and_budget_and_the_status_line_tells_their_
 
     settings = replace(support.SETTINGS, measure_errors=True)
     assert errors(play(script, settings)) == []
+
+
+def test_the_tooltips_of_the_exposure_say_what_key_a_does(play, monkeypatch):
+    """They spoke of the metering at load, where the file may give the exposure."""
+    tips, explained = [], ui.explained
+    monkeypatch.setattr(ui, "explained", lambda text: (tips.append(text), explained(text))[1])
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.ctx.set_ref("Panel")
+        for section in ("Objects", "Lamps"):
+            hand.ctx.item_close(section)
+        for item, words in (("##Exposure", "metered by key A"), ("Meter exposure", "by the present view and light")):
+            hand.ctx.mouse_move(item)
+            hand.wait(lambda: any(words in tip for tip in tips))  # noqa: B023
+        assert not any("at load" in tip for tip in tips)
+
+    assert errors(play(script)) == []

@@ -57,7 +57,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
         if changed:
             s = replace(s, exposure=exposure)
-        ui.tip("Exposure in stops; +1 EV doubles brightness. Metered at load, then fixed.")
+        ui.tip("Exposure in stops; +1 EV doubles brightness. It stays until it is changed here, or metered by key A.")
     units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
     s = ui.choice(s, "Show", "show", show_names(units),
                 "Picture: the light that the camera sees (radiance).\n"
@@ -82,7 +82,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
     if imgui.button("Meter exposure", (half, 0)):
         actions.add("meter")
-    ui.tip("Meter the exposure from the current view. Key A.")
+    ui.tip("Set the exposure by the present view and light: the median radiance becomes mid-grey, or less where much "
+           "of the view is bright. Surfaces that shine count too. Key A.")  # fmt: skip
     imgui.same_line()
     if imgui.button("Reset view", (half, 0)):
         actions.add("reset view")
