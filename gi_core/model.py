@@ -39,11 +39,14 @@ class Model:
 
     origins (objects, 3) float64 [m]: of each object's geometry in the given coordinates, zeros unless it lies far from
     their origin. `scene`, surfaces, receivers and transforms are relative to them; poses are in the given coordinates.
-    rays: a key of `gi_core.rays.structures.STRUCTURES`; None: Embree, or bvh where Embree is missing.
+    rays: a key of `gi_core.rays.structures.STRUCTURES`; None: Embree, or bvh where Embree is missing. before: of an
+    earlier version of the scene, which saves time alone.
     Raises SceneError for an invalid scene, and for any other name of rays.
     """
 
-    def __init__(self, scene: Scene, threads: int | None = None, rays: str | None = None):
+    def __init__(
+        self, scene: Scene, threads: int | None = None, rays: str | None = None, before: Model | None = None
+    ):
         check_scene(scene)
         self.given = scene
         self.origins = np.array([origin_of(mesh) for mesh in (scene.static, *(m.mesh for m in scene.mobiles))])
@@ -52,7 +55,8 @@ class Model:
             raise SceneError(f"{scene.name}: the names of mobiles must differ, got {self.names}")
         self.scene = scene = self._shifted(scene)
         self.threads = available_cores() if threads is None else threads
-        self.surfaces, self.object_receivers = flatten(scene)
+        known = None if before is None else (before.scene, before.surfaces)
+        self.surfaces, self.object_receivers = flatten(scene, before=known)
         self.accelerator = Accelerator(self.surfaces, self.threads, checked(rays))
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)

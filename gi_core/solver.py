@@ -46,7 +46,7 @@ def _model(scene: Scene, threads: int | None, rays: str | None, earlier: Photons
         relit = before.relit(scene)
         if relit is not None:
             return relit
-    return Model(scene, threads, rays)
+    return Model(scene, threads, rays, before)
 
 
 def _summary(solver: Solver) -> str:

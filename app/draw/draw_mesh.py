@@ -57,18 +57,46 @@ def draw_meshes(surfaces: Surfaces, lamp: np.ndarray | None = None) -> tuple[Dra
     """
     lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
     meshes = (_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
-    return tuple(_with_quads(mesh._replace(lobe=None, tangent=None, tables=None)) for mesh in meshes)
+    return tuple(_with_quads(_without_gloss(mesh)) for mesh in meshes)
 
 
-def meshes_of(model: Model) -> tuple[DrawMesh, ...]:
-    """Return the draw meshes of a model, with its gloss."""
+def meshes_of(model: Model, before: tuple[Model, tuple[DrawMesh, ...]] | None = None) -> tuple[DrawMesh, ...]:
+    """Return the draw meshes of a model, with its gloss.
+
+    before: of another version of the scene; without gloss, meshes of objects that are the same are those.
+    """
     s = model.surfaces
     if np.isnan(s.lobe).all():
-        return draw_meshes(s, model.lamp_of_face)
+        known = {} if before is None else _unchanged(model, *before)
+        return tuple(
+            known[o] if o in known else _with_quads(_without_gloss(_draw_mesh(s, model.lamp_of_face, o)))
+            for o in range(s.objects)
+        )
     glossy, normals = glossy_receivers(s), model.object_receivers.normals
     meshes = (_with_gloss(_draw_mesh(s, model.lamp_of_face, o), glossy, normals) for o in range(s.objects))
     with_reflectors = (_with_reflectors(mesh, some) for mesh, some in zip(meshes, reflectors(model), strict=True))
     return tuple(_with_quads(mesh) for mesh in with_reflectors)
+
+
+def _unchanged(now: Model, before: Model, meshes: tuple[DrawMesh, ...]) -> dict[int, DrawMesh]:
+    """Return the meshes, by number, of objects that are drawn as before; neither model has gloss there."""
+    new, old = now.surfaces, before.surfaces
+    same = {}
+    for o, mesh in enumerate(meshes[: new.objects]):
+        a, b = new.face_range(o), old.face_range(o)
+        faces = (
+            (surfaces.reflectance[k], surfaces.emission[k], surfaces.corner_front[k], surfaces.corner_back[k], lamp[k])
+            for surfaces, lamp, k in ((new, now.lamp_of_face, a), (old, before.lamp_of_face, b))
+        )
+        whole = (new.vertices[o], new.faces[o]), (old.vertices[o], old.faces[o])
+        paints = new.paint[o] is old.paint[o] and mesh.lobe is None
+        if paints and all(map(np.array_equal, *whole)) and all(map(np.array_equal, *faces)):
+            same[o] = mesh
+    return same
+
+
+def _without_gloss(mesh: DrawMesh) -> DrawMesh:
+    return mesh._replace(lobe=None, tangent=None, tables=None)
 
 
 def _with_quads(mesh: DrawMesh) -> DrawMesh:

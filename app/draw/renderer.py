@@ -106,7 +106,8 @@ class Renderer:
 
         Meshes that differ from the last ones in emission alone are not uploaded again.
         """
-        if len(meshes) == len(self._objects) and all(o.draws(m) for o, m in zip(self._objects, meshes, strict=True)):
+        kept = {k: o for k, (o, mesh) in enumerate(zip(self._objects, meshes, strict=False)) if o.draws(mesh)}
+        if len(kept) == len(meshes) == len(self._objects):
             return
         textures, made = [t for mesh in meshes for t in mesh.textures], []
         if self._programs.sharp is None and any(mesh.reflectors for mesh in meshes):
@@ -114,17 +115,17 @@ class Renderer:
             self._programs = Programs(*self._programs[:4], *sharp)
         try:
             self._textures.keep([*self._used_textures, *textures])
-            for mesh in meshes:
-                made.append(DrawnObject(self.ctx, self._programs, mesh))
+            for k, mesh in enumerate(meshes):
+                made.append(kept[k] if k in kept else DrawnObject(self.ctx, self._programs, mesh))
         except Exception:
-            self._release(made)
+            self._release([o for k, o in enumerate(made) if k not in kept])
             raise
         self._gloss.release()
         self._mirrors.release()
         self._coverage.release()
         self._mirrors = GLMirrors(self.ctx, meshes)
         before, self._objects, self._used_textures = self._objects, made, textures
-        self._release(before)
+        self._release([o for k, o in enumerate(before) if k not in kept])
 
     def _release(self, objects: list[DrawnObject]) -> None:
         """Release objects and unused textures."""

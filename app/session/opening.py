@@ -197,15 +197,17 @@ class Opening:
         return Opened(settings, solver, versions, meshes, picker)
 
     def _drawn(self, model: Model, earlier: Model | None) -> tuple[tuple[DrawMesh, ...], Picker]:
-        """Return draw meshes and picker of a model: those of the scene on show, if its surfaces are the same."""
+        """Return draw meshes and picker of a model: those of the scene on show where they are the same."""
         from app.draw.draw_mesh import meshes_of
         from app.draw.picking import Picker
 
-        if earlier is not None and model.surfaces is earlier.surfaces:
+        before = None
+        if earlier is not None:
             shown = self._before.opened
-            if np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
+            if model.surfaces is earlier.surfaces and np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
                 return shown.meshes, shown.picker
-        meshes = meshes_of(model)
+            before = earlier, shown.meshes
+        meshes = meshes_of(model, before)
         return meshes, Picker(model.surfaces, model.origins)
 
     def _stop_if_cancelled(self) -> None:

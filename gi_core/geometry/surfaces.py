@@ -38,6 +38,7 @@ class Surfaces(NamedTuple):
     patch: np.ndarray  # (F,) int32, connected smooth patch
     first_receiver: np.ndarray  # (objects + 1,) int64
     paint: tuple[Paint | None, ...]  # per object: paint, of which `reflectance` is the mean; None: unpainted
+    means: tuple[np.ndarray | None, ...]  # per object: (F, 3) float64, of the paint in the scene; None: unpainted
     lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha of gloss; nan: diffuse; alpha -1 - k: table k
     tables: Tables  # of materials with a model of reflection
     tangent: np.ndarray  # (F, 3) float64 unit, object space, of anisotropic models; (0, 3) without tables
@@ -53,9 +54,15 @@ class Surfaces(NamedTuple):
         return slice(int(self.first_receiver[o]), int(self.first_receiver[o + 1]))
 
 
-def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receivers]:
-    """Flatten a scene; return surfaces and receivers in object space, none without `with_receivers`."""
+def flatten(
+    scene: Scene, with_receivers: bool = True, before: tuple[Scene, Surfaces] | None = None
+) -> tuple[Surfaces, Receivers]:
+    """Flatten a scene; return surfaces and receivers in object space, none without `with_receivers`.
+
+    before: another version of the scene, whose means of paints are taken over where the paint is the same record.
+    """
     meshes = [scene.static, *(m.mesh for m in scene.mobiles)]
+    known = {} if before is None else _means_of(*before)
     rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
     sided = np.array([m.two_sided for m in scene.materials], bool)
@@ -64,7 +71,7 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
     for k, (m, table) in enumerate(tables.items()):
         lobes[m], rho[m] = (0, 0, 0, 0, -1 - k), table.diffuse
     grain = np.array([m.grain for m in scene.materials], np.float64).reshape(-1, 3)
-    parts, receivers, paints = [], [], []
+    parts, receivers, paints, means = [], [], [], []
     receiver_count = patch_count = 0
     for mesh in meshes:
         two_sided = sided[mesh.face_material]
@@ -74,7 +81,9 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
         back = np.where(built.corner_back >= 0, built.corner_back + receiver_count, -1)
         reflectance = mesh.face_reflectance
         if reflectance is None:
-            reflectance = rho[mesh.face_material] if mesh.paint is None else mean_colours(mesh.paint)
+            reflectance = rho[mesh.face_material] if mesh.paint is None else known.get(id(mesh.paint))
+            reflectance = mean_colours(mesh.paint) if reflectance is None else reflectance
+        means.append(reflectance if mesh.face_reflectance is None and mesh.paint is not None else None)
         lobe, reflectance, paint = lobes[mesh.face_material], np.asarray(reflectance, np.float64), mesh.paint
         tabulated = lobe[:, 4] < 0
         if tabulated.any():
@@ -108,11 +117,18 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
         patch=patch.astype(np.int32),
         first_receiver=_offsets([len(r.positions) for r in receivers]),
         paint=tuple(paints),
+        means=tuple(means),
         lobe=np.ascontiguousarray(lobe, np.float64),
         tables=join(list(tables.values())),
         tangent=tangent,
     )
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
+
+
+def _means_of(scene: Scene, surfaces: Surfaces) -> dict[int, np.ndarray]:
+    """Return the means (F, 3) of the paints of a flattened scene by id(); the scene keeps the paints alive."""
+    meshes = (scene.static, *(m.mesh for m in scene.mobiles))
+    return {id(mesh.paint): a for mesh, a in zip(meshes, surfaces.means, strict=True) if a is not None}
 
 
 def tables_of(scene: Scene) -> dict[int, Table]:

@@ -261,3 +261,30 @@ def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
     blocks = large.reshape(48, scale, 64, scale, 3).mean(axis=(1, 3))
     apart = np.abs(blocks - small).max(axis=2)
     assert np.median(apart) < 1 and apart.mean() < 4 and small.std() > 20
+
+
+@pytest.mark.gl
+def test_objects_that_an_edit_keeps_are_not_uploaded_again(ctx):
+    """The picture is that of a new renderer, and the buffers of the other object stay."""
+    from app.draw.renderer import Look, Renderer
+
+    (first, *light), (second, *other), (third, *new) = (
+        square((0.2 * k, 0.5, 0.1), half=0.2, z=0.1 * k) for k in range(3)
+    )
+    look = Look(EYE.projection(SIZE[0] / SIZE[1]) @ EYE.view(), (IDENTITY, IDENTITY), tone_map="clip")
+    pictures = []
+    drawing = Renderer(ctx)
+    for renderer, sets in ((drawing, ((first, second), (first, third))), (Renderer(ctx), ((first, third),))):
+        try:
+            renderer.resize(*SIZE)
+            for meshes in sets:
+                known = renderer._objects[:1]
+                renderer.set_scene(meshes)
+                assert renderer._objects[:1] == known or not known
+                renderer.set_colours(0, *light)
+                renderer.set_colours(1, *(new if meshes[1] is third else other))
+            renderer.draw(look)
+            pictures.append(renderer.pixels().copy())
+        finally:
+            renderer.release()
+    np.testing.assert_array_equal(*pictures)
