@@ -5,7 +5,7 @@ The current scene stays in use while the new one opens, and remains if that fail
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ from app.settings import Settings
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
+    from gi_core.scene import Pose
 
 # Settings that another scene resets; those of display and estimator stay.
 RESET_BY_SCENE = (
@@ -137,16 +138,31 @@ class Reload:
         if not self.same or coming.light.move_failed:
             return False
         wanted = {**now.moved, **(self._edited.poses if self._edited is not None else {})}
+        self._choose_places(now, coming, wanted)
+        wanted |= coming.inserted
         kept = {name: p for name, p in wanted.items() if coming.poses.get(name, p) != p}
         if kept:
             coming.move(kept)
         return bool(kept)
+
+    def _choose_places(self, now: Session, coming: Session, wanted: Mapping[str, Pose]) -> None:
+        """Choose free places of the objects that the edits insert now, once; wanted: poses of others."""
+        from app.session.free_place import free_pose
+        from gi_core.files.edits import Insert
+
+        for edit in coming.settings.edits:
+            if isinstance(edit, Insert) and edit.name not in {**now.poses, **wanted, **coming.inserted}:
+                poses = {**coming.poses, **wanted, **coming.inserted}
+                tried = (free_pose(coming, poses, edit.name, near) for near in (now.near.get(edit.name), None))
+                coming.inserted[edit.name] = next((pose for pose in tried if pose is not None), poses[edit.name])
 
     def _take_over(self, now: Session, coming: Session) -> None:
         """Copy the settings that the user has changed since the start of the reload."""
         before, theirs = vars(self._before), () if self.same else RESET_BY_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
         coming.light_by_estimator = now.light_by_estimator
+        if self.same:
+            coming.near, coming.inserted = now.near, {**now.inserted, **coming.inserted}
         if self._edited is not None:
             coming.history, coming.edits, coming.asked = now.history, now.edits, now.asked
             coming.filled = now.filled

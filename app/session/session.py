@@ -24,6 +24,8 @@ from gi_core.scene.errors import one_line
 from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
+    import numpy as np
+
     from gi_core.files.edits import Edit
 
 BUDGET = 0.008  # s per frame for refinement
@@ -71,6 +73,8 @@ class Session(OpenScene):
         self.history = History()
         self._before_edit: dict[Field, Any] = {}  # fields when an edit began
         self._dimming = False  # the panel holds a lamp's slider
+        self.near: dict[str, np.ndarray] = {}  # points (3,) [m] looked at as objects were inserted, by their name
+        self.inserted: dict[str, Pose] = {}  # the poses that they got near there
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
         self._returning: dict[str, Pose] = {}  # poses that the edits asked for last bring back
         self.points = MeasuredPoints()  # of the error chart
@@ -338,9 +342,10 @@ class Session(OpenScene):
         self.playing = False
         self._path_time = 0.0
         before = self.poses
-        if before != self._start:
-            self.move(self._start)
-            self.history.push(before, self._start)
+        start = {name: self.inserted.get(name, pose) for name, pose in self._start.items()}
+        if before != start:
+            self.move(start)
+            self.history.push(before, start)
 
     # Playing ----------------------------------------------------------------------------------------
 

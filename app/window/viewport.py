@@ -34,6 +34,7 @@ from app.window.view_content import Shown, Side
 from app.window.wipe import Wipe
 from gi_core.scene.part_names import part_named
 
+BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 OUTLINE_PIXELS = 2.0  # at 96 dots per inch
 LEFT, RIGHT, MIDDLE = 0, 1, 2  # mouse buttons
 
@@ -255,6 +256,14 @@ class Viewport:
         """Return the surface under a point of the window; None outside of the picture and where there is none."""
         inside = self.view.camera is not None and self.view.contains(mouse)
         return pick(self.session, self.view, mouse) if inside else None
+
+    @property
+    def looked_at(self) -> np.ndarray:
+        """The point (3,) [m] just before the surface in the middle of the picture, else the one orbited about."""
+        session, camera = self.session, self.view.camera
+        hit = session.picker.pick(*camera.ray(0.5, 0.5, self.view.aspect), session.pose_list, session.settings.cull)
+        at = hit.point if hit is not None else np.array(camera.pivot)
+        return at - BESIDE * session.chosen.scene_size * camera.basis()[2]
 
     @property
     def clicked_material(self) -> str:

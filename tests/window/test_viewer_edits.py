@@ -239,6 +239,47 @@ def test_a_mesh_dropped_on_the_picture_stands_there(play, folder, monkeypatch):
     assert errors(play(script, open_with=open_edited)) == []
 
 
+def test_inserted_objects_stand_clear_of_others(play, folder):
+    """They were put into objects that had been moved, and into what a file was dropped beside."""
+    thing = str(write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES))
+
+    def meet(session) -> bool:
+        low, high = map(np.array, zip(*(session.box_of((name,)) for name in session.poses), strict=True))
+        others = ~np.eye(len(low), dtype=bool)
+        touch = ((low[:, None] < high) & (high[:, None] > low)).all(axis=2)
+        return bool((touch & others).any() or (low[1:] < -1e-6).any() or (high[1:] > 1 + 1e-6).any())
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer.session.move({"block": Pose((0.5, 0.121, 0.5))})
+        hand.wait_for_light()
+        for k in range(4):  # where one looks is the block
+            change(hand, viewer, lambda: insert(viewer, thing))
+            session = viewer.session
+            assert len(session.poses) == 2 + k and not meet(session)
+        at = [np.array(session.poses[name].position) for name in session.poses]
+        assert all(np.abs(p[[0, 2]] - 0.5).max() < 0.45 for p in at[1:]), "near the point looked at"
+        change(hand, viewer, lambda: insert(viewer, thing, np.array((0.5, 0.0, 0.63))))  # dropped beside the block
+        session = viewer.session
+        assert not meet(session) and session.poses["thing 5"].position != (0.5, 0.0, 0.63)
+        poses = session.poses
+        viewer.files.save(session, viewer.viewport, str(folder / "saved.toml"))
+        saved = dict(saved_scene.read(str(folder / "saved.toml")).poses)
+        assert all(saved[name][:3] == pytest.approx(poses[name].position) for name in poses if name != "block")
+        viewer._do("reset poses")
+        assert {n: p for n, p in session.poses.items() if n != "block"} == {
+            n: p for n, p in poses.items() if n != "block"
+        }
+        for _ in range(2):
+            viewer._do("undo")
+            hand.wait(lambda: viewer.reload.coming is None and viewer.session.asked is None)
+        assert len(viewer.session.poses) == 5
+        change(hand, viewer, lambda: viewer._do("redo"))
+        assert not meet(viewer.session) and viewer.session.poses["thing 5"] == poses["thing 5"]
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
 def test_an_edit_that_fails_takes_no_other_with_it(play):
     """A colour is being prepared when a mesh that does not exist is inserted; the colour comes, undo leaves it out."""
     red = Finish("white", (("reflectance", RED),))

@@ -16,6 +16,7 @@ from app.session.new_lights import Room, in_place_of, new_light, panel_of_faces,
 from app.window import dialogs
 from app.window.actions.parts import Window
 from app.window.panel.lights import FILE, AddLamp, ChangeLight
+from app.window.viewport import BESIDE
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.pose import three
 from gi_core.scene.types import PlacedLight
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
 ASIDE = 0.05  # of the scene's size: a copy's distance
-BESIDE = 1e-3  # of the scene's size: start of rays over a surface
 LEVEL = 0.5  # cosine: flatter surfaces that look up are no ceilings
 
 
@@ -154,15 +154,11 @@ def _room(window: Window, at: np.ndarray | None = None) -> Room:
     """Return the place of a new lamp: over a point (3,) [m], the surface clicked last, or the picture's middle."""
     from gi_core.geometry.error import luminance
 
-    session, camera = window.session, window.viewport.view.camera
+    session = window.session
     up, size = np.array(session.scene.up, np.float64), session.chosen.scene_size
     if at is None and window.viewport.clicked is not None:
         at = window.viewport.clicked.point
-    if at is None:
-        view = window.viewport.view
-        hit = session.picker.pick(*camera.ray(0.5, 0.5, view.aspect), session.pose_list, session.settings.cull)
-        at = hit.point if hit is not None else np.array(camera.pivot)
-        at = at - BESIDE * size * camera.basis()[2]  # before the surface
+    at = window.viewport.looked_at if at is None else at
     below = session.picker.pick(at, -up, session.pose_list, True)
     floor = below.point if below is not None else at
     above = session.picker.pick(floor + BESIDE * size * up, up, session.pose_list, True)

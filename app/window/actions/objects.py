@@ -74,12 +74,15 @@ def is_mesh(name: str) -> bool:
 
 
 def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
-    """Add a mobile from a mesh file, upright at a place (3,) [m]; None: on the floor."""
+    """Add a mobile from a mesh file, upright and clear of other objects at a place (3,) [m]; None: where one looks."""
     from gi_core.files.edits import Insert
 
     pose = None if place is None else Pose(three(place))
     file = os.path.abspath(os.path.expanduser(name))
-    window.session.change_scene(Insert(_free_name(window, Path(file).stem), file, pose))
+    edit = Insert(_free_name(window, Path(file).stem), file, pose)
+    if place is None:
+        window.session.near[edit.name] = window.viewport.looked_at
+    window.session.change_scene(edit)
 
 
 def choose_and_insert(window: Window) -> None:
