@@ -452,6 +452,56 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
     assert errors(play(script, open_with=open_edited)) == []
 
 
+def test_models_are_added_to_a_material_and_removed(play, monkeypatch, folder):
+    """A linear combination could be edited in the panel, but only a scene file could make one."""
+    from gi_core.instruments import compile_ahead
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
+
+    def script(hand, viewer):
+        from imgui_bundle import imgui
+
+        def models() -> list:
+            (edit,) = viewer.session.settings.edits
+            brdf = dict(edit.material)["brdf"]
+            assert np.array_equal(viewer.session.irradiance, built(viewer.session))
+            return [dict(part) for part in brdf] if isinstance(brdf, tuple) else [dict(edit.material)]
+
+        hand.wait_for_light()
+        plain = viewer.session.irradiance
+        viewer.viewport.select(("block",))
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_close("Objects")
+        hand.ctx.item_open("Material")
+        change(hand, viewer, lambda: hand.ctx.combo_click("##Add model/Ward"))
+        diffuse, ward = models()
+        assert diffuse == {"model": "perfect_diffuse", "factor": 1.0, "kd": pytest.approx((0.73,) * 3)}
+        assert ward["model"] == "ward" and ward["factor"] == 1.0 and ward["kd"] == (0.0,) * 3
+        change(hand, viewer, lambda: hand.ctx.item_input_value("$$1/##Factor", 0.25))
+        assert models()[1]["factor"] == 0.25
+        change(hand, viewer, lambda: hand.ctx.combo_click("##Add model/Perfect diffuse"))
+        assert [part["model"] for part in models()] == ["perfect_diffuse", "ward", "perfect_diffuse"]
+        assert models()[2]["kd"] == pytest.approx((0.27,) * 3), "more would be refused"
+        saved_scene.write(folder / "saved.toml", viewer.session.settings)
+        (read,), (edit,) = saved_scene.read(str(folder / "saved.toml")).edits, viewer.session.settings.edits
+        assert dict(read.material) == dict(edit.material)
+        change(hand, viewer, lambda: hand.ctx.item_click("$$0/remove"))
+        assert [part["model"] for part in models()] == ["ward", "perfect_diffuse"]
+        change(hand, viewer, lambda: hand.ctx.item_click("$$0/remove"))
+        (one,) = models()
+        assert one == {"brdf": "perfect_diffuse", "scale": True, "kd": pytest.approx((0.27,) * 3)}
+        for count in (2, 3, 2, 2):
+            change(hand, viewer, lambda: viewer._do("undo"))
+            assert len(models()) == count
+        change(hand, viewer, lambda: viewer._do("undo"))
+        assert viewer.session.settings.edits == () and np.array_equal(viewer.session.irradiance, plain)
+        change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
+        hand.ctx.yield_(2)
+        assert hand.ctx.item_info("##Add model").item_flags & imgui.ItemFlags_.disabled
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
 def test_a_model_that_is_darkened_says_so(play, monkeypatch):
     """The choice of a model ticked the box without a word."""
     from gi_core.instruments import compile_ahead

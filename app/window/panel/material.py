@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from imgui_bundle import imgui
@@ -86,16 +87,24 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         actions.add(Refinish(facts.surface, _kept(given) if facts.textured else given, part=facts.part))
         return s
     edited, keeps = False, facts.textured
+    other = None
     if combined:
-        parts = tuple(_draw_part(k, part) for k, part in enumerate(model))
+        removed: list[int] = []
+        parts = tuple(_draw_part(k, part, len(model), removed) for k, part in enumerate(model))
         edited = parts != model
         values["brdf"] = parts
+        other = without_model(values, removed[0]) if removed else None
     else:
         for name, parameter in models()[model].items():
             value, moved = _edit(name, parameter, values.get(name, parameter.default))
             if moved:
                 values[name], edited = value, True
                 keeps &= name != "reflectance"
+    if (added := _draw_added(model)) is not None:
+        other = with_model(values, added)
+    if other is not None:
+        actions.add(Refinish(facts.surface, other, part=facts.part))
+        return s
     if "brdf" in values:
         values, moved = _draw_scale(values, facts.darkened)
         edited |= moved
@@ -110,13 +119,77 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     return s
 
 
-def _draw_part(number: int, given: Values) -> Values:
-    """Draw a model of a linear combination; return it with the values of its widgets."""
+def with_model(values: dict[str, Any], name: str) -> Values:
+    """Return the values of a diffuse material, a model or a linear combination, with one more model in the sum.
+
+    Its Lambertian albedo is at most what the others leave of 1: a sum above is refused.
+    """
+    from gi_core.bsdf.models import MODELS, lobe
+
+    parts = _parts(values)
+    new: dict[str, Any] = {key: p.default for key, p in models()[name].items()}
+    if "kd" in new:
+        found = (dict(part) for part in parts)
+        lobes = [lobe(part.pop("model"), factor=part.pop("factor", 1.0), parameters=part) for part in found]
+        room = 1.0 - sum(one.factor * MODELS[one.model].diffuse(one.values()) for one in lobes)
+        new["kd"] = tuple(min(math.floor(1e4 * max(float(r), 0.0)) / 1e4, new["kd"]) for r in room)
+    return _summed({**values, "scale": True}, (*parts, (("model", name), ("factor", 1.0), *new.items())))
+
+
+def without_model(values: dict[str, Any], number: int) -> Values:
+    """Return the values of a linear combination without one of its models."""
+    parts = _parts(values)
+    return _summed(values, (*parts[:number], *parts[number + 1 :]))
+
+
+def _parts(values: dict[str, Any]) -> tuple[Values, ...]:
+    """Return the models of a material, each as in a linear combination."""
+    model = values.get("brdf", "perfect_diffuse")
+    if isinstance(model, tuple):
+        return model
+    own = {name: values[name] for name in models()[model] if name in values}
+    own |= {"kd": values["reflectance"]} if "reflectance" in values else {}
+    return ((("model", model), ("factor", 1.0), *own.items()),)
+
+
+def _summed(values: dict[str, Any], parts: tuple[Values, ...]) -> Values:
+    """Return a material of some models; one of factor 1 stands by its name."""
+    of_all, first = [(key, values[key]) for key in ("scale", "grain") if key in values], dict(parts[0])
+    if len(parts) > 1 or first.pop("factor", 1.0) != 1.0:
+        return ("brdf", parts), *of_all
+    return ("brdf", first.pop("model")), *of_all, *first.items()
+
+
+def _draw_added(model: str | tuple) -> str | None:
+    """Draw the list of models to add; return the one chosen."""
+    chosen = None
+    with ui.idle("metal-rough is not a reflection model" if model == METAL_ROUGH else ""):
+        imgui.set_next_item_width(7 * imgui.get_font_size())
+        if imgui.begin_combo("##Add model", "+ model"):
+            for name in models():
+                if name not in (DIFFUSE, METAL_ROUGH) and imgui.selectable(_title(name), False)[0]:
+                    chosen = name
+            imgui.end_combo()
+        ui.tip("Add a reflection model: the surface then reflects the sum of its models, each times its factor.")
+    return chosen
+
+
+def _draw_part(number: int, given: Values, of: int, removed: list[int]) -> Values:
+    """Draw a model of a linear combination; return it with the values of its widgets.
+
+    of: number of models; removed: takes the number of one whose button is pressed.
+    """
     from gi_core.bsdf.models.common import Parameter
 
     part: dict[str, Any] = dict(given)
     imgui.push_id(number)
+    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
     imgui.separator_text(f"{number + 1}. {_title(part['model'])}")
+    if of > 1:
+        imgui.same_line(right - imgui.calc_text_size("remove").x - 2 * imgui.get_style().frame_padding.x)
+        if imgui.small_button("remove"):
+            removed.append(number)
+        ui.tip("Remove this model from the sum.")
     factor = Parameter(1.0, 0.0, max(MOST_FACTOR, part.get("factor", 1.0)), False, "factor of this model in the sum")
     for name, parameter in ({"factor": factor} | models()[part["model"]]).items():
         value, moved = _edit(name, parameter, part.get(name, parameter.default))
