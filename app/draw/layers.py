@@ -39,7 +39,8 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     steps = raycast.pixel_steps(eye, height) if world.textures else None
     dark = world._replace(emission=np.zeros_like(world.emission))
     out = Layers(*(np.zeros((height, width, k), np.float32) for k in (3, 3, 3, 1)))
-    for strip in visible.strips(model.accelerator, at, world, eye, (width, height), shot.settings.cull, progress):
+
+    def draw(strip: visible.Strip) -> None:
         hit = np.flatnonzero(strip.face >= 0)
         seen = strip.seen(hit)
         light, facing = raycast.seen_radiance(world, *radiance, *seen, steps, strip.eye)
@@ -54,4 +55,6 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
             of_rays[hit] = values
             of_rays[rays] = bright if layer is out.colour else float(layer is out.coverage)
             layer[strip.rows] = strip.resolved(of_rays)
+
+    visible.draw_strips(draw, model.accelerator, at, world, eye, (width, height), shot.settings.cull, progress)
     return out

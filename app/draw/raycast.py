@@ -18,7 +18,7 @@ from app.draw.false_colour import Scale, false_colours, per_radiance
 from app.draw.tonemap import to_display
 from app.draw.unlit import BACKGROUND, UNLIT
 from app.draw.vertex_colours import colours, gloss_towards, mean_radiance, weights
-from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, pixel_rays, place, planar, strips, visible_faces
+from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, draw_strips, pixel_rays, place, planar, visible_faces
 from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import ILLUMINANCE, LUMINANCE
 from gi_core.display.dilation import Drawn
@@ -73,7 +73,8 @@ def picture(
     out = np.empty((height, width, 3), np.uint8)
     pixel = pixel_steps(camera, height)
     steps = pixel if textured and world.textures else None
-    for strip in strips(accelerator, at, world, camera, size, cull, progress):
+
+    def draw(strip: Strip) -> None:
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
         display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above, pixel, sharp)
         if faces is not None:
@@ -83,6 +84,8 @@ def picture(
             )
             display[rays] = bright
         out[strip.rows] = np.round(strip.resolved(display))
+
+    draw_strips(draw, accelerator, at, world, camera, size, cull, progress)
     return out
 
 

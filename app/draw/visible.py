@@ -9,6 +9,7 @@ import numpy as np
 
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
+from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import cross, dot
 from gi_core.geometry.cutouts import covered
 from gi_core.rays.accelerator import Accelerator, Transforms
@@ -119,17 +120,45 @@ def strips(
     camera: Turntable,
     size: tuple[int, int],
     cull: bool = True,
-    progress: Callable[[float], None] = lambda fraction: None,
+    tops: Sequence[int] | None = None,
 ) -> Iterator[Strip]:
-    """Cast the rays of a picture of `size` (width, height) pixels, strip by strip."""
+    """Cast the rays of a picture of `size` (width, height) pixels, strip by strip; tops: first rows, None: all."""
     width, height = size
-    rows = max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
-    for top in range(0, height, rows):
-        progress(top / height)
+    rows = _rows(width)
+    for top in range(0, height, rows) if tops is None else tops:
         bottom = min(top + rows, height)
         origins, directions = pixel_rays(camera, width, height, top, bottom)
         seen = visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
         yield Strip(slice(top, bottom), origins[0], directions, *seen)
+
+
+def _rows(width: int) -> int:
+    """Return the rows of a strip."""
+    return max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
+
+
+def draw_strips(
+    draw: Callable[[Strip], None],
+    accelerator: Accelerator,
+    at: Transforms,
+    world: PictureScene,
+    camera: Turntable,
+    size: tuple[int, int],
+    cull: bool = True,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> None:
+    """Call draw(strip) for all strips of a picture, as many at a time as the accelerator has threads."""
+    width, height = size
+    tops, threads = list(range(0, height, _rows(width))), accelerator.threads
+    for first in range(0, len(tops), threads):
+        progress(tops[first] / height)
+        some = tops[first : first + threads]
+
+        def work(_, a, b, some=some):
+            for strip in strips(accelerator, at, world, camera, size, cull, some[a:b]):
+                draw(strip)
+
+        run_ranges(work, len(some), threads, 1)
 
 
 def pixel_rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:

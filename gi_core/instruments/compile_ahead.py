@@ -227,7 +227,7 @@ def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:
         {
             DIFFUSE: Material("floor"),
             GLOSS: Material("floor", gloss=Gloss()),
-            TABLES: Material("floor", brdf=(lobe("lewis"),)),
+            TABLES: Material("floor", brdf=(lobe("ward", {"ax": 0.4, "ay": 0.4}),)),  # cells carry it
         }[surfaces],
         Material("lamp", emission=(1.0, 1.0, 1.0)),
         Material("leaf", two_sided=True),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw import reflected
+from app.draw import reflected, visible
 from app.draw.layers import layers
 from app.draw.shot import Shot
 from app.settings import Settings, make_solver
@@ -127,3 +127,17 @@ def test_rays_of_a_picture_are_bounded():
     _, bounded = counted(shot, 10_000, 1e-3)
     _, free = counted(shot, 1 << 40, 1e-3)
     assert least < bounded < least + 4 * 10_000 < free, "each ray is followed by three more at most"
+
+
+def test_a_picture_does_not_depend_on_the_number_of_threads(monkeypatch):
+    """Its strips are drawn by several threads, each with the rays of its own gloss."""
+    shot = shot_of(ROUGH["GGX of alpha 0.1"])
+    monkeypatch.setattr(visible, "RAYS_PER_BATCH", 4 * 3 * shot.settings.size[0])
+    pictures = []
+    for threads in (1, 3):
+        monkeypatch.setattr(shot.solver.model.accelerator, "threads", threads)
+        reached: list[float] = []
+        pictures.append((shot.take(reached.append), layers(shot).colour))
+        assert reached == sorted(reached) and len(reached) > 2
+    for one, several in zip(*pictures, strict=True):
+        np.testing.assert_array_equal(one, several)
