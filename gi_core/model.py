@@ -44,9 +44,7 @@ class Model:
     Raises SceneError for an invalid scene, and for any other name of rays.
     """
 
-    def __init__(
-        self, scene: Scene, threads: int | None = None, rays: str | None = None, before: Model | None = None
-    ):
+    def __init__(self, scene: Scene, threads: int | None = None, rays: str | None = None, before: Model | None = None):
         check_scene(scene)
         self.given = scene
         self.origins = np.array([origin_of(mesh) for mesh in (scene.static, *(m.mesh for m in scene.mobiles))])
