@@ -38,7 +38,7 @@ def traced_bits(name: str) -> dict[str, str]:
     first = solver.frame
     paths, _ = first.store.subset(PHOTONS)
     found = {
-        "inputs": digest(solver.surfaces, solver.model.world, solver.model.emitters, _sines()),
+        "inputs": digest(solver.surfaces._replace(means=()), solver.model.world, solver.model.emitters, _sines()),
         "paths": digest(paths),
         "fates": digest(first.store.fates),
         "sums": digest(first.background.estimate.background(PHOTONS)),

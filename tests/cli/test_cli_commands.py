@@ -113,14 +113,14 @@ def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):
 def test_info_lists_materials_of_one_name_by_object():
     """A grey floor and a red box, each of a file that calls its material "Material"."""
     from app.measure.scene_info import material_lines
-    from gi_core.geometry.surfaces import flatten
+    from gi_core.model import Model
     from gi_core.scene import Material, Mobile, Scene
     from tests.support.scene_builders import box, quad
 
     red = Mobile("chair", box((0, 0, 0), (1, 1, 1))._replace(face_material=np.ones(12, np.int32)))
     materials = Material("Material", (0.5,) * 3), Material("Material", (0.8, 0.1, 0.1))
     scene = Scene(quad((0, 0, 0), (0, 0, 4), (4, 0, 0), (2, 2)), materials, (red,))
-    lines = [line.split() for line in material_lines(scene, flatten(scene)[0])]
+    lines = [line.split() for line in material_lines(scene, Model(scene))]
     assert [line[:4] for line in lines[1:]] == [
         ['"Material"', "(0.5,", "0.5,", "0.5)"],
         ['"chair:', 'Material"', "(0.8,", "0.1,"],
