@@ -292,6 +292,8 @@ def before_edit(solver: Solver) -> BeforeEdit:
     """Return what a solver of an edited scene begins with."""
     static, unreached = solver.frame_light.static, solver.frame_light.unreached.static.rows
     gathered = None if static.gathered is None else static.gathered.copied(solver.model)
+    if gathered is not None and not static.is_gathered:
+        gathered.is_earlier = True  # all photons are better, and stay on show
     return BeforeEdit(photons_of(solver), static.before_edit(solver.frame.background, unreached), gathered)
 
 

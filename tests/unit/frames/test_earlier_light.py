@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -209,3 +210,23 @@ def test_gathering_goes_on_where_the_static_part_stays(edit):
     for a, b in zip(mine.state, alone.state, strict=True):
         np.testing.assert_array_equal(a, b)
     assert g is solver.frame_light.static.gathered and goes_on is mine and mine is not g
+
+
+def test_photons_that_are_better_stay_on_show_while_gathering_goes_on():
+    """The first picture has few photons: gathered light of more error than all photons had took its place."""
+    solver = solved(room(), photons=400_000)
+    for _ in solver.gather_steps():
+        if math.isfinite(solver.frame_light.static.gathered.noise):
+            break
+    solver.frame_light.static.gathered.error = 0.5
+    assert not solver.frame_light.static.compare(solver.frame.background)
+    shown, given = solver.static_irradiance.copy(), before_edit(solver)
+    new = Solver(edited(solver.scene, [Finish("ball", RED)]), **GIVEN | {"photons": 400_000}, earlier=given.photons)
+    begin_with(new, given)
+    for progress in new.solve_steps():
+        if progress.picture:
+            break
+    static, areas = new.frame_light.static, solver.frame.background.weights
+    assert static.shows_earlier and static.is_gathered
+    assert relative_error(new.static_irradiance, shown, areas).l1 < 1e-6
+    assert static.gathered._final.paths == given.gathered._final.paths > 0, "its paths are kept"
