@@ -16,6 +16,7 @@ from gi_core.display.first_look import ROUGH, EarlyPicture, LookLight, early_pic
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
+from gi_core.frames.earlier_at_poses import LightAtPoses
 from gi_core.frames.earlier_light import EarlierLight
 from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
@@ -77,7 +78,7 @@ class Solver:
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
         self.frame_light, self._buffers = FrameLight(self.model, self.seed), ScanBuffers()
         store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
-        self.frame, self.budget = Frame(self.model.start_poses(), black, self.levels, store), FrameBudget()
+        self.frame, self.budget = Frame(self.model.start_poses(), black, black, self.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.frame_light, self.scene_size)
         self._early: EarlyPicture | None = None
         self.configure(estimator=estimator, light=light, **others)
@@ -146,7 +147,7 @@ class Solver:
         f.share(self.model)
         if pictures and self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered:
             rough = self.chosen.noise_per_photon > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
-            if rough and self._early is None:
+            if rough and self._early is None and not f.is_begun:
                 self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
         yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
         yield Progress("done", 1.0, False)
@@ -239,7 +240,7 @@ class Solver:
         other.budget, other._buffers, other.frame_light = FrameBudget(), ScanBuffers(), light
         other._first_frame = FirstFrame(self.frame.store, other.frame_light, self.scene_size)
         if fresh:
-            other.frame = Frame(self.poses, self.irradiance, self.frame.levels, self.frame.store)
+            other.frame = Frame(self.poses, self.irradiance, self.irradiance, self.frame.levels, self.frame.store)
         return other
 
     def from_scratch(self, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
@@ -285,27 +286,50 @@ class BeforeEdit(NamedTuple):
 
     photons: Photons  # see photons_of()
     light: EarlierLight | None  # of the static part
-    gathered: StaticGather | None  # of the static part: a copy, as gathering may go on
+    # Copies of results that go on where an edit leaves the static part and the lamps as they are.
+    background: Background | None
+    gathered: StaticGather | None
+    at_poses: LightAtPoses | None
 
 
 def before_edit(solver: Solver) -> BeforeEdit:
     """Return what a solver of an edited scene begins with."""
-    static, unreached = solver.frame_light.static, solver.frame_light.unreached.static.rows
-    gathered = None if static.gathered is None else static.gathered.copied(solver.model)
-    if gathered is not None and not static.is_gathered:
-        gathered.is_earlier = True  # all photons are better, and stay on show
-    return BeforeEdit(photons_of(solver), static.before_edit(solver.frame.background, unreached), gathered)
+    light, f, model = solver.frame_light, solver.frame, solver.model
+    photons = Photons(model, solver.seed, photons_of(solver))
+    b, gathered, at = _kept_background(solver), light.static.gathered, model.transforms(f.poses)
+    goes_on = gathered is not None and (b is not None or light.static.is_gathered)
+    return BeforeEdit(
+        photons,
+        light.static.before_edit(f.background, light.unreached.static.rows),
+        None if b is None else b.copied(photons),
+        gathered.copied(model) if goes_on and gathered is not None else None,
+        None if b is None else light.at_poses.before_edit(f.irradiance, f.own, at, b, f.photons),
+    )
+
+
+def _kept_background(solver: Solver) -> Background | None:
+    """Return the background on show, where an edit that keeps the static part keeps it too: that of photons_of()."""
+    b = solver.frame.background
+    return b if b is not None and b.added and b.store is photons_of(solver) and b.setting is not None else None
 
 
 def begin_with(solver: Solver, before: BeforeEdit) -> None:
-    """Let a solver of an edited scene, of the same seed, begin with the static light of the scene before.
+    """Let a solver of an edited scene, of the same seed, begin with the results of the scene before.
 
-    Gathering goes on where the edit leaves static part and lamps as they were.
+    Where the edit leaves static part and lamps as they were, photons and gathering go on, and light gathered at poses
+    changes as photons say. Elsewhere the static part's light does.
     """
-    static = solver.frame_light.static
-    if static.lacks_gathered and (before.light is not None or before.gathered is not None):
-        goes_on = before.gathered is not None and same_static_part(before.photons.model, solver.model)
-        static.begin_with(before.light, before.gathered if goes_on else None)
+    static, light, gathered = solver.frame_light.static, before.light, before.gathered
+    if not same_static_part(before.photons.model, solver.model):
+        gathered = None
+    else:
+        if before.background is not None:
+            solver._first_frame.begin_with(before.background)
+            solver.frame_light.at_poses.begin_with(before.at_poses)
+        if before.background is not None or gathered is not None:
+            light = light if gathered is not None and gathered.is_earlier else None
+    if static.lacks_gathered and (light is not None or gathered is not None):
+        static.begin_with(light, gathered)
 
 
 def edited_solver(solver: Solver, scene: Scene) -> Solver:
@@ -318,6 +342,8 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     model, chosen = solver.model, solver.frame_light.setting
     given |= {"subset_only": chosen.subset_only, "gloss": chosen.gloss}
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
+    if (b := _kept_background(solver)) is not None and same_static_part(model, other.model):
+        other._first_frame.begin_with(b)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)
     other.set_lamps({name: level for name, level in levels if name in other.lamps.names})

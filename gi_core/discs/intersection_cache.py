@@ -7,6 +7,7 @@ them up instead of searching, unless the cache is full. An entry takes eight byt
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
@@ -45,6 +46,13 @@ class IntersectionCache:
         self._photons = self._vertices = 0
         self._first = np.zeros(1, np.uint32)  # (vertices + 1,), first entry of each vertex
         self._receiver, self._distance = np.empty(0, np.int32), np.empty(0, np.float32)
+
+    def copied(self) -> IntersectionCache:
+        """Return a copy; both share the memory of their present entries, which stay as they are."""
+        other, end = copy.copy(self), int(self._first[self._vertices])
+        other._parts, other._first = list(self._parts), self._first[: self._vertices + 1]
+        other._receiver, other._distance = self._receiver[:end], self._distance[:end]
+        return other
 
     @property
     def bytes_per_vertex(self) -> int:

@@ -9,7 +9,7 @@ Order of use: `build()` once; `add_background()` with the next photons and `prep
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -46,6 +46,12 @@ class Estimator(Protocol):
 
     def __init__(self, model: Model, setting: Setting) -> None:
         """Hold a scene and a setting; work that takes long belongs into build()."""
+
+    def copied(self, model: Model, setting: Setting) -> Self:
+        """Return a copy of all that was added, for a model of the same static part and for the same setting.
+
+        Its build() has to run again, as mobiles may be others. Neither changes the other later.
+        """
 
     @staticmethod
     def summary(setting: Setting) -> str:

@@ -65,9 +65,18 @@ class ImpactCount:
         self.subsets = SubsetStore()  # sums of the background
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.searches: list[Search] = []
-        shape = len(self.area), model.emitters.lamps.channels
-        self._background, self._added = np.zeros(shape, np.int64), ThreadSums(*shape, model.threads)
-        self._frame = FrameSums(*shape, model.surfaces.receiver_range(0).stop, 1)
+        static, channels = model.surfaces.receiver_range(0).stop, model.emitters.lamps.channels
+        self._background = np.zeros((static, channels), np.int64)
+        self._added = ThreadSums(static, channels, model.threads)
+        self._frame = FrameSums(len(self.area), channels, static, 1)
+
+    def copied(self, model: Model, setting: Setting) -> ImpactCount:
+        """Return a copy of all that was added, for a model of the same static part."""
+        other = ImpactCount(model, setting)
+        self._added.move_to(self._background)
+        other._background, other.subsets = self._background.copy(), SubsetStore(self.subsets)
+        other.photons = self.photons
+        return other
 
     @staticmethod
     def summary(setting: Setting) -> str:
@@ -90,8 +99,7 @@ class ImpactCount:
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
-        rows = self.model.surfaces.receiver_range(0)
-        return self.subsets[photons][rows], self.area[rows]
+        return self.subsets[photons], self.area[: len(self._background)]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the needs of a frame: path changes only."""

@@ -47,9 +47,9 @@ QUERY_STEP = 1024  # receivers per step of prepare(): some 5 ms
 class _Prepared(NamedTuple):
     """The estimate of the background from the hits of some photons."""
 
-    sums: np.ndarray  # (R, 3 G) int64 of static receivers
-    area: np.ndarray  # (R,) float64 [m2]
-    reach2: np.ndarray  # (R,) float32 [m2], squared distance within which a changed hit makes a receiver stale
+    sums: np.ndarray  # (n, 3 G) int64 of static receivers
+    area: np.ndarray  # (n,) float64 [m2]
+    reach2: np.ndarray  # (n,) float32 [m2], squared distance within which a changed hit makes a receiver stale
     grid: HitGrid
     cut_bounce: np.ndarray  # (photons,) int32, NEVER except while a frame is computed
 
@@ -79,6 +79,14 @@ class PhotonMap:
         self._static = model.surfaces.receiver_range(0)
         points, normals = self._receivers(model.static, self._static)
         self._receiver_grid = build(_as_hits(points, normals), self.radius)
+
+    def copied(self, model: Model, setting: Setting) -> PhotonMap:
+        """Return a copy of all that was added, for a model of the same static part."""
+        other = PhotonMap(model, setting)
+        other._parts, other.photons = list(self._parts), self.photons
+        kept = {n: p._replace(cut_bounce=np.full_like(p.cut_bounce, NEVER)) for n, p in self.subsets.items()}
+        other.subsets = SubsetStore(kept)
+        return other
 
     @staticmethod
     def summary(setting: Setting) -> str:

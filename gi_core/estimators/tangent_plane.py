@@ -76,6 +76,14 @@ class TangentPlane:
         self._added = ThreadSums(*self._background.shape, model.threads)
         self._frame = FrameSums(len(self.area), self._channels, len(self._background), model.threads)
 
+    def copied(self, model: Model, setting: Setting) -> TangentPlane:
+        """Return a copy of all that was added, for a model of the same static part."""
+        other = TangentPlane(model, setting)
+        self._added.move_to(self._background)
+        other._background, other.subsets = self._background.copy(), SubsetStore(self.subsets)
+        other.photons, other._intersections = self.photons, self._intersections.copied()
+        return other
+
     @staticmethod
     def summary(setting: Setting) -> str:
         return f"radius {setting.radius:.3g} m"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import enum
 import functools
 import itertools
@@ -16,7 +17,7 @@ from gi_core.base.pace import Pace
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
-from gi_core.frames.unchanged_paths import known_paths, traced_paths
+from gi_core.frames.unchanged_paths import KnownPaths, known_paths, traced_paths
 from gi_core.geometry.radiosity import irradiance
 from gi_core.lights.mix import irradiance_at
 from gi_core.model import Model
@@ -24,7 +25,7 @@ from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
 from gi_core.photons.subsets import SubsetStore
 from gi_core.photons.trace import add_fates, no_flux
-from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
+from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for, same_grid
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
 PART_VERTICES = 1 << 16  # the same in white rooms, whose paths are long
@@ -60,6 +61,14 @@ class Background:
             yield from self.estimate.build()
             self.built = True
 
+    def copied(self, store: Photons) -> Background:
+        """Return a copy for a model of the same static part; store: the same photons there."""
+        other = copy.copy(self)
+        other.store, other.model, other.built, other.evaluated = store, store.model, False, None
+        other.estimate = self.estimate.copied(store.model, self.setting)
+        other.pace, other._irradiance = Pace(FIRST_SECONDS, LEAST, MOST), SubsetStore(self._irradiance)
+        return other
+
     @property
     def weights(self) -> np.ndarray:
         """Areas (n,) [m2] of static receivers."""
@@ -88,22 +97,34 @@ class Background:
 class Photons:
     """All photons traced so far; none is traced twice.
 
-    earlier: photons of the scene before an edit. Paths that met no edited face are taken over (`unchanged_paths.py`).
+    earlier: photons of the scene before an edit. Paths that met no edited face are taken over (`unchanged_paths.py`):
+    at once where none did, else part by part.
     """
 
     def __init__(self, model: Model, seed: int, earlier: Photons | None = None):
         self.model, self.seed = model, seed
         self.traced = 0  # photons, without those taken over
-        self._known = None
+        self._known: KnownPaths | None = None  # to be taken over part by part
         if earlier is not None and model.surfaces is not earlier.model.surfaces:
             model.take_over_shapes(earlier.model)
-        if earlier is not None and earlier.count and earlier.seed == seed:
-            self._known = known_paths(earlier.model, model, earlier.subset(earlier.count)[0])
         self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
         self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
         self._store = PathStore()
         self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, quantised, for the broad phase
+        if earlier is not None and earlier.count and earlier.seed == seed:
+            self._known = known_paths(earlier.model, model, earlier.subset(earlier.count)[0])
+        if self._known is not None and self._known.are_all_kept:
+            self._known = None
+            self._take_over(earlier)
+
+    def _take_over(self, earlier: Photons) -> None:
+        """Take over all photons."""
+        self.fates, self._store, coarse = earlier.fates, earlier._store.copied(), earlier._coarse
+        if same_grid(coarse.grid, self._coarse.grid):
+            self._coarse = coarse.copied()
+        else:
+            self._coarse.append([self._store.subset(self.count)], 0, self._store.room, self.model.threads)
 
     @property
     def count(self) -> int:

@@ -124,8 +124,13 @@ class EditedLight:
         B = self._known(self.earlier.by_photons[photons])[:, self._changes]
         F = b.irradiance_per_lamp(photons)[:, self._changes]
         F = F.astype(np.float32).astype(np.float64)  # equal light leaves no difference
-        less = F < B
-        return np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
+        return change_of(G, B, F)
+
+
+def change_of(light: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """Return the change of light by an edit, which another estimate of it has before the edit and now."""
+    less = now < before
+    return np.where(less, light * np.divide(now, before, out=np.ones_like(now), where=less) - light, now - before)
 
 
 def _static(model: Model) -> StaticPart:

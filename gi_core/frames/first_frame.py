@@ -63,6 +63,16 @@ class FirstFrame:
         self.by_flux = photons  # the first ones
         self._recent: list[Background] = []  # newest last
 
+    def begin_with(self, b: Background) -> None:
+        """Let the steps go on from a background of a scene with the same static part."""
+        if b.added <= self.by_flux.count:
+            self._recent = [b.copied(self.by_flux)]
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether some photons have been estimated."""
+        return any(b.added for b in self._recent)
+
     def share(self, model: Model) -> None:
         """Begin with new photons where lamps are dimmed so that few of the present ones count.
 
@@ -107,7 +117,7 @@ class FirstFrame:
         """
         shown, first = frame().background, 0  # photons of an uncontrolled picture, which stay traced
         seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else LONG_STEP_SECONDS
-        if pictures and wanted() and shown is None and self._is_slow(setting):
+        if pictures and wanted() and shown is None and not self.is_begun and self._is_slow(setting):
             shown = yield from self._uncontrolled(setting, wanted(), show)
             seconds, first = STEP_SECONDS, shown.added
         b = self.background(setting, shown, wanted())

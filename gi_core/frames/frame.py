@@ -45,6 +45,7 @@ class Frame(NamedTuple):
 
     poses: dict[str, Pose]
     irradiance: np.ndarray  # (R, 3) [W/m2]
+    own: np.ndarray  # the same without light gathered at its poses
     levels: np.ndarray  # (G, 3), of the lamps
     store: Photons  # all photons traced
     background: Background | None = None  # None before the first solve
@@ -184,10 +185,10 @@ def next_frame(
     if size.paths:
         light.mobiles.replace_in(E, at, unbiased, size.paths, light.mobiles.reflectance(b))
         clock("gather")
-    light.at_poses.replace_in(E, at)
+    own, E = E, light.at_poses.replaced(E, at, b, size.photons)
     gloss, facts = light.gloss.light(b, changed, clock, size.paths), estimate.control_facts
     parts = changed, evaluated, gloss, size, light.static.is_gathered, facts, clock.seconds
-    return Frame(poses, E, light.setting.levels, store, b, *parts)
+    return Frame(poses, E, own, light.setting.levels, store, b, *parts)
 
 
 def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int) -> ControlledLight:
@@ -220,5 +221,4 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     E, unbiased = _controlled(b, light, every, n)
     if shown.paths:
         light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.reflectance(b), fresh=True)
-    light.at_poses.replace_in(E, at)
-    return E
+    return light.at_poses.replaced(E, at, b, n)

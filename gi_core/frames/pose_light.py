@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.frames.background import Background
+from gi_core.frames.earlier_at_poses import EarlierAtPoses, LightAtPoses
 from gi_core.frames.progress import Progress
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
@@ -22,13 +23,14 @@ class PoseLight:
     def __init__(self, model: Model, seed: int, static: StaticLight):
         self._model, self._seed, self._static = model, seed, static
         self._gathers = PoseGathers(model, seed)
+        self._earlier: EarlierAtPoses | None = None
 
     def twin(self, static: StaticLight, fresh: bool) -> PoseLight:
         """Return the light of poses beside other static light: the same, or none if `fresh`."""
         other = copy.copy(self)
         other._static = static
         if fresh:
-            other._gathers = PoseGathers(self._model, self._seed)
+            other._gathers, other._earlier = PoseGathers(self._model, self._seed), None
         return other
 
     def find(self, at: Transforms) -> PoseGather | None:
@@ -36,10 +38,43 @@ class PoseLight:
         setting = self._static.setting
         return self._gathers.find(at, setting.levels) if setting.takes_gathered else None
 
-    def replace_in(self, irradiance: np.ndarray, at: Transforms) -> None:
-        """Replace irradiance (R, 3) where light was gathered at these poses."""
+    def replaced(self, irradiance: np.ndarray, at: Transforms, b: Background, photons: int) -> np.ndarray:
+        """Return irradiance (R, 3) at poses, with light gathered there in its place; the same array where none was.
+
+        photons: of the frame, from this background.
+        """
+        out = irradiance
+        if (earlier := self._earlier_at(at)) is not None:
+            out = irradiance.copy()
+            out[earlier.rows] = earlier.light_now(irradiance, self._static.irradiance(b, photons))
         if (found := self.find(at)) is not None and found.used.any():
-            irradiance[found.rows[found.used]] = found.mean[found.used]
+            out = irradiance.copy() if out is irradiance else out
+            out[found.rows[found.used]] = found.mean[found.used]
+        return out
+
+    def _earlier_at(self, at: Transforms) -> EarlierAtPoses | None:
+        setting, earlier = self._static.setting, self._earlier
+        fits = earlier is not None and setting.takes_gathered and earlier.is_at(at, setting.levels)
+        return earlier if fits else None
+
+    def before_edit(
+        self, irradiance: np.ndarray, own: np.ndarray, at: Transforms, b: Background, photons: int
+    ) -> LightAtPoses | None:
+        """Return the light of a frame for the scene after an edit; None where none was gathered at its poses.
+
+        irradiance, own (R, 3) [W/m2]: with that light and without; photons: as in replaced(). The light before edits
+        in a row is that before the first.
+        """
+        if own is irradiance:
+            return None
+        if (earlier := self._earlier_at(at)) is not None and not ((found := self.find(at)) and found.used.any()):
+            return earlier.light
+        light = irradiance, own, self._static.irradiance(b, photons), self.deviation(at)
+        return LightAtPoses(self._model, at, self._static.setting.levels, *light)
+
+    def begin_with(self, light: LightAtPoses | None) -> None:
+        """Show light before an edit, changed as frames say, until there is better; the static part is the same."""
+        self._earlier = None if light is None else EarlierAtPoses(light, self._model)
 
     def deviation(self, at: Transforms) -> np.ndarray:
         """Return the standard error (R,) of the luminance at poses [W/m2], where the change of photons is not its
@@ -47,6 +82,8 @@ class PoseLight:
         """
         out, static = np.zeros(len(self._model.object_receivers.areas)), self._static.deviation
         out[: len(static)] = static
+        if (earlier := self._earlier_at(at)) is not None:
+            out[earlier.rows] = earlier.light.deviation[earlier.rows_before]
         if (found := self.find(at)) is not None and found.used.any():
             out[found.rows[found.used]] = found.deviation[found.used]
         return out

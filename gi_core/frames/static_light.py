@@ -232,11 +232,8 @@ class StaticLight:
 
         gathered: before an edit that leaves the static part as it was; it goes on.
         """
-        if gathered is not None:
-            self.gathered, self._edited = gathered.copied(self._model), None
-        if earlier is not None and (gathered is None or gathered.is_earlier or math.isinf(gathered.noise)):
-            self._edited = EditedLight(earlier, self._model)
-            self.gathered = StaticGather(self._model, self._seed) if gathered is None else self.gathered
+        self.gathered = StaticGather(self._model, self._seed) if gathered is None else gathered.copied(self._model)
+        self._edited = None if earlier is None else EditedLight(earlier, self._model)
 
     @property
     def shows_earlier(self) -> bool:

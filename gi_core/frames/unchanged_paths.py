@@ -30,6 +30,10 @@ class KnownPaths(NamedTuple):
     edited: np.ndarray  # (F,) bool, faces of the static part that reflect differently now
     relit: np.ndarray  # (G,) bool, lamps that emit otherwise now
 
+    @property
+    def are_all_kept(self) -> bool:
+        return not (self.edited.any() or self.relit.any())
+
 
 def known_paths(before: Model, now: Model, paths: PathVertices) -> KnownPaths | None:
     """Return paths of the scene before an edit for that after it; None where none can be taken over."""
@@ -55,8 +59,7 @@ def same_static_part(before: Model, now: Model) -> bool:
     rows = before.surfaces.receiver_range(0)
     return (
         known is not None
-        and not known.edited.any()
-        and not known.relit.any()
+        and known.are_all_kept
         and rows == now.surfaces.receiver_range(0)
         and all(
             np.array_equal(a[rows], b[rows])

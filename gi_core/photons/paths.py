@@ -72,6 +72,13 @@ class PathStore:
         self._lamp = np.empty(0, np.uint8)
         self.photons = 0
 
+    def copied(self) -> PathStore:
+        """Return a copy; both share the memory of their present paths, which stay as they are."""
+        other, photons = PathStore(), self.photons
+        other._offsets, other._position, other._side, other._flux, other._lamp = self.subset(photons)
+        other.photons = photons
+        return other
+
     def append(self, parts: Sequence[PathVertices], threads: int) -> None:
         """Append the paths of the next photons, part by part, on all threads: first writes to new memory are slow."""
         photons = np.cumsum([self.photons, *(len(p.offsets) - 1 for p in parts)])

@@ -52,6 +52,10 @@ def grid_for(world: World, centre: np.ndarray, radius: float) -> Grid:
     return Grid(np.asarray(centre, np.float64) - reach, LEVELS / (2 * reach))
 
 
+def same_grid(a: Grid, b: Grid) -> bool:
+    return np.array_equal(a.low, b.low) and a.per_metre == b.per_metre
+
+
 class CoarseStore:
     """Append-only store of the quantised vertices of photons 0 .. N - 1."""
 
@@ -60,6 +64,13 @@ class CoarseStore:
         self._levels = [np.zeros(LANES, np.uint16) for _ in range(3)]
         self._photon = np.full(LANES, -1, np.int32)
         self._count = 0
+
+    def copied(self) -> CoarseStore:
+        """Return a copy."""
+        other, n = CoarseStore(self.grid), self._count
+        other._levels, other._photon = [a[: n + LANES].copy() for a in self._levels], self._photon[: n + LANES].copy()
+        other._photon[n:], other._count = -1, n
+        return other
 
     def append(self, parts: Sequence[PathVertices], first: int, room: int, threads: int) -> None:
         """Append the paths of photons from `first` on, part by part; `room`: number of vertices to reserve."""
