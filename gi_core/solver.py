@@ -21,6 +21,7 @@ from gi_core.frames.earlier_light import EarlierLight
 from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
+from gi_core.frames.frame_gloss import KeptGloss
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
 from gi_core.frames.unchanged_paths import same_static_part
@@ -287,30 +288,45 @@ class BeforeEdit(NamedTuple):
     photons: Photons  # see photons_of()
     light: EarlierLight | None  # of the static part
     # Copies of results that go on where an edit leaves the static part and the lamps as they are.
-    background: Background | None
+    kept: KeptPhotons | None
     gathered: StaticGather | None
     at_poses: LightAtPoses | None
+
+
+class KeptPhotons(NamedTuple):
+    """Sums of photons in the static part."""
+
+    background: Background  # of photons_of()
+    gloss: KeptGloss
 
 
 def before_edit(solver: Solver) -> BeforeEdit:
     """Return what a solver of an edited scene begins with."""
     light, f, model = solver.frame_light, solver.frame, solver.model
     photons = Photons(model, solver.seed, photons_of(solver))
-    b, gathered, at = _kept_background(solver), light.static.gathered, model.transforms(f.poses)
-    goes_on = gathered is not None and (b is not None or light.static.is_gathered)
+    kept, gathered, at = _kept(solver), light.static.gathered, model.transforms(f.poses)
+    goes_on = gathered is not None and (kept is not None or light.static.is_gathered)
     return BeforeEdit(
         photons,
         light.static.before_edit(f.background, light.unreached.static.rows),
-        None if b is None else b.copied(photons),
+        None if kept is None else kept._replace(background=kept.background.copied(photons)),
         gathered.copied(model) if goes_on and gathered is not None else None,
-        None if b is None else light.at_poses.before_edit(f.irradiance, f.own, at, b, f.photons),
+        None if kept is None else light.at_poses.before_edit(f.irradiance, f.own, at, kept.background, f.photons),
     )
 
 
-def _kept_background(solver: Solver) -> Background | None:
-    """Return the background on show, where an edit that keeps the static part keeps it too: that of photons_of()."""
+def _kept(solver: Solver) -> KeptPhotons | None:
+    """Return the sums on show, if they are those of photons_of()."""
     b = solver.frame.background
-    return b if b is not None and b.added and b.store is photons_of(solver) and b.setting is not None else None
+    if b is None or not b.added or b.store is not photons_of(solver) or b.setting is None:
+        return None
+    return KeptPhotons(b, solver.frame_light.gloss.kept(b))
+
+
+def _go_on(solver: Solver, kept: KeptPhotons) -> None:
+    """Let a solver of the same static part and seed begin with sums."""
+    if kept.background.added <= photons_of(solver).count:
+        solver.frame_light.gloss.begin_with(kept.gloss, solver._first_frame.begin_with(kept.background))
 
 
 def begin_with(solver: Solver, before: BeforeEdit) -> None:
@@ -323,10 +339,10 @@ def begin_with(solver: Solver, before: BeforeEdit) -> None:
     if not same_static_part(before.photons.model, solver.model):
         gathered = None
     else:
-        if before.background is not None:
-            solver._first_frame.begin_with(before.background)
+        if before.kept is not None:
+            _go_on(solver, before.kept)
             solver.frame_light.at_poses.begin_with(before.at_poses)
-        if before.background is not None or gathered is not None:
+        if before.kept is not None or gathered is not None:
             light = light if gathered is not None and gathered.is_earlier else None
     if static.lacks_gathered and (light is not None or gathered is not None):
         static.begin_with(light, gathered)
@@ -342,8 +358,8 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     model, chosen = solver.model, solver.frame_light.setting
     given |= {"subset_only": chosen.subset_only, "gloss": chosen.gloss}
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
-    if (b := _kept_background(solver)) is not None and same_static_part(model, other.model):
-        other._first_frame.begin_with(b)
+    if (kept := _kept(solver)) is not None and same_static_part(model, other.model):
+        _go_on(other, kept)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)
     other.set_lamps({name: level for name, level in levels if name in other.lamps.names})

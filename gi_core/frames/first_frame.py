@@ -63,10 +63,11 @@ class FirstFrame:
         self.by_flux = photons  # the first ones
         self._recent: list[Background] = []  # newest last
 
-    def begin_with(self, b: Background) -> None:
-        """Let the steps go on from a background of a scene with the same static part."""
-        if b.added <= self.by_flux.count:
-            self._recent = [b.copied(self.by_flux)]
+    def begin_with(self, b: Background) -> Background:
+        """Let the steps go on from a background of a scene with the same static part; return it, with photons here."""
+        own = b.copied(self.by_flux)
+        self._recent = [own]
+        return own
 
     @property
     def is_begun(self) -> bool:

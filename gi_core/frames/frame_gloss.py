@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,11 +13,21 @@ from gi_core.frames.gathered_gloss import GatheredGloss
 from gi_core.frames.mobile_light import MobileLight
 from gi_core.frames.progress import Progress
 from gi_core.frames.static_light import StaticLight
+from gi_core.gather.gloss_gather import GlossGather
+from gi_core.gloss.cells import StaticCells
 from gi_core.gloss.light import GlossLight
 from gi_core.gloss.source import OPENED, QUADTREE, GlossSource
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
+
+
+class KeptGloss(NamedTuple):
+    """Directions of the static part's light, that edits of mobiles keep."""
+
+    cells: StaticCells | None  # of photons
+    gathered: GlossGather | None
+    levels: np.ndarray  # (G, 3), of the lamps, at which they were gathered
 
 
 class FrameGloss:
@@ -34,6 +45,19 @@ class FrameGloss:
         if fresh:
             other._gathered = GatheredGloss(self._model, self._seed, self.source)
         return other
+
+    def kept(self, b: Background) -> KeptGloss:
+        """Return a copy of the directions of a background's light, for the scene after an edit."""
+        levels, light = self._static.setting.levels, None
+        if self._static.setting.takes_gathered_gloss and (found := self._gathered.static_light(b, levels)) is not None:
+            light = found.copied(self._model)
+        return KeptGloss(self.source.static_cells, light, levels)
+
+    def begin_with(self, kept: KeptGloss, b: Background) -> None:
+        """Go on from directions of a scene of the same static part; b: its background here."""
+        self.source.begin_with(kept.cells, b.store)
+        if kept.gathered is not None:
+            self._gathered.begin_with(kept.gathered, b, kept.levels)
 
     def reach(self, radius: float, paths: int) -> float:
         """Return the distance [m] within which photons near mobiles matter; arguments as for light()."""

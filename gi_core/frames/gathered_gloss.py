@@ -31,17 +31,26 @@ class GatheredGloss:
         self._near: tuple[GlossDiscs, Neighbours] | None = None
         self._spread: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # by gather: its light, and that over discs
 
+    def static_light(self, b: Background, levels: np.ndarray) -> GlossGather | None:
+        """Return the static part's light without mobiles, None before a result."""
+        cells = self._source.cells(b.setting.radius)
+        return None if cells is None else self._gathers.find(cells.discs, self._model.static, levels)
+
+    def begin_with(self, light: GlossGather, b: Background, levels: np.ndarray) -> None:
+        """Go on from static_light() of a scene of the same static part, if its glossy receivers are the same."""
+        cells = self._source.cells(b.setting.radius)
+        if cells is not None and np.array_equal(light.rows, cells.discs.rows[: cells.discs.first[1]]):
+            self._gathers.begin_with(light.copied(self._model), cells.discs, levels)
+
     def is_enough(self, b: Background, levels: np.ndarray) -> bool:
         """Return whether the static part's light without mobiles is gathered, or has no directions to gather."""
-        cells = self._source.cells(b.setting.radius)
-        found = None if cells is None else self._gathers.find(cells.discs, self._model.static, levels)
-        return cells is None or (found is not None and found.enough)
+        found = self.static_light(b, levels)
+        return self._source.cells(b.setting.radius) is None or (found is not None and found.enough)
 
     def at_rest(self, b: Background, levels: np.ndarray) -> np.ndarray | None:
         """Return the static part's light without mobiles, as GlossCells.evaluate() takes it; None before a result."""
-        cells = self._source.cells(b.setting.radius)
-        found = None if cells is None else self._gathers.find(cells.discs, self._model.static, levels)
-        return None if found is None else self._over_discs(cells, found)
+        cells, found = self._source.cells(b.setting.radius), self.static_light(b, levels)
+        return None if cells is None or found is None else self._over_discs(cells, found)
 
     def settle(self, light: GlossLight, b: Background, at: Transforms, levels: np.ndarray) -> GlossLight:
         """Return the light of a frame with the directions gathered at its poses, if there are any."""

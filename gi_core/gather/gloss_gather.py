@@ -7,6 +7,7 @@ sampled besides, and both ways are weighted by the balance heuristic (Veach 1997
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from collections.abc import Iterator
@@ -74,6 +75,12 @@ class GlossGather:
         R, p = at.rotation[self._object], at.position[self._object]
         self._points = to_world_at(R, p, points + ORIGIN_LIFT * model.world.size * normals)
         self._up = to_world_at(R, 0 * p, normals)  # 0: black
+
+    def copied(self, model: Model) -> GlossGather:
+        """Return a copy that goes on from here; model: of the same static part and lamps, for light without mobiles."""
+        other = copy.copy(self)
+        other._model = model
+        return other
 
     @property
     def enough(self) -> bool:
@@ -162,6 +169,10 @@ class GlossGathers:
         """Return the light at poses and levels (G, 3) once it has a result, None before."""
         of, found = self._kept.get(key_of(at, levels), (None, None))
         return found if of is discs and found is not None and (found.rounds or found.enough) else None
+
+    def begin_with(self, light: GlossGather, discs: GlossDiscs, levels: np.ndarray) -> None:
+        """Keep light of the static part without mobiles, at levels (G, 3) of the lamps."""
+        self._kept[key_of(self._model.static, levels)] = discs, light
 
     def begin(
         self, discs: GlossDiscs, at: Transforms, levels: np.ndarray, rows: np.ndarray, irradiance: np.ndarray,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,16 @@ GRAIN = 256  # receivers per thread
 MOST_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, decision 34
 
 
+class StaticCells(NamedTuple):
+    """Sums of the static part's glossy receivers, apart from their cells."""
+
+    radius: float  # of the gloss discs [m]
+    rows: np.ndarray  # (n,) int64, receivers
+    photons: int
+    weights: np.ndarray  # (G, 3), of the lamps' flux
+    sums: np.ndarray  # (n, CELLS, SUMS) int64
+
+
 class GlossCells:
     """Sums of a scene's glossy receivers. Not thread safe."""
 
@@ -45,7 +56,8 @@ class GlossCells:
         self._intake = Intake(discs.model.emitters.lamps.count)
         none = np.empty((0, CELLS, SUMS))
         photons, totals = np.zeros((count, CELLS, SUMS), np.int64), np.zeros((count, 3))
-        self._static = StaticSums(photons, none, totals, self._place[:count], self._unlit())
+        unlit = np.empty((0, CELLS, FIELDS), np.float32)  # until there are photons
+        self._static = StaticSums(photons, none, totals, self._place[:count], unlit)
         self._better: tuple[np.ndarray, int, StaticSums] | None = None  # gathered light, photons, and what they make
         self._lit_by = 0  # photons in `_static.light`
 
@@ -57,9 +69,26 @@ class GlossCells:
     def _unlit(self) -> np.ndarray:
         """Return the light (m, CELLS, 6) of all owners before any ray: none where there are cells."""
         out = np.empty((len(self.owners), CELLS, FIELDS), np.float32)
-        turn(even_light(), self.discs.model.object_receivers.normals[self.owners], out)
+        even, normals = even_light(), self.discs.model.object_receivers.normals[self.owners]
+
+        def work(_, begin, end):
+            turn(even, normals[begin:end], out[begin:end])
+
+        run_ranges(work, len(out), self.discs.model.threads, GRAIN)
         out[self._place, :, :3] = 0.0
         return out
+
+    def static_cells(self) -> StaticCells:
+        """Return a copy of the sums of the static part's receivers."""
+        rows, intake = self.discs.rows[: self.discs.first[1]], self._intake
+        return StaticCells(self.discs.radius, rows, intake.photons, intake.weights, self._static.photons.copy())
+
+    def begin_with(self, known: StaticCells, store: object) -> None:
+        """Take over sums, if they are those of the same receivers and discs; store: of the photons, see bring_in()."""
+        own = self.discs.rows[: self.discs.first[1]]
+        if known.radius == self.discs.radius and np.array_equal(known.rows, own):
+            self._static.photons[:] = known.sums
+            self._intake.begin_with(store, known.weights, known.photons)
 
     def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
         """Add the photons of `paths` that are not yet in the sums, in steps; weights (G, 3): of the lamps' flux.

@@ -21,6 +21,10 @@ class Intake:
             self._store, self.weights, self.photons = store, weights.copy(), 0
         return anew
 
+    def begin_with(self, store: object, weights: np.ndarray, photons: int) -> None:
+        """Hold the first photons of a store, at these weights."""
+        self._store, self.weights, self.photons = store, weights.copy(), photons
+
     def end_of_part(self, count: int) -> int:
         """Return the end of the next part of the first `count` photons."""
         return min(self.photons + PART, count)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gi_core.geometry.surfaces import glossy_receivers
-from gi_core.gloss.cells import GlossCells
+from gi_core.gloss.cells import GlossCells, StaticCells
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.light import CellWriter, GlossLight
 from gi_core.gloss.rays import RayLists
@@ -30,6 +30,16 @@ class GlossSource:
         self._cells: GlossCells | None = None
         self._kept: tuple[float, bool] = (0.0, True)  # radius and way of the cells
         self._lists: RayLists | None = None
+        self._earlier: tuple[StaticCells, object] | None = None  # sums that the next cells begin with, their photons
+
+    @property
+    def static_cells(self) -> StaticCells | None:
+        """A copy of the sums of the static part's receivers; None without any."""
+        return None if self._cells is None or not self._cells.photons else self._cells.static_cells()
+
+    def begin_with(self, known: StaticCells | None, store: object) -> None:
+        """Let the first cells begin with sums of a scene of the same static part; store: their photons here."""
+        self._earlier = None if known is None else (known, store)
 
     def cells(self, radius: float, way: str = QUADTREE) -> GlossCells | None:
         """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces.
@@ -49,6 +59,9 @@ class GlossSource:
                 place[np.searchsorted(glossy, own)] = np.searchsorted(owners, rows)[site]
             self._cells = GlossCells(GlossDiscs(self._model, radius * RADII, rows), glossy, owners, place)
             self._kept, self._lists = (radius, way == QUADTREE), None
+            if self._earlier is not None:
+                self._cells.begin_with(*self._earlier)
+                self._earlier = None
         return self._cells if len(self._cells.rows) else None
 
     def lists(self, radius: float) -> RayLists | None:
