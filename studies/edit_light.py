@@ -1,4 +1,4 @@
-"""Error of the picture after an edit of the static part, with the light gathered before it and without.
+"""Error of the picture after an edit, with the light before it and without.
 
     python -m studies.edit_light cornell white --gather 30 --noise 1.5
 
@@ -27,11 +27,11 @@ from app.settings import Settings, make_solver, open_scene
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Promote, edited
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
 from gi_core.scene import Scene
-from gi_core.solver import Solver, before_edit
+from gi_core.solver import Solver, before_edit, begin_with
 from studies.ten_seconds import GAIN
 from tests.support.receiver_samples import in_view
 
-ROWS = ("gathered before, changed by photons", True), ("photons", False)
+ROWS = ("before, changed by photons", True), ("photons", False)
 COLOUR = (0.3, 0.5, 0.7)
 TIMES = 0.0, 1.0, 3.0, 6.0, 10.0, 20.0, 30.0  # s after the first picture
 
@@ -62,8 +62,8 @@ def after(
     """Return times [s], irradiance and stated errors of the pictures after an edit."""
     given = before_edit(solver)
     other = make_solver(scene, settings, given.photons)
-    if with_light and given.light is not None:
-        other.frame_light.static.begin_with(given.light)
+    if with_light:
+        begin_with(other, given)
     begun, found = time.process_time(), []
 
     def look() -> None:

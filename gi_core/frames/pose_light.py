@@ -47,10 +47,15 @@ class PoseLight:
         if (earlier := self._earlier_at(at)) is not None:
             out = irradiance.copy()
             out[earlier.rows] = earlier.light_now(irradiance, self._static.irradiance(b, photons))
-        if (found := self.find(at)) is not None and found.used.any():
+        if (found := self.find(at)) is not None and (shown := self._shown(found, earlier)).any():
             out = irradiance.copy() if out is irradiance else out
-            out[found.rows[found.used]] = found.mean[found.used]
+            out[found.rows[shown]] = found.mean[shown]
         return out
+
+    def _shown(self, found: PoseGather, earlier: EarlierAtPoses | None) -> np.ndarray:
+        """Return which receivers (n,) bool show gathered light: in the end all do in place of light before an edit."""
+        ended = earlier is not None and found.enough and len(found.mean) > 0
+        return np.ones(len(found.rows), bool) if ended else found.used
 
     def _earlier_at(self, at: Transforms) -> EarlierAtPoses | None:
         setting, earlier = self._static.setting, self._earlier
@@ -67,7 +72,8 @@ class PoseLight:
         """
         if own is irradiance:
             return None
-        if (earlier := self._earlier_at(at)) is not None and not ((found := self.find(at)) and found.used.any()):
+        earlier, found = self._earlier_at(at), self.find(at)
+        if earlier is not None and (found is None or not self._shown(found, earlier).any()):
             return earlier.light
         light = irradiance, own, self._static.irradiance(b, photons), self.deviation(at)
         return LightAtPoses(self._model, at, self._static.setting.levels, *light)
@@ -84,8 +90,8 @@ class PoseLight:
         out[: len(static)] = static
         if (earlier := self._earlier_at(at)) is not None:
             out[earlier.rows] = earlier.light.deviation[earlier.rows_before]
-        if (found := self.find(at)) is not None and found.used.any():
-            out[found.rows[found.used]] = found.deviation[found.used]
+        if (found := self.find(at)) is not None and (shown := self._shown(found, earlier)).any():
+            out[found.rows[shown]] = found.deviation[shown]
         return out
 
     def steps(self, b: Background, photons: int, irradiance: np.ndarray, at: Transforms) -> Iterator[Progress]:
@@ -109,4 +115,5 @@ class PoseLight:
             return known
 
         for changed in begun.steps(static):
-            yield Progress("gathering at these poses", begun.fraction, bool(changed))
+            ended = begun.enough and self._earlier_at(at) is not None
+            yield Progress("gathering at these poses", begun.fraction, bool(changed) or ended)

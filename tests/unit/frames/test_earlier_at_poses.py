@@ -93,14 +93,19 @@ def test_other_poses_and_levels_show_their_own_light(before):
     assert np.array_equal(solver.irradiance, E) and np.array_equal(E, solver.from_scratch())
 
 
-def test_paths_at_the_poses_take_over(before, monkeypatch):
+@pytest.mark.parametrize("clearly", [0.1, 100.0])
+def test_paths_at_the_poses_take_over(clearly, before, monkeypatch):
+    """In the end, though the light on show is as good."""
     monkeypatch.setattr(static, "ENOUGH", 0.03)
-    monkeypatch.setattr(pose_gather, "CLEARLY", 0.1)
+    monkeypatch.setattr(pose_gather, "CLEARLY", clearly)
     solver = after(before, DARK)
     for _ in solver.gather_pose_steps():
         pass
-    found = solver.frame_light.at_poses.find(solver.model.transforms(solver.poses))
-    assert found.used.all() and np.array_equal(solver.irradiance[found.rows], found.mean)
+    at = solver.model.transforms(solver.poses)
+    found = solver.frame_light.at_poses.find(at)
+    assert found.used.all() == (clearly < 1) and np.array_equal(solver.irradiance[found.rows], found.mean)
+    assert np.array_equal(solver.frame_light.at_poses.deviation(at)[found.rows], found.deviation)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
     given = before_edit(solver)
     assert given.at_poses.irradiance is solver.irradiance, "the next edit begins with theirs"
 
