@@ -33,7 +33,7 @@ GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones
 PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 POOLED = 40  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
-GRAIN = 4096  # receivers per thread
+GRAIN = 1024  # receivers per thread
 PER_STEP = 1 << 18  # values, receivers times columns: 5 ms in office
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 

@@ -24,7 +24,7 @@ NEAR = 16  # receivers per mean at most; 10 leave a twentieth more error, 20 a t
 LOOKED_AT = 4 * NEAR  # receivers along the mesh, of which NEAR are taken
 SAME_WAY = 0.9  # least cosine between normals
 CHANCE = 4.0  # a neighbour has weight 1/2 where CHANCE x Ward's squared error x bounces = 1; 2 to 8 are as good
-GRAIN = 4096  # receivers per thread
+GRAIN = 512  # receivers per thread
 
 
 class NearReceivers(NamedTuple):

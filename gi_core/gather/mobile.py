@@ -41,6 +41,7 @@ from gi_core.scene.pose import to_world_at
 
 STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
 BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
+LEAST_PATHS = 1 << 11  # per batch where there are more threads than batches
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
@@ -117,19 +118,19 @@ class MobileGather:
         lamps = [self._lamps(o, at, paths) for o in range(1, len(at.position))]
         places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
 
-        def work(_, first, last):
-            found = []
-            for k in order[first:last]:
+        found: list = [None] * len(places)
+        waiting, threads = iter(range(len(places))), self._model.threads
+
+        def work(*_):
+            for k in waiting:  # each thread takes the next batch, as they take different times
                 batch = kept[k] or self._batch(paths, *places[k])
                 known = PathSums(*(a[batch.rows] for a in light))
-                found.append(self._gather(world, batch, at, lamps[batch.mobile - 1], static, paths, known, bounced))
+                found[k] = self._gather(world, batch, at, lamps[batch.mobile - 1], static, paths, known, bounced)
                 if n * paths <= CACHED_PATHS:
                     kept[k] = batch
-            return found
 
-        threads = self._model.threads
-        order = [k for t in range(threads) for k in range(t, len(places), threads)]
-        exchanges, lit = zip(*(e for part in run_ranges(work, len(places), threads, 1) for e in part), strict=True)
+        run_ranges(work, len(places), threads, 1)
+        exchanges, lit = zip(*found, strict=True)
         exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
         direct = light.direct / paths
         E = _exchanged(direct, light.bounced / paths, exchange, paths)
@@ -178,7 +179,9 @@ class MobileGather:
         """Return mobile and receivers of each batch."""
         ends, places = self._model.surfaces.first_receiver[1:] - self.first, []
         for o, (first, last) in enumerate(itertools.pairwise(ends.tolist()), 1):
-            parts = -(-(last - first) * paths // BATCH_PATHS)
+            count = (last - first) * paths
+            parts = -(-count // (BATCH_PATHS * self._model.threads)) * self._model.threads  # as many for each thread
+            parts = min(parts, -(-count // LEAST_PATHS))
             bounds = [first + (last - first) * k // max(parts, 1) for k in range(parts + 1)]
             places += [(o, slice(*bound)) for bound in itertools.pairwise(bounds)]
         return places

@@ -17,7 +17,7 @@ from gi_core.photons.paths import Segments
 
 CHUNK_BITS = 3  # a chunk is 8 receivers: 192 bytes of sums
 CHUNK = 1 << CHUNK_BITS
-CHUNK_GRAIN = 2048  # chunks per thread
+CHUNK_GRAIN = 1024  # chunks per thread
 NOWHERE = np.empty((0, 0), np.int64)
 NOT_ADDITIVE = -1  # the receiver's sums are not background - removed suffixes + new suffixes
 
