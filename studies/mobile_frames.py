@@ -3,7 +3,8 @@
     python -m studies.mobile_frames tree cornell --sizes 131072,64 131072,128 --poses 6
 
 The chart's truth has 1 % of noise over all receivers, and 7 % on the leaves of tree. Here it has --noise percent on
-mobiles alone, at some poses of the path, and is subtracted in squares. Static light is gathered as in the chart.
+mobiles alone, at some poses of the path, and is subtracted in squares. Static light is gathered as in the chart. All
+mobiles move at once; with --only NAME that one moves, as in a drag, and counts.
 """
 
 from __future__ import annotations
@@ -28,16 +29,22 @@ FRAMES = 12  # of the path
 TRUTH_SEED = 77  # of nothing else
 
 
-def report(name: str, sizes: list[tuple[int, int]], poses: int, points: int, noise: float) -> None:
-    """Print the table of a scene."""
+def report(
+    name: str, sizes: list[tuple[int, int]], poses: int, points: int, noise: float, only: str | None = None
+) -> None:
+    """Print the table of a scene; only: the mobile that moves, None: all."""
     settings = Settings(scene=name, estimator=DEFAULT)
     with tempfile.TemporaryDirectory() as folder:
         run = Run(open_scene(settings), settings, False, FRAMES, None, Path(folder), lambda stage, fraction: None)
     base, frames = run.base, [(2 * k + 1) * FRAMES // (2 * poses) for k in range(poses)]
     areas = base.receivers.areas
-    of_mobiles = np.arange(base.surfaces.receiver_range(0).stop, len(areas))
+    lap, of_mobiles = run.lap, np.arange(base.surfaces.receiver_range(0).stop, len(areas))
+    if only is not None:
+        lap = [{**lap[-1], only: at[only]} for at in lap]
+        rows = base.surfaces.receiver_range(1 + base.model.names.index(only))
+        of_mobiles = np.arange(rows.start, rows.stop)
     rows, weights = draw_by_area(of_mobiles[areas[of_mobiles] > 0], areas, points, TRUTH_SEED)
-    truths = [_truth(base, run.lap[k], rows, weights, noise) for k in frames]
+    truths = [_truth(base, lap[k], rows, weights, noise) for k in frames]
     T, w = np.concatenate([t.irradiance for t in truths]), np.tile(weights, poses)
     chance = float(np.mean([t.noise for t in truths]))
     print(f"{name}: {len(rows):,} receivers on mobiles, {poses} poses, noise of truth {100 * chance:.1f} %")
@@ -46,7 +53,7 @@ def report(name: str, sizes: list[tuple[int, int]], poses: int, points: int, noi
         size = Choice(DEFAULT, photons, max(run.effort.photons), base.setting.radius, base.setting.neighbours, True,
                       "best", paths=paths)  # fmt: skip
         solver, _ = run.measurer.solved(size)
-        found, ms = _along(solver, run.lap, size, frames, rows)
+        found, ms = _along(solver, lap, size, frames, rows)
         E = np.concatenate(found)
         error = bias_left(relative_error(E, T, w).l1, chance)
         total = float((w * luminance(E)).sum() / (w * luminance(T)).sum()) - 1
@@ -80,10 +87,11 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=6)
     parser.add_argument("--points", type=int, default=300, help="receivers on mobiles")
     parser.add_argument("--noise", type=float, default=1.0, help="of the truth [%%]")
+    parser.add_argument("--only", metavar="NAME", help="the mobile that moves")
     asked = parser.parse_args()
     sizes = [tuple(int(n) for n in size.split(",")) for size in asked.sizes]
     for name in asked.scenes:
-        report(name, sizes, asked.poses, asked.points, asked.noise)
+        report(name, sizes, asked.poses, asked.points, asked.noise, asked.only)
 
 
 if __name__ == "__main__":
