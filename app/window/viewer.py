@@ -157,7 +157,8 @@ class Viewer:
                 break
             if resting and (self._has_news or time.perf_counter() >= refresh):
                 break
-        self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
+        if self._slept:
+            self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
 
     def draw_viewport(self) -> None:
         """Handle input, update the light, draw: the picture shows the poses of this frame."""

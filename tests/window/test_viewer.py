@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+import time
 from dataclasses import replace
 from unittest.mock import Mock
 
@@ -71,6 +72,27 @@ def test_frame_times_are_those_of_new_pictures_in_a_row(play, monkeypatch):
         assert 0 < in_a_row == len(added), "the frame after a wait does not count"
         hand.ctx.yield_()
         assert len(added) > in_a_row, "the next one does"
+
+    play(script)
+
+
+def test_the_time_of_slow_drawing_counts(play, monkeypatch):
+    """The status said 48 frames per second where a software renderer took seconds per picture."""
+    added = []
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        draw = viewer.viewport.draw
+        monkeypatch.setattr(
+            viewer.viewport, "draw", lambda *given: (time.sleep(0.06), viewer.viewport.redraw(), draw(*given))
+        )
+        monkeypatch.setattr(type(viewer), "_is_still", property(lambda _: False))
+        hand.ctx.yield_(2)
+        monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
+        viewer.may_sleep = True
+        hand.ctx.yield_(4)
+        viewer.may_sleep = False
+        assert added and min(added) >= 0.06
 
     play(script)
 
