@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import shutil
 import sys
 from dataclasses import replace
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.chart import measure, rival, tuned
+from app.measure.chart import measure, page, rival, tuned
 from app.measure.chart import run as chart_run
 from app.measure.chart.figure import draw, front, styles
 from app.measure.chart.gloss import drawn_gloss, truth_of
@@ -301,6 +302,13 @@ def test_rows_of_other_machines_and_commits_stay_and_do_not_count(tmp_path):
     assert [r["frame_ms"] for r in again.rows] == [1.25] and len(again.every) == 2
     assert not again.has({**setting, "radius": 0.2}) and again.rows[0]["control"] is True
     assert Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields).rows[0]["new"] == 7
+
+
+def test_a_page_explains_gloss_where_there_is_some():
+    about = {"scene": "", "asked_points": 1, "poses": 1, "truth": 0.01, "limit": 1}
+    assert not page.has_gloss([{"total gloss": math.nan}, {}]) and page.has_gloss([{}, {"total gloss": 0.1}])
+    plain, with_gloss = (page.notes(about, some) for some in (False, True))
+    assert "grazing" in with_gloss and with_gloss.startswith(plain) and "Gloss" not in plain
 
 
 def test_gloss_towards_the_camera_is_near_its_truth():

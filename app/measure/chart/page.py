@@ -17,6 +17,10 @@ from app.measure.chart.tuned import summary as tuned_summary
 from app.measure.html_page import document, image, table
 
 ALL_COLUMNS = ("noise", "bias", "total", "total l2")
+GLOSS_NOTE = (
+    " Gloss is the radiance towards the camera at vertices that keep directions of light, in 64 cells each. At grazing "
+    "angles a lobe is narrower than a cell: its error stays there with more photons, and at rest."
+)
 
 
 def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
@@ -32,9 +36,14 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
         *_report(rows, about),
         "<h2>Every setting</h2>",
         _everything(rows),
-        f"<p>{escape(_notes(about))}</p>",
+        f"<p>{escape(notes(about, has_gloss(rows)))}</p>",
     ]
     write_whole(out / "index.html", document(f"{about['scene']}: speed against accuracy", parts))
+
+
+def has_gloss(rows: list[dict]) -> bool:
+    """Return whether some setting has an error of gloss."""
+    return any(_there(r.get("total gloss")) for r in rows)
 
 
 def _summary(rows: list[dict], about: dict) -> str:
@@ -55,7 +64,8 @@ def _processes(rows: list[dict], about: dict) -> str:
     return f"timed by {len(timed)} processes: {each}"
 
 
-def _notes(about: dict) -> str:
+def notes(about: dict, gloss: bool) -> str:
+    """Return the meaning of the columns; gloss: whether there is one of gloss."""
     return (
         f"A GI frame is everything from new poses to irradiance. Errors are relative, at {about['asked_points']:,} "
         f"receivers per pose ({about['poses']} poses), drawn by area in each class. The truth is unbiased path tracing "
@@ -65,7 +75,7 @@ def _notes(about: dict) -> str:
         f"frame at receivers that the mobile changes, relative to the change with {about['limit']:,} photons; 1 is "
         "exact, more is flicker. First frame: scene prepared, photons traced and estimated. The rival's times over 4 "
         "paths are scaled from 4."
-    )
+    ) + (GLOSS_NOTE if gloss else "")
 
 
 def _inline(svg: str) -> str:
@@ -106,7 +116,7 @@ def _report(rows: list[dict], about: dict) -> list[str]:
 
 def _everything(rows: list[dict]) -> str:
     kinds = {"affected": "changed", "mobile": "mobile", "border": "borders"}
-    kinds |= {"gloss": "gloss"} if any(_there(r.get("total gloss")) for r in rows) else {}
+    kinds |= {"gloss": "gloss"} if has_gloss(rows) else {}
     over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", len(kinds)), ("over frames", 2)]
     head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, *kinds.values(), "flicker", "jump"]
     lines = []

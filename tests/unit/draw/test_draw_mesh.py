@@ -43,7 +43,7 @@ def test_meshes_after_an_edit_are_those_of_a_new_model(office, name):
                 np.testing.assert_array_equal(x, y)
 
 
-def test_a_moved_lamp_is_no_reason_to_keep_its_mesh(office):
+def test_a_brighter_lamp_does_not_keep_its_mesh(office):
     """Emission is in the mesh, too: one lamp of the material brighter."""
     before, meshes = office
     glowing = [k for k, m in enumerate(before.given.materials) if any(m.emission)]
