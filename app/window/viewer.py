@@ -30,6 +30,7 @@ LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
+LONGEST_REST = 4.0  # s without a new picture at rest: light gets as much time as slow drawing takes
 OPENING_PAUSE = 0.05  # s between frames while a first scene opens ...
 COMPILING_PAUSE = 0.25  # ... and while kernels compile, without input: software GL took a seventh of two cores
 PAUSE = 0.5  # s that an idle window waits for input before it checks for signals
@@ -71,6 +72,7 @@ class Viewer:
         self._slept = False  # between the last frame and this one
         self._seconds = 0.0
         self._light_seconds = 0.0  # of the last frame: refinement or a move
+        self._drawing = 0.0  # s, of pictures since the window slept
         self._awake_until = 0.0  # after input
         self.may_sleep = True  # between frames in which nothing changes
         self._ready = False
@@ -121,6 +123,8 @@ class Viewer:
 
     def _end_frame(self) -> None:
         self.painter.finish()
+        if self.viewport.is_redrawn:
+            self._drawing += time.perf_counter() - self._before - self._light_seconds
         if self.may_sleep:
             self._sleep()
 
@@ -135,8 +139,13 @@ class Viewer:
 
     @property
     def _has_news(self) -> bool:
-        """Whether there is light that no picture shows, or all work at rest is done."""
-        return self.session.version != self.painter.uploaded or self.session.light.all_done
+        """Whether there is light that no picture shows."""
+        return self.session.version != self.painter.uploaded
+
+    def _is_due(self, light: float, refresh: float) -> bool:
+        """Whether a frame is due: at the end of work, and with news after `light` or without after `refresh` [s]."""
+        now = time.perf_counter()
+        return self.session.light.all_done or (now >= light and (self._has_news or now >= refresh))
 
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
@@ -144,7 +153,8 @@ class Viewer:
             window.wait_for_input(
                 COMPILING_PAUSE if self.session.opening.phase in COMPILING.values() else OPENING_PAUSE
             )
-        refresh = time.perf_counter() + REFRESH
+        begun = time.perf_counter()
+        refresh, light = begun + REFRESH, begun + min(self._drawing, LONGEST_REST)
         while self._is_still:
             self._slept = True
             resting = self._ready and not self.session.light.all_done
@@ -155,9 +165,10 @@ class Viewer:
             if self.files.changed_on_disk(time.monotonic()):
                 self._do("reload")
                 break
-            if resting and (self._has_news or time.perf_counter() >= refresh):
+            if resting and self._is_due(light, refresh):
                 break
         if self._slept:
+            self._drawing = 0.0
             self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
 
     def draw_viewport(self) -> None:

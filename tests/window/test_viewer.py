@@ -97,6 +97,38 @@ def test_the_time_of_slow_drawing_counts(play, monkeypatch):
     play(script)
 
 
+def test_light_has_as_much_time_as_slow_drawing(play, monkeypatch):
+    """Each result of work at rest was drawn: a software renderer took all time, and light came to 1 % in 110 s."""
+    frames, drawn = [], 0.1
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        draw, kind = viewer.viewport.draw, type(viewer)
+
+        def slow(*given):
+            frames.append(time.perf_counter())
+            time.sleep(drawn)
+            viewer.viewport.redraw()
+            draw(*given)
+
+        monkeypatch.setattr(viewer.viewport, "draw", slow)
+        for name in ("_is_still", "_has_news"):
+            monkeypatch.setattr(kind, name, property(lambda _: True))
+        viewer.session.light.all_done = False
+        monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
+        hand.ctx.yield_(2)
+        viewer.may_sleep = True
+        frames.clear()
+        hand.ctx.yield_(5)
+        viewer.may_sleep = False
+        between = np.diff(frames)[1:]
+        assert len(between) and between.min() >= 1.9 * drawn
+        assert between.max() < 10 * drawn
+
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+    play(script)
+
+
 @pytest.mark.parametrize("where", ["draw", "draw_status"])
 def test_exception_of_a_frame_fails_its_test(play, monkeypatch, where):
     """The script does not wait for frames that never come, and the process lives on."""
