@@ -52,9 +52,12 @@ class Painter:
             self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
         return self.renderer
 
-    def draw(self, session: Session, viewport: Viewport) -> None:
-        """Draw the light of this frame; a software renderer takes all samples once nothing changes."""
-        changed = self.uploaded != session.version
+    def draw(self, session: Session, viewport: Viewport, holds: bool = False) -> None:
+        """Draw the light of this frame; a software renderer takes all samples once nothing changes.
+
+        holds: light stays as it was last drawn.
+        """
+        changed = self.uploaded != session.version and not holds
         busy = changed or session.refining or session.dragging or session.playing or viewport.control.is_moving
         self._quiet = 0 if busy else self._quiet + 1
         if changed:
@@ -63,7 +66,7 @@ class Painter:
         viewport.read(at_rest=not busy)
         self._quiet = 0 if viewport.scale_fit.is_fitting else self._quiet
         samples = 1 if self.software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
-        viewport.draw(self.renderer, samples)
+        viewport.draw(self.renderer, samples, self.uploaded)
 
     @property
     def is_done(self) -> bool:

@@ -72,7 +72,7 @@ class Viewer:
         self._slept = False  # between the last frame and this one
         self._seconds = 0.0
         self._light_seconds = 0.0  # of the last frame: refinement or a move
-        self._drawing = 0.0  # s, of pictures since the window slept
+        self._light_until = 0.0  # without input, light has its time until then
         self._awake_until = 0.0  # after input
         self.may_sleep = True  # between frames in which nothing changes
         self._ready = False
@@ -124,7 +124,8 @@ class Viewer:
     def _end_frame(self) -> None:
         self.painter.finish()
         if self.viewport.is_redrawn:
-            self._drawing += time.perf_counter() - self._before - self._light_seconds
+            now = time.perf_counter()
+            self._light_until = now + min(now - self._before - self._light_seconds, LONGEST_REST)
         if self.may_sleep:
             self._sleep()
 
@@ -142,10 +143,17 @@ class Viewer:
         """Whether there is light that no picture shows."""
         return self.session.version != self.painter.uploaded
 
-    def _is_due(self, light: float, refresh: float) -> bool:
-        """Whether a frame is due: at the end of work, and with news after `light` or without after `refresh` [s]."""
-        now = time.perf_counter()
-        return self.session.light.all_done or (now >= light and (self._has_news or now >= refresh))
+    @property
+    def _holds(self) -> bool:
+        """Whether new light is not yet drawn: light has as much time as slow drawing, while nobody waits for it."""
+        active = self.viewport.control.is_moving or self.session.dragging or self.session.playing
+        waits = self._awake_until <= time.perf_counter() < self._light_until
+        return waits and not active and not self.session.light.all_done
+
+    def _is_due(self, refresh: float) -> bool:
+        """Whether a frame is due while work at rest goes on; without news after `refresh` [s]."""
+        due = self._has_news or time.perf_counter() >= refresh
+        return self.session.light.all_done or (due and time.perf_counter() >= self._light_until)
 
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
@@ -153,8 +161,7 @@ class Viewer:
             window.wait_for_input(
                 COMPILING_PAUSE if self.session.opening.phase in COMPILING.values() else OPENING_PAUSE
             )
-        begun = time.perf_counter()
-        refresh, light = begun + REFRESH, begun + min(self._drawing, LONGEST_REST)
+        refresh = time.perf_counter() + REFRESH
         while self._is_still:
             self._slept = True
             resting = self._ready and not self.session.light.all_done
@@ -165,10 +172,9 @@ class Viewer:
             if self.files.changed_on_disk(time.monotonic()):
                 self._do("reload")
                 break
-            if resting and self._is_due(light, refresh):
+            if resting and self._is_due(refresh):
                 break
         if self._slept:
-            self._drawing = 0.0
             self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
 
     def draw_viewport(self) -> None:
@@ -187,7 +193,7 @@ class Viewer:
             self._ready = True  # one attempt, even a failed one
             self._guard("start", lambda: self._adopt(self.session))
         if self._ready:
-            self._guard("drawing", lambda: self.painter.draw(self.session, self.viewport))
+            self._guard("drawing", lambda: self.painter.draw(self.session, self.viewport, self._holds))
         elif (opening := self.session.opening) is not None and (look := opening.look) is not None:
             settings = self.session.settings
             self._guard("first look", lambda: self.painter.draw_look(look, self.preview, settings))

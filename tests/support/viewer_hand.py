@@ -35,7 +35,9 @@ class Hand:
             self.ctx.yield_()
 
     def wait_for_light(self) -> None:
-        self.wait(lambda: self.viewer._ready and not self.viewer.session.refining)
+        """Wait until all photons are drawn."""
+        v = self.viewer
+        self.wait(lambda: v._ready and not v.session.refining and v.painter.uploaded == v.session.version)
         self.ctx.yield_(2)
 
     def open_research(self) -> None:

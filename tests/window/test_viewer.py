@@ -129,6 +129,38 @@ def test_light_has_as_much_time_as_slow_drawing(play, monkeypatch):
     play(script)
 
 
+def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
+    """Not for a hand that moves something, nor for the end of all work."""
+    from app.draw.renderer import Renderer
+
+    draws, draw = [], Renderer.draw
+    monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.session.light.all_done)
+        hand.ctx.yield_(30)
+        viewer.session.light.all_done, viewer._light_until = False, time.perf_counter() + 1000
+        monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
+        count = len(draws)
+        viewer.session.light.version += 1
+        hand.ctx.yield_(10)
+        assert len(draws) == count and viewer.painter.uploaded == viewer.session.version - 1
+        viewer.session.light.all_done = True
+        hand.ctx.yield_(3)
+        assert len(draws) > count and viewer.painter.uploaded == viewer.session.version
+        viewer.session.light.all_done, viewer._light_until = False, time.perf_counter() + 1000
+        viewer.session.light.version += 1
+        hand.ctx.yield_(3)
+        assert viewer.painter.uploaded < viewer.session.version
+        viewer.session.playing = True
+        hand.ctx.yield_(3)
+        assert viewer.painter.uploaded == viewer.session.version
+
+    assert errors(play(script)) == []
+
+
 @pytest.mark.parametrize("where", ["draw", "draw_status"])
 def test_exception_of_a_frame_fails_its_test(play, monkeypatch, where):
     """The script does not wait for frames that never come, and the process lives on."""
