@@ -55,9 +55,9 @@ class Painter:
     def draw(self, session: Session, viewport: Viewport, holds: bool = False) -> None:
         """Draw the light of this frame; a software renderer takes all samples once nothing changes.
 
-        holds: light stays as it was last drawn.
+        holds: light stays as it was last drawn, if this scene has been drawn.
         """
-        changed = self.uploaded != session.version and not holds
+        changed = self.uploaded != session.version and not (holds and self.uploaded)
         busy = changed or session.refining or session.dragging or session.playing or viewport.control.is_moving
         self._quiet = 0 if busy else self._quiet + 1
         if changed:

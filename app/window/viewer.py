@@ -135,8 +135,12 @@ class Viewer:
         failed = self.session.problem is not None and not is_user_error(self.session.problem)
         unchanged = self.painter.is_done if self._ready else failed
         waits = self.session.opening is None and self.reload.coming is None and not self.params.app_shall_exit
-        counted = self.frames_left is not None or self.exit_when_refined
-        return bool(unchanged and waits and not counted and time.perf_counter() >= self._awake_until)
+        return bool(unchanged and waits and not self._is_counted and time.perf_counter() >= self._awake_until)
+
+    @property
+    def _is_counted(self) -> bool:
+        """Whether the window closes by itself, after some frames or with all photons."""
+        return self.frames_left is not None or self.exit_when_refined
 
     @property
     def _has_news(self) -> bool:
@@ -148,7 +152,7 @@ class Viewer:
         """Whether new light is not yet drawn: light has as much time as slow drawing, while nobody waits for it."""
         active = self.viewport.control.is_moving or self.session.dragging or self.session.playing
         waits = self._awake_until <= time.perf_counter() < self._light_until
-        return waits and not active and not self.session.light.all_done
+        return waits and not (active or self._is_counted or self.session.light.all_done)
 
     def _is_due(self, refresh: float) -> bool:
         """Whether a frame is due while work at rest goes on; without news after `refresh` [s]."""

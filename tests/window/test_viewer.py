@@ -154,6 +154,13 @@ def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
         viewer.session.light.version += 1
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded < viewer.session.version
+        viewer.painter.adopt(viewer.session)
+        hand.ctx.yield_(3)
+        assert viewer.painter.uploaded == viewer.session.version, "an edited scene was black until light had its time"
+        viewer._light_until = time.perf_counter() + 1000  # drawn anew
+        viewer.session.light.version += 1
+        hand.ctx.yield_(3)
+        assert viewer.painter.uploaded < viewer.session.version
         viewer.session.playing = True
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded == viewer.session.version
