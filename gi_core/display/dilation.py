@@ -13,7 +13,8 @@ A receiver with lit neighbours is *unreached* by one of three rules:
 - cut off: it is black, and surfaces lie between it and each lit neighbour, as at the end of a table leg below the
   floor. None of its faces may be black at all corners: that is a dark region.
 
-Rays of receivers test their own object. Static receivers near a mobile also test the mobile, at each pose.
+Rays of receivers test their own object. Static receivers near a mobile also test the mobile, at each pose, and black
+receivers of mobiles the static part: a chair's foot in a rug would darken the leg up to the seat.
 """
 
 from __future__ import annotations
@@ -23,14 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.spiral import DIRECTIONS, directions
 from gi_core.base.vectors import dot, length
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import rays_to_object
+from gi_core.scene.pose import to_world_at
 
-DIRECTIONS = 16
 NEAR = 0.06  # of the scene's size: a narrower space counts as closed
 CHUNK = 2048  # receivers per step: some 10 ms
 BLACK = (
@@ -82,7 +84,9 @@ class Dilation:
         self._neighbours = neighbours(np.concatenate([model.corners(o) for o in range(s.objects)]), len(points))
         self._static_columns = np.ascontiguousarray(self._points[s.receiver_range(0)].T)
         self._place = np.full(len(points), UNKNOWN, np.int8)
-        self._beside: dict[int, Beside] = {}  # by mobile, at its last pose: a lamp's slider moves nothing
+        # By mobile, at its last pose: a lamp's slider moves nothing.
+        self._beside: dict[int, Beside] = {}
+        self._in_static: dict[int, tuple[bytes, np.ndarray]] = {}  # place (n,) int8 of its receivers
         for o in range(s.objects):
             own, given = s.receiver_range(o), (self._near, float(model.world.size))
             if (known := model.shapes.find("places", o, *given)) is not None:
@@ -136,17 +140,19 @@ class Dilation:
         return np.delete(rows, of[face < 0])
 
     def find_moved(self, irradiance: np.ndarray, at: Transforms) -> Unreached:
-        """Find static receivers under mobiles at these poses, and receivers inside mobiles, by irradiance (R, 3)."""
-        rows = [self._under(o, irradiance, at) for o in range(1, len(at.position))]
+        """Find static receivers under mobiles at these poses, and receivers of mobiles inside these or the static part.
+
+        irradiance (R, 3): of the frame.
+        """
+        rows = [find(o, irradiance, at) for o in range(1, len(at.position)) for find in (self._under, self._sunk)]
         rows.append(self._in_mobiles[_is_dark(self._in_mobiles, self._in_mobiles_pairs, irradiance, LITTLE)])
         return self._unreached(np.unique(np.concatenate(rows)), irradiance)
 
     def _under(self, o: int, irradiance: np.ndarray, at: Transforms) -> np.ndarray:
         """Return the rows of black static receivers that mobile o encloses."""
-        pose = at.rotation[o].tobytes() + at.position[o].tobytes()
-        if o not in self._beside or self._beside[o].pose != pose:
+        if o not in self._beside or self._beside[o].pose != _pose_bits(at, o):
             rows = self._static_near(o, at)
-            self._beside[o] = Beside(pose, rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
+            self._beside[o] = Beside(_pose_bits(at, o), rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
         _, near, pairs, place = self._beside[o]
         dark = np.flatnonzero(_is_dark(near, pairs, irradiance, BLACK))
         if len(unknown := dark[place[dark] == UNKNOWN]):
@@ -155,6 +161,23 @@ class Dilation:
             rays = directions(self._normals[rows]).reshape(-1, 3)
             place[unknown] = self._places(o, *rays_to_object(at, o, origins, rays))
         return near[dark[place[dark] != OPEN]]
+
+    def _sunk(self, o: int, irradiance: np.ndarray, at: Transforms) -> np.ndarray:
+        """Return the rows of black receivers of mobile o that the static part encloses."""
+        own = self._model.surfaces.receiver_range(o)
+        light = luminance(irradiance[own])
+        may_be = (light <= BLACK * light.max(initial=0.0)) & (self._place[own] != INSIDE)
+        rows = own.start + np.flatnonzero(may_be)
+        rows = rows[_is_dark(rows, self._pairs(rows), irradiance, BLACK)]
+        if o not in self._in_static or self._in_static[o][0] != _pose_bits(at, o):
+            self._in_static[o] = _pose_bits(at, o), np.full(own.stop - own.start, UNKNOWN, np.int8)
+        place = self._in_static[o][1]
+        if len(unknown := rows[place[rows - own.start] == UNKNOWN]):
+            R, p = at.rotation[o, None], at.position[o, None]
+            normals = to_world_at(R, 0 * p, self._normals[unknown])
+            points = to_world_at(R, p, self._points[unknown]).astype(np.float32)
+            place[unknown - own.start] = self._places(0, points, directions(normals))
+        return rows[place[rows - own.start] != OPEN]
 
     def _static_near(self, o: int, at: Transforms) -> np.ndarray:
         """Return the rows of static receivers in the box round the bounding sphere of mobile o."""
@@ -198,6 +221,10 @@ class Dilation:
         return Unreached(rows[some], np.append(0, np.cumsum(count[some])), neighbour[lit], rows[~some])
 
 
+def _pose_bits(at: Transforms, o: int) -> bytes:
+    return at.rotation[o].tobytes() + at.position[o].tobytes()
+
+
 def _is_dark(
     rows: np.ndarray, pairs: tuple[np.ndarray, np.ndarray], irradiance: np.ndarray, share: float
 ) -> np.ndarray:
@@ -212,17 +239,6 @@ def _brightest(of: np.ndarray, n: int, light: np.ndarray) -> np.ndarray:
     out = np.zeros(n)
     np.fmax.at(out, of, light)  # nan: unknown
     return out
-
-
-def directions(normals: np.ndarray) -> np.ndarray:
-    """Return cosine-distributed directions (n, DIRECTIONS, 3) float32 per hemisphere, on a spiral (Vogel 1979)."""
-    k = np.arange(DIRECTIONS)
-    r, angle = np.sqrt((k + 0.5) / DIRECTIONS), k * np.pi * (3 - np.sqrt(5))
-    local = np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - r * r)], axis=1)
-    across = np.cross(normals, np.where(np.abs(normals[:, :1]) > 0.5, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
-    across /= np.maximum(np.sqrt((across * across).sum(axis=1)), 1e-30)[:, None]  # no normal: no faces with area
-    frames = np.stack([across, np.cross(normals, across), normals], axis=1)
-    return (local @ frames).astype(np.float32)
 
 
 def dilated(irradiance: np.ndarray, *unreached: Unreached) -> Drawn:

@@ -23,8 +23,7 @@ from gi_core.files.formats.mesh_file import part_of
 from gi_core.files.formats.toml_fields import as_table
 from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.files.lighting import Darken, Light, darkened, lit
-from gi_core.files.load import finished, join, with_mobile_file
-from gi_core.geometry.cutouts import without_holes
+from gi_core.files.load import cut_for_light, finished, join, with_mobile_file
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
@@ -243,7 +242,7 @@ def _inserted(scene: Scene, name: str, path: Path, pose: Pose | None, allow_outs
     scene, *_ = complete(scene, [(len(scene.mobiles) - 1, up)], bare=False)
     mobile = finished(scene.mobiles[-1])
     scene = with_gloss_classes(replace(scene, mobiles=(*scene.mobiles[:-1], mobile)))
-    mobile = scene.mobiles[-1]._replace(mesh=without_holes(scene.mobiles[-1].mesh))
+    mobile = scene.mobiles[-1]._replace(mesh=cut_for_light(scene.mobiles[-1].mesh, scene.materials))
     scene = translated(replace(scene, mobiles=(*scene.mobiles[:-1], mobile)), origin)
     if pose is None:
         return scene

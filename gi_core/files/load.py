@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gi_core.bsdf.tabulate import tabulate
+from gi_core.files.completion.buried_corners import with_open_corners
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.dark_sides import one_sided_where_dark
 from gi_core.files.completion.lamp_orientation import facing_the_scene
@@ -139,8 +140,9 @@ class _Builder:
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
         scene = with_gloss_classes(self._refined(scene, max_edge, rays, box))
         scene = replace(scene, notes=(*scene.notes, *_darkened(scene.materials)))
-        solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
-        return translated(replace(scene, static=without_holes(scene.static), mobiles=solid), origin)
+        cut = tuple(m._replace(mesh=cut_for_light(m.mesh, scene.materials)) for m in scene.mobiles)
+        static = cut_for_light(scene.static, scene.materials)
+        return translated(replace(scene, static=static, mobiles=cut), origin)
 
     def _shown(self, path: Path) -> str:
         return self.where if self.bare else f"{self.where}: {path.name}"
@@ -246,6 +248,11 @@ def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: 
 def finished(mobile: Mobile) -> Mobile:
     """Return a placed mobile from a mesh file, its edges fine enough to show shading."""
     return mobile._replace(mesh=_fine(mobile.mesh))
+
+
+def cut_for_light(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
+    """Return the mesh of an object without invisible faces, and with receivers on all faces in the open."""
+    return with_open_corners(without_holes(mesh), materials)
 
 
 def free_name(names: Iterable[str], name: str) -> str:

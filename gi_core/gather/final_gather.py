@@ -144,7 +144,7 @@ class FinalGather:
         scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
         limits = np.full(count, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 3)))  # no mobile is met
+        none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
         known = Field(s.corner_front, s.corner_back, field)
         bounces = Bounces(1 << m, normals, at.rotation[0], direction, distance, face)
         meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, NO_RAYS, none)

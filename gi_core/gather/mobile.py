@@ -26,7 +26,7 @@ from gi_core.gather import one_bounce
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
 from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, for_cells
-from gi_core.gather.one_bounce import Bounces, Exchange, Field
+from gi_core.gather.one_bounce import Bounces, Exchange, Field, reached_corners, reflected
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.surfaces import glossy_receivers
@@ -132,8 +132,9 @@ class MobileGather:
         run_ranges(work, len(places), threads, 1)
         exchanges, lit = zip(*found, strict=True)
         exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
-        direct = light.direct / paths
-        E = _exchanged(direct, light.bounced / paths, exchange, paths)
+        direct, known = light.direct / paths, light.bounced / paths
+        reached_corners(exchange.corners, direct + known, exchange.share)
+        E = _exchanged(direct, known, exchange, paths)
         if len(self._glossy):
             add_exchanged(exchange, direct + E, bounced)
             given = self._near, self._kinds, self._kind_directions(paths), light.close, bounced
@@ -221,8 +222,8 @@ class MobileGather:
         add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
         distance, face = batch.bounce.nearest(at)
         closeness(paths, distance, light.close)
-        count = len(face)
-        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), np.empty((count, 3)))
+        count = int(np.count_nonzero(face >= world.first_face[1]))
+        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         glossy, first = batch.mobile in self._glossy, batch.rows.start * paths
         known = Field(s.corner_front, s.corner_back, static)
         bounces = Bounces(paths, normals, R[0], batch.directions, distance, face)
@@ -249,9 +250,7 @@ def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths:
 
 @kernel
 def _sweep(exchange, paths, E, bounced):
-    ray, corners, rho = exchange
-    share = 1.0 / paths
-    for k in range(len(ray)):
-        row, u, v, w = ray[k] // paths, corners[k, 0], corners[k, 1], corners[k, 2]
+    for k in range(len(exchange.ray)):
+        row, light = exchange.ray[k] // paths, reflected(exchange, k, E)
         for c in range(3):
-            bounced[row, c] += share * rho[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0
+            bounced[row, c] += light[c] / paths

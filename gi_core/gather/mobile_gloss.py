@@ -18,6 +18,7 @@ from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
+from gi_core.gather.one_bounce import reflected
 from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import GRAZING
@@ -121,9 +122,9 @@ def add_exchanged(exchange, E, bounced):
     paths = bounced.shape[2]
     for k in range(len(exchange.ray)):
         row, path = exchange.ray[k] // paths, exchange.ray[k] % paths
-        u, v, w = exchange.corners[k, 0], exchange.corners[k, 1], exchange.corners[k, 2]
+        light = reflected(exchange, k, E)
         for c in range(3):
-            bounced[row, c, path] += exchange.reflectance[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0
+            bounced[row, c, path] += light[c]
 
 
 @kernel

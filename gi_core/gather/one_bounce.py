@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.jit import kernel
-from gi_core.base.vec import dot, rotate
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import dot, rotate, row
 from gi_core.bsdf import lambertian
 from gi_core.lights.next_event import share_of_bounce
 
+BLACK = 0.02  # of the brightest corner's light: less is the inside of another part, see `display/dilation.py`
 NO_RAYS = np.empty((0, 3, 1), np.float32)  # of meet(): the light of single rays is not wanted
 
 
@@ -44,6 +45,7 @@ class Exchange(NamedTuple):
     ray: np.ndarray  # (n,) int64, number of the bounce: P times its receiver, and on
     corners: np.ndarray  # (n, 3) int64, receivers at the corners of the hit face
     reflectance: np.ndarray  # (n, 3) float64
+    share: np.ndarray  # (n, 3) float64, weights of the corners, see reached_corners()
 
 
 @kernel
@@ -102,3 +104,31 @@ def meet(world, at, lights, sky, field, rays, first, base, total, by_ray, out):
             out.reflectance[n, c] = world.bsdfs.albedo[f, c]
         n += 1
     return n
+
+
+@kernel
+def reached_corners(corners, E, share):
+    """Write shares (n, 3) of the corners (n, 3) of faces that bounces hit: equal ones, but 0 for dark corners.
+
+    A corner inside another part has at most BLACK of the light of the brightest one; E (m, 3) of the receivers.
+    """
+    for k in range(len(corners)):
+        brightest, lit = 0.0, 0.0
+        for c in corners[k]:
+            brightest = max(brightest, E[c, 0] + E[c, 1] + E[c, 2])
+        for j, c in enumerate(corners[k]):
+            share[k, j] = 1.0 if E[c, 0] + E[c, 1] + E[c, 2] > BLACK * brightest else 0.0
+            lit += share[k, j]
+        for j in range(3):
+            share[k, j] = share[k, j] / lit if lit > 0.0 else 1.0 / 3.0
+
+
+@inlined
+def reflected(exchange, k, E):
+    """Return the light (3,) that hit k on a mobile reflects, as a bounce counts it; E (m, 3) of the receivers."""
+    (u, v, w), (a, b, c), rho = row(exchange.corners, k), row(exchange.share, k), row(exchange.reflectance, k)
+    return (
+        rho[0] * (a * E[u, 0] + b * E[v, 0] + c * E[w, 0]),
+        rho[1] * (a * E[u, 1] + b * E[v, 1] + c * E[w, 1]),
+        rho[2] * (a * E[u, 2] + b * E[v, 2] + c * E[w, 2]),
+    )

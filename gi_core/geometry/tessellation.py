@@ -51,24 +51,49 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     """
     if not max_edge > 0:
         raise SceneError(f"max_edge must be a length > 0, got {max_edge}")
-    place = weld(mesh.vertices)
-    points = mesh.vertices[np.unique(place, return_index=True)[1]]
-    corners = place[mesh.faces]
     uniform = longest is None and thinnest == 0
     # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
     if uniform and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
         raise _too_many(max_edge)
-    weights = None if mesh.paint is None and mesh.finish is None else np.broadcast_to(np.eye(3), (len(corners), 3, 3))
-    faces = _Faces(np.arange(len(corners)), corners, mesh.corner_normals, weights)
-    faces = faces.rows(every(corners != corners[:, [2, 0, 1]]))  # a face smaller than the weld is dropped
+    points, faces = _welded(mesh)
     sliver = _slivers(points[faces.corners], max_edge) if uniform else np.zeros(len(faces.source), bool)
     # The height is that of the source: an edge keeps its answer while its faces are cut.
-    asks = _heights(points[corners]) >= thinnest if thinnest > 0 else None
+    asks = _heights(mesh.vertices[mesh.faces]) >= thinnest if thinnest > 0 else None
     slivers = faces.rows(sliver)
     ends = points[slivers.corners]
     points, faces = _halved(points, faces.rows(~sliver), asks, max_edge, longest)
     if len(ends):
         points, faces = _with_slivers(points, faces, slivers, ends, max_edge)
+    return _as_mesh(mesh, points, faces)
+
+
+def halved(mesh: Mesh, rows: np.ndarray) -> tuple[Mesh, np.ndarray]:
+    """Return the mesh with the long edges of some faces halved, and the rows of the pieces.
+
+    rows (n,): of these faces. An edge is long that has at least half the length of the longest of its face. Faces
+    beside such an edge are cut too.
+    """
+    points, faces = _welded(mesh)
+    low, high = _ends(faces)
+    edge, key = length(points[high] - points[low]), low * len(points) + high
+    long = (edge >= 0.5 * greatest(edge)[:, None]) & np.isin(faces.source, rows)[:, None]
+    points, whole, cut = _split(points, faces, key, np.isin(key, key[long]))
+    pieces = np.arange(len(whole.source), len(whole.source) + len(cut.source))
+    return _as_mesh(mesh, points, _joined([whole, cut])), pieces
+
+
+def _welded(mesh: Mesh) -> tuple[np.ndarray, _Faces]:
+    """Return the vertices (V, 3), none twice at a place, and the faces; a face smaller than the weld is dropped."""
+    place = weld(mesh.vertices)
+    points = mesh.vertices[np.unique(place, return_index=True)[1]]
+    corners = place[mesh.faces]
+    weights = None if mesh.paint is None and mesh.finish is None else np.broadcast_to(np.eye(3), (len(corners), 3, 3))
+    faces = _Faces(np.arange(len(corners)), corners, mesh.corner_normals, weights)
+    return points, faces.rows(every(corners != corners[:, [2, 0, 1]]))
+
+
+def _as_mesh(mesh: Mesh, points: np.ndarray, faces: _Faces) -> Mesh:
+    """Return the mesh of pieces of the faces of a mesh."""
     source = faces.source
     return Mesh(
         points,
@@ -90,26 +115,39 @@ def _halved(points, faces: _Faces, asks, max_edge: float, longest) -> tuple[np.n
     """Return vertices and faces after all long edges are halved; asks (F,): sources whose edges count; None: all."""
     done = []
     while True:
-        # Edge k runs from corner k to corner k + 1.
-        following = faces.corners[:, [1, 2, 0]]
-        low, high = np.minimum(faces.corners, following), np.maximum(faces.corners, following)
+        low, high = _ends(faces)
         long = _too_long(points[low], points[high], max_edge, longest)
         key = low * len(points) + high
         if asks is not None:
             long[long] = np.isin(key[long], key[long & asks[faces.source][:, None]])
-        # An edge that is short now stays: a face without a long edge is finished for good.
-        pattern = long @ np.array([1, 2, 4])
-        done.append(faces.rows(pattern == 0))
         if not long.any():
-            return points, _joined(done)
-        unique, index = np.unique(key[long], return_inverse=True)
-        middle = np.full(key.shape, -1)
-        middle[long] = len(points) + index.reshape(-1)
-        points = np.concatenate([points, 0.5 * (points[unique // len(points)] + points[unique % len(points)])])
-        split = np.flatnonzero(pattern)
-        faces = _cut(_with_middles(faces.rows(split), middle[split]), pattern[split], points)
+            return points, _joined([*done, faces])
+        # An edge that is short now stays: a face without a long edge is finished for good.
+        points, whole, faces = _split(points, faces, key, long)
+        done.append(whole)
         if sum(len(d.source) for d in done) + len(faces.source) > MOST_FACES:
             raise _too_many(max_edge)
+
+
+def _ends(faces: _Faces) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices low and high (n, 3) of the edges; edge k runs from corner k to corner k + 1."""
+    following = faces.corners[:, [1, 2, 0]]
+    return np.minimum(faces.corners, following), np.maximum(faces.corners, following)
+
+
+def _split(points, faces: _Faces, key: np.ndarray, long: np.ndarray) -> tuple[np.ndarray, _Faces, _Faces]:
+    """Halve the edges long (n, 3) bool: return vertices, faces without such an edge, and the pieces of the others.
+
+    key (n, 3): low * V + high of the ends of each edge.
+    """
+    pattern = long @ np.array([1, 2, 4])
+    unique, index = np.unique(key[long], return_inverse=True)
+    middle = np.full(key.shape, -1)
+    middle[long] = len(points) + index.reshape(-1)
+    points = np.concatenate([points, 0.5 * (points[unique // len(points)] + points[unique % len(points)])])
+    split = np.flatnonzero(pattern)
+    cut = _cut(_with_middles(faces.rows(split), middle[split]), pattern[split], points)
+    return points, faces.rows(pattern == 0), cut
 
 
 def _with_slivers(points, faces: _Faces, slivers: _Faces, ends, max_edge: float) -> tuple[np.ndarray, _Faces]:

@@ -235,3 +235,26 @@ def test_unknown_light_is_dilated_without_a_warning():
         shown = solver.drawn(E)
     reached = shown.weights == 1
     assert np.array_equal(shown.irradiance[reached], E[reached], equal_nan=True)
+
+
+def test_a_leg_is_bright_down_to_the_rug_that_its_foot_is_in():
+    """A leg has light at its two ends alone, and the lower one is 1 cm below the top of a rug; lifted, it is not."""
+    leg = Mobile("leg", box((-0.03, -0.03, 0.0), (0.03, 0.03, 0.4), 1, 2), Pose((0.05, 0.05, 0.0)))
+    rug = box((-0.4, -0.4, 0.0), (0.4, 0.4, 0.02), 8, 2)
+    lamp_above = quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)
+    mesh = merge(floor(2.0, 20), lamp_above, rug)
+    scene = Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5)), (leg,), up=(0.0, 0.0, 1.0), name="leg")
+    solver = solved(scene)
+    own = solver.surfaces.receiver_range(1)
+    for height, sunk in ((0.0, True), (0.015, True), (0.3, False), (0.0, True)):
+        solver.move("leg", Pose((0.05, 0.05, height)))
+        E, seen, p = solver.irradiance[own], solver.drawn(solver.irradiance), solver.receivers.positions[own]
+        foot = (p[:, 2] < height + 0.01) & (np.abs(solver.receivers.normals[own][:, 2]) < 0.1)
+        top = (p[:, 2] > height + 0.39) & (np.abs(solver.receivers.normals[own][:, 2]) < 0.1)
+        if sunk:
+            assert foot.sum() == 8 and E[foot].max() < 0.02 * E[top].min()
+            assert np.allclose(seen.weights[own][foot], WEIGHT)
+            assert seen.irradiance[own][foot].min() > 0.5 * E[top].min()
+        else:
+            assert np.array_equal(seen.irradiance[own], E) and E[foot].min() > 0
+        assert np.array_equal(seen.irradiance[own][top], E[top])

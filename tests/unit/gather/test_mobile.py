@@ -96,6 +96,25 @@ def test_mobile_gather_equals_the_reference():
     assert np.allclose(total, expected, rtol=0.02)
 
 
+def test_corners_inside_other_parts_do_not_darken_what_a_mobile_sees_of_itself():
+    """A white tunnel whose boards have half of their corners inside blocks at both ends, with a slit of light above."""
+    boards = [box((-0.3, y, -0.1), (0.3, y + 0.02, 0.1), 3) for y in (-0.1, 0.08)]
+    blocks = [box((x, -0.15, -0.15), (x + 0.18, 0.15, 0.15), 2) for x in (-0.33, 0.15)]
+    thing = Mobile("tunnel", merge(*boards, *blocks), Pose((0.5, 0.5, 0.5)))
+    thing = thing._replace(mesh=thing.mesh._replace(face_material=np.full(len(thing.mesh.faces), 1, np.int32)))
+    walls = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
+    bulb = PointLight("p", (0.5, 0.5, 0.9), (1.0, 1.0, 1.0))
+    scene = Scene(walls, (grey(0.0), grey(0.9)), (thing,), (bulb,), up=(0, 0, 1))
+    model, at = at_start(scene)
+    points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
+    gather = MobileGather(model, 0)
+    points, normals = points[gather.first :], normals[gather.first :]
+    within = (np.abs(points[:, 0] - 0.5) < 0.14) & (np.abs(points[:, 1] - 0.5) < 0.09) & (np.abs(normals[:, 1]) > 0.9)
+    truth, _ = reference_irradiance(scene, points[within], normals[within], 2000, 5, model=model)
+    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 256)[within]
+    assert within.sum() > 6 and found.sum() == pytest.approx(truth.sum(), rel=0.03)
+
+
 @settings(max_examples=10)
 @given(st.lists(moves, min_size=1, max_size=4), st.sampled_from(list(ESTIMATORS)))
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals, flatten
-from gi_core.geometry.tessellation import tessellate
+from gi_core.geometry.tessellation import halved, tessellate
 from gi_core.scene import Material, Mesh, Paint, Scene, SceneError, Texture
 
 
@@ -60,6 +60,23 @@ def test_thin_faces_are_split_only_with_their_neighbours():
     assert (counts == 2).all()
     alone = box((1.0, 0.005, 0.005))
     assert len(tessellate(alone, 0.1, None, 0.02).faces) == 12
+
+
+@pytest.mark.parametrize("repeat", [False, True])
+def test_long_edges_of_chosen_faces_are_halved_once(repeat):
+    before = box((1.0, 0.7, 0.1), repeat_vertices=repeat)
+    for rows in ([0], [3, 8], np.arange(12)):
+        mesh, pieces = halved(before, rows)
+        _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
+        assert (counts == 2).all()
+        _, areas = face_normals(mesh)
+        assert areas.sum() == pytest.approx(face_normals(before)[1].sum())
+        old = {tuple(sorted(map(tuple, p))) for p in before.vertices[before.faces].tolist()}
+        new = np.array([tuple(sorted(map(tuple, p))) not in old for p in mesh.vertices[mesh.faces].tolist()])
+        assert np.array_equal(np.flatnonzero(new), pieces) and len(pieces) >= 2 * len(rows)
+    assert longest(mesh) == pytest.approx(longest(before) / 2)
+    lengths = np.ptp(mesh.vertices[mesh.faces], axis=1).max(axis=0)
+    assert lengths[2] == pytest.approx(0.1)  # edges shorter than half of the longest stay
 
 
 def test_area_material_and_orientation_are_kept():

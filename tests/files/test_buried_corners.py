@@ -1,0 +1,118 @@
+"""Faces in the open between corners inside other parts get corners in the open; all other meshes stay as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.files.completion.buried_corners import with_open_corners
+from gi_core.files.edits import Insert, edited
+from gi_core.files.load import load_scene
+from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.receivers import weld
+from gi_core.geometry.surfaces import face_normals
+from gi_core.model import Model
+from gi_core.scene.types import Mesh, PointLight, Scene
+from gi_core.solver import Solver
+from tests.support.mesh_writers import write_obj, write_scene
+from tests.support.scene_builders import box, grey, lamp, merge, quad
+
+POSTS = box((-0.55, -0.05, 0), (-0.45, 0.05, 0.6)), box((0.45, -0.05, 0), (0.55, 0.05, 0.6))
+RAIL = box((-0.5, -0.02, 0.3), (0.5, 0.02, 0.34))
+RACK = merge(*POSTS, RAIL)
+ONE, TWO = (grey(0.7),), (grey(0.7, two_sided=True),)
+
+
+def rail_of(mesh: Mesh) -> np.ndarray:
+    """Return which faces are of the rail, without its ends."""
+    p = mesh.vertices[mesh.faces]
+    return (np.abs(p[..., 1]) < 0.03).all(axis=1) & (np.ptp(p[..., 0], axis=1) > 0)
+
+
+@pytest.mark.parametrize("materials", [ONE, TWO])
+def test_a_rail_between_posts_gets_corners_in_the_open(materials):
+    mesh = with_open_corners(RACK, materials)
+    corners = mesh.vertices[mesh.faces[rail_of(mesh)]]
+    assert (np.abs(corners[..., 0]) < 0.4).any(axis=1).all()  # of each of its faces
+    assert len(mesh.faces) < len(RACK.faces) + 40
+    edges = np.sort(weld(mesh.vertices)[mesh.faces][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert face_normals(mesh)[1].sum() == pytest.approx(face_normals(RACK)[1].sum())
+
+
+def test_a_board_is_cut_until_a_corner_is_in_the_open():
+    """All but the tenth in the middle is inside two cupboards; a half is not in the open, a quarter is not."""
+    cupboards = box((-1.0, -0.3, 0), (-0.02, 0.3, 0.6)), box((0.08, -0.3, 0), (1.0, 0.3, 0.6))
+    mesh = with_open_corners(merge(*cupboards, box((-0.9, -0.1, 0.3), (0.9, 0.1, 0.32))), ONE)
+    x = mesh.vertices[(np.abs(mesh.vertices[:, 1]) < 0.2) & (mesh.vertices[:, 2] < 0.4)][:, 0]
+    assert ((x > -0.02) & (x < 0.08)).any()
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        RAIL,  # in the open
+        merge(*POSTS, box((-0.47, -0.02, 0.3), (0.47, 0.02, 0.34), 3)),  # has corners in the open
+        box((0, 0, 0), (1, 1, 1), inward=True),  # corners of a room
+        merge(box((-1, -1, 0), (1, 1, 1)), box((-0.5, -0.5, 0.2), (0.5, 0.5, 0.8))),  # altogether inside
+        merge(quad((-1, -1, 0), (2, 0, 0), (0, 2, 0)), box((-0.5, -0.5, 0), (0.5, 0.5, 0.5))),  # stands on a floor
+        Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32)),
+        Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)),  # without area
+    ],
+)
+@pytest.mark.parametrize("materials", [ONE, TWO])
+def test_other_meshes_stay_as_they_are(mesh, materials):
+    assert with_open_corners(mesh, materials) is mesh
+
+
+def test_a_soup_of_triangles_ends():
+    rng = np.random.default_rng(3)
+    points = (rng.random((3000, 1, 3)) + 0.2 * rng.normal(size=(3000, 3, 3))).reshape(-1, 3)
+    soup = Mesh(points, np.arange(9000, dtype=np.int32).reshape(-1, 3), np.zeros(3000, np.int32))
+    assert len(with_open_corners(soup, TWO).faces) < 30_000
+
+
+SCENE = """
+[static]
+mesh = "room.obj"
+
+[[light]]
+type = "point"
+position = [0, -1, 1]
+flux = [10, 10, 10]
+
+[[mobile]]
+name = "rack"
+mesh = "rack.obj"
+position = [0, 0, 0]
+"""
+
+
+def test_scenes_with_racks_equal_however_the_rack_comes(tmp_path):
+    """By a scene file, by an option, and by an edit: as static part and as mobile."""
+    write_obj(tmp_path / "rack.obj", RACK.vertices, RACK.faces)
+    room = box((-2, -2, 0), (2, 2, 2), 4, inward=True)
+    write_obj(tmp_path / "room.obj", room.vertices, room.faces)
+    described = load_scene(write_scene(tmp_path, 'up = "z"\n' + SCENE))
+    faces = len(described.mobiles[0].mesh.faces)
+    assert len(RACK.faces) < faces == len(with_open_corners(RACK, TWO).faces)
+    inserted = edited(described, [Insert("other", str(tmp_path / "rack.obj"))])
+    given = load_scene(tmp_path / "scene.toml", mobiles=[tmp_path / "rack.obj"])
+    assert np.array_equal(inserted.mobiles[-1].mesh.faces, given.mobiles[-1].mesh.faces)
+    both = load_scene(tmp_path / "rack.obj", max_edge=np.inf)
+    assert rail_of(both.static).sum() > rail_of(RACK).sum()
+
+
+def test_a_rail_is_as_bright_as_the_reference_says():
+    room = box((-1, -1, 0), (1, 1, 1.5), 8, inward=True)
+    mesh = merge(room, quad((-0.4, -0.3, 1.49), (0, 0.6, 0), (0.6, 0, 0), (2, 2), 1), with_open_corners(RACK, ONE))
+    scene = Scene(mesh, (grey(0.5), lamp(5.0)), (), (PointLight("p", (-0.5, -0.5, 1.0), (3.0,) * 3),), up=(0, 0, 1))
+    model = Model(scene, 2)
+    points, normals = evaluation_points(model.surfaces, model.object_receivers)
+    on_rail = (np.abs(points[:, 1]) < 0.03) & (np.abs(points[:, 0]) < 0.4) & (np.abs(points[:, 2] - 0.32) < 0.03)
+    truth, _ = reference_irradiance(scene, points[on_rail], normals[on_rail], 400, 1, model=model)
+    solver = Solver(scene, photons=200_000, radius=0.03, light="photons")
+    solver.solve()
+    assert on_rail.sum() >= 4 and truth.min() > 0.1 * truth.max()
+    assert solver.irradiance[on_rail].sum() == pytest.approx(truth.sum(), rel=0.15)
