@@ -80,9 +80,9 @@ class Reload:
         return self.coming is not None and self._edited is not None
 
     def news(self, shown: Session) -> str:
-        """Return a line for the log: how the scene on show came, by edits of which things."""
-        if self._edited is not None and (words := words_of(self._before.edits, shown.settings.edits)):
-            return words
+        """Return a line for the log: how the scene on show came, by edits of which things; "": of none that is left."""
+        if self._edited is not None:
+            return words_of(self._before.edits, shown.settings.edits)
         return f"{'reloaded' if self.same else 'opened'}: {shown.settings.document or shown.settings.scene}"
 
     @property

@@ -313,7 +313,7 @@ class Viewer:
                 new.close(0.0)
                 raise
             self._ready = True
-            self._news = self.reload.news(new)
+            self._news = self.reload.news(new) or self._news
         held = imgui.is_any_item_active() or self.viewport.lamps.held is not None or self.reload.is_editing
         if self._news and not held:  # once per held slider
             self.log(self._news)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from app.session.opening import COMPILING
 from app.session.reload import QUIET, Reload, words_of
 from app.session.session import Asked
+from app.settings import Settings
 from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
 from gi_core.instruments.compile_ahead import SURFACES
 from gi_core.scene import Pose
@@ -40,3 +41,14 @@ def test_the_log_says_what_was_edited():
     assert words_of((), (copy, free)) == "duplicated: chair; made movable: desk"
     assert words_of((), (fixed,)) == "made static: desk"
     assert words_of((red,), (red,)) == ""
+
+
+def test_an_edit_undone_before_it_opened_has_no_line_in_the_log():
+    shown = SimpleNamespace(settings=Settings(scene="cornell"))
+    reload = Reload(lambda settings: None)
+    reload.same, reload._before = True, shown.settings
+    assert reload.news(shown) == "reloaded: cornell"
+    reload._edited = Asked((), {})
+    assert reload.news(shown) == ""
+    shown.settings = Settings(scene="cornell", edits=(Remove("pawn"),))
+    assert reload.news(shown) == "removed: pawn"
