@@ -2,7 +2,7 @@
 
 Light is stored at corners. Those inside a leg or a wall are black, so such a face is black too, from end to end. Its
 long edges are halved until a corner lies in the open. A place is closed if surfaces block all its directions within the
-length of the face.
+length of the face. Faces shorter than FINEST of their object stay as they are.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 from gi_core.base.spiral import DIRECTIONS, directions
 from gi_core.base.vectors import greatest, length
 from gi_core.files.completion.pilot import Rays
+from gi_core.files.completion.refinement import FINEST
 from gi_core.geometry.evaluation_points import INWARD
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.tessellation import halved
@@ -29,9 +30,10 @@ def with_open_corners(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
     if not len(mesh.faces):
         return mesh
     unpainted = mesh._replace(paint=None, finish=None)  # textures take longer than rays
-    rays, rows = Rays(Scene(unpainted, materials)), np.arange(len(mesh.faces))
+    rays = Rays(Scene(unpainted, materials))
+    rows = np.flatnonzero(_longest(mesh) > FINEST * rays.extent)
     has_back = np.array([m.two_sided for m in materials])
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if len(rows) else 0):
         faces, two_sided = _Faces(mesh, rays), has_back[mesh.face_material[rows]]
         found = [
             faces.open_between_closed(some[first : first + CHUNK], side)
@@ -45,6 +47,12 @@ def with_open_corners(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
     return mesh
 
 
+def _longest(mesh: Mesh) -> np.ndarray:
+    """Return the longest edge (F,) of each face [m]."""
+    p = mesh.vertices[mesh.faces]
+    return greatest(length(p - p[:, [1, 2, 0]]))
+
+
 class _Faces:
     """Faces of a mesh, and whether rays find their places closed."""
 
@@ -52,8 +60,7 @@ class _Faces:
         self._rays, self._corners = rays, mesh.vertices[mesh.faces]
         self._normals, _ = face_normals(mesh)
         self._middle = self._corners.mean(axis=1)
-        edges = length(self._corners - self._corners[:, [1, 2, 0]])
-        self._reach = greatest(edges).astype(np.float32)
+        self._reach = _longest(mesh).astype(np.float32)
 
     def open_between_closed(self, rows: np.ndarray, side: float) -> np.ndarray:
         """Return those of the rows (n,) that are closed at all corners and open at their middle or that of an edge.
