@@ -37,6 +37,7 @@ uniform float mirrored_view;  // 1: in a plane, where tables show as diffuse; 2:
 
 const float LEAST_ALPHA = 0.15;
 const float GRAZING = 0.05;
+const float TURNED = -0.2;  // as in radiance.py
 const float SPREAD = 0.5;
 
 float smith(float cosine) {
@@ -89,7 +90,7 @@ vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
         return mix(specular.rgb, specular.aaa, 1.0 / 21.0) * irradiance / 3.14159265;  // smooth gloss under even light
     }
     if (alpha < 0.0) return sent;
-    if (at_eye <= 0.0) return vec3(0.0);
+    if (at_eye <= TURNED * length(to_eye)) return vec3(0.0);
     to_eye = normalize(to_eye);
     at_eye = max(dot(to_eye, n), GRAZING);
     float far = smith(at_eye);

@@ -17,6 +17,7 @@ from gi_core.bsdf import ggx, table
 
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
 GRAZING = 0.05  # least cosine of a direction
+TURNED = -0.2  # least cosine of an eye: normals of vertices turn some 10 degrees further than visible faces
 SPREAD = 0.5  # of alpha^2 per missing length of a mean direction: 64 cells differ from the list by a fifth less
 POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: decision 34
 ONE = 1e-3  # missing length of a single ray, as float32 and half floats have it
@@ -46,7 +47,7 @@ def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent,
         n, k = normal[v], row[v]
         x, y, z = eye[0] - position[v, 0], eye[1] - position[v, 1], eye[2] - position[v, 2]
         size = math.sqrt(x * x + y * y + z * z)
-        if k < 0 or not size > 0.0 or x * n[0] + y * n[1] + z * n[2] <= 0.0:
+        if k < 0 or not size > 0.0 or x * n[0] + y * n[1] + z * n[2] <= TURNED * size:
             continue
         of = cells[place[k] if len(place) else k]
         view = _view(tables, lobe[v], n, tangent[v], (x / size, y / size, z / size))

@@ -136,6 +136,19 @@ def test_uniform_light_shows_the_directional_albedo(alpha, cosine):
     np.testing.assert_allclose(out[0], np.mean(drawn, axis=0), rtol=0.1, atol=0.002)
 
 
+def test_visible_faces_of_a_coarse_body_have_gloss_where_their_vertices_turn_away():
+    """At an outline the normal of a vertex points up to half a face's turn away from the eye."""
+    up, lobe = np.array([[0.0, 0.0, 1.0]]), np.array([[0.5, 0.5, 0.5, 1.0, 0.3]])
+    given = np.zeros(1, np.int32), np.ones((1, 3)), 0 * up, up, lobe, up, join([])
+    found = []
+    for degrees in (2.0, 0.0, -5.0, -11.0, -13.0, -80.0):
+        eye = np.array([math.cos(math.radians(degrees)), 0.0, math.sin(math.radians(degrees))])
+        found.append(room_for(1))
+        gloss_radiance(of_cells(even_light()[None]), *given, eye, found[-1])
+    level, light = found[1][0, 0], np.array(found)[:, 0, 0]
+    assert level > 0 and (light[:4] > 0.5 * level).all() and (light[4:] == 0).all()
+
+
 def test_gloss_follows_the_eye_and_is_black_from_below():
     solver = solved()
     cells, n = solver.frame.gloss.directions().cells, len(solver.frame.gloss.rows)
