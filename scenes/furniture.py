@@ -88,13 +88,14 @@ def chair(wood: str, seat: str) -> Piece:
         legs.append(tube(back, [0.014, 0.020, 0.018, 0.013], 8))
         legs.append(tube([(s * 0.195, 0.22, 0.177), (s * 0.194, 0.22, -0.208)], [0.010, 0.010], 6))
     turn = np.radians(np.linspace(-1, 1, 9) * 26)
-    rail = [np.stack([0.42 * np.sin(turn), y + 0 * turn, -0.62 + b + 0.37 * np.cos(turn)], axis=1) for y, b in RAILS]
+    bend = 0.37 * (np.cos(turn[0]) - np.cos(turn))  # backwards between the legs
+    rail = [np.stack([0.42 * np.sin(turn), y + 0 * turn, z + bend], axis=1) for y, z in RAILS]
     slats = [_slat(rail[k], rail[k + 1]) for k in (0, 2)]
     pad = rounded_box((w, 0.05, d), 0.022, 2).at(0, h - 0.025, -0.005)
     return {wood: [s.tinted(0.5, 0.5) for s in (*legs, *slats)], seat: [pad.tiled(0.3, 0.3)]}
 
 
-RAILS = ((0.555, -0.005), (0.63, -0.016), (0.70, -0.03), (0.81, -0.062))  # heights and lean of the chair's slats
+RAILS = ((0.555, -0.195), (0.63, -0.202), (0.70, -0.216), (0.81, -0.249))  # y and z of the chair's slats at the legs
 
 
 def _slat(low: np.ndarray, high: np.ndarray) -> Shape:
