@@ -26,6 +26,8 @@ import numpy as np
 
 from gi_core.base.spiral import DIRECTIONS, directions
 from gi_core.base.vectors import dot, length
+from gi_core.gather.hit_cache import pose_bits
+from gi_core.gather.one_bounce import BLACK
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
@@ -35,9 +37,6 @@ from gi_core.scene.pose import to_world_at
 
 NEAR = 0.06  # of the scene's size: a narrower space counts as closed
 CHUNK = 2048  # receivers per step: some 10 ms
-BLACK = (
-    0.02  # of the brightest neighbour's light; above 0, since one photon in a million slips through where edges meet
-)
 LITTLE = 0.1  # the same inside solid objects, which light enters at corners by the radius of a disc
 WEIGHT = 1e-3  # of an unreached receiver in its triangles; squared where it has no lit neighbour
 SHORT = 1e-3  # of the distance to a neighbour: left out at both ends, where faces meet
@@ -150,9 +149,9 @@ class Dilation:
 
     def _under(self, o: int, irradiance: np.ndarray, at: Transforms) -> np.ndarray:
         """Return the rows of black static receivers that mobile o encloses."""
-        if o not in self._beside or self._beside[o].pose != _pose_bits(at, o):
+        if o not in self._beside or self._beside[o].pose != pose_bits(at, o):
             rows = self._static_near(o, at)
-            self._beside[o] = Beside(_pose_bits(at, o), rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
+            self._beside[o] = Beside(pose_bits(at, o), rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
         _, near, pairs, place = self._beside[o]
         dark = np.flatnonzero(_is_dark(near, pairs, irradiance, BLACK))
         if len(unknown := dark[place[dark] == UNKNOWN]):
@@ -169,8 +168,8 @@ class Dilation:
         may_be = (light <= BLACK * light.max(initial=0.0)) & (self._place[own] != INSIDE)
         rows = own.start + np.flatnonzero(may_be)
         rows = rows[_is_dark(rows, self._pairs(rows), irradiance, BLACK)]
-        if o not in self._in_static or self._in_static[o][0] != _pose_bits(at, o):
-            self._in_static[o] = _pose_bits(at, o), np.full(own.stop - own.start, UNKNOWN, np.int8)
+        if o not in self._in_static or self._in_static[o][0] != pose_bits(at, o):
+            self._in_static[o] = pose_bits(at, o), np.full(own.stop - own.start, UNKNOWN, np.int8)
         place = self._in_static[o][1]
         if len(unknown := rows[place[rows - own.start] == UNKNOWN]):
             R, p = at.rotation[o, None], at.position[o, None]
@@ -219,10 +218,6 @@ class Dilation:
         count = np.bincount(of[lit], minlength=len(rows))
         some = count > 0
         return Unreached(rows[some], np.append(0, np.cumsum(count[some])), neighbour[lit], rows[~some])
-
-
-def _pose_bits(at: Transforms, o: int) -> bytes:
-    return at.rotation[o].tobytes() + at.position[o].tobytes()
 
 
 def _is_dark(

@@ -34,10 +34,10 @@ class BounceRays:
         The arrays may belong to the cache: do not write to them.
         """
         of, given = self._model.accelerator, (new_ray(), at, self._own, self._origins, self._directions)
-        if self._pose != _pose_bits(at, self._own):
+        if self._pose != pose_bits(at, self._own):
             self._cached = tuple(a.copy() for a in self._on_own)
             _nearest_static(of.scenes, *given, *self._cached)
-            self._pose = _pose_bits(at, self._own)
+            self._pose = pose_bits(at, self._own)
         if len(at.position) == 2:
             return self._cached
         distance, face = (a.copy() for a in self._cached)
@@ -59,18 +59,19 @@ class ShadowRays:
     def occluded(self, at: Transforms, make) -> tuple[Shadows, np.ndarray]:
         """Return rays and (n,) bool: another mobile blocks the ray. make() returns all rays at the poses."""
         of, given = self._model.accelerator, (new_ray(), at, self._own)
-        if self._pose != _pose_bits(at, self._own):
+        if self._pose != pose_bits(at, self._own):
             rays = make()
             free = _keep_free(of.scenes, *given, rays)
             self._free = Shadows(*(a[:free] for a in rays))
-            self._pose = _pose_bits(at, self._own)
+            self._pose = pose_bits(at, self._own)
         blocked = np.zeros(len(self._free.row), bool)
         if len(at.position) > 2:
             _block(of.scenes, of.boxes, *given, self._free, blocked)
         return self._free, blocked
 
 
-def _pose_bits(at: Transforms, o: int) -> bytes:
+def pose_bits(at: Transforms, o: int) -> bytes:
+    """Return what differs between two poses of object o."""
     return at.rotation[o].tobytes() + at.position[o].tobytes()
 
 

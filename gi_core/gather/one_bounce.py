@@ -16,7 +16,9 @@ from gi_core.base.vec import dot, rotate, row
 from gi_core.bsdf import lambertian
 from gi_core.lights.next_event import share_of_bounce
 
-BLACK = 0.02  # of the brightest corner's light: less is the inside of another part, see `display/dilation.py`
+# Of the light of the brightest corner or neighbour; above 0, since one photon in a million slips through where edges
+# meet. A receiver with less may lie inside another part, see `display/dilation.py`.
+BLACK = 0.02
 NO_RAYS = np.empty((0, 3, 1), np.float32)  # of meet(): the light of single rays is not wanted
 
 
