@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from gi_core.bsdf.tabulate import tabulate
-from gi_core.files.completion.buried_corners import with_open_corners
 from gi_core.files.completion.completion import complete
+from gi_core.files.completion.crossings import with_corners_at_crossings
 from gi_core.files.completion.dark_sides import one_sided_where_dark
 from gi_core.files.completion.lamp_orientation import facing_the_scene
 from gi_core.files.completion.refinement import COARSEST, FINEST, refined
@@ -251,8 +251,8 @@ def finished(mobile: Mobile) -> Mobile:
 
 
 def cut_for_light(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
-    """Return the mesh of an object without invisible faces, and with receivers on all faces in the open."""
-    return with_open_corners(without_holes(mesh), materials)
+    """Return the mesh of an object without invisible faces, and with corners where its parts touch."""
+    return with_corners_at_crossings(without_holes(mesh), materials)
 
 
 def free_name(names: Iterable[str], name: str) -> str:

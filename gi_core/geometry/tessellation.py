@@ -23,6 +23,15 @@ SLIVER = 0.6  # of the longest edge: lower faces are cut across, not into triang
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
+class Cuts(NamedTuple):
+    """New corners on edges of faces."""
+
+    face: np.ndarray  # (k,) int64
+    start: np.ndarray  # (k,) int64, 0 to 2, corner of the face where the edge starts
+    end: np.ndarray  # (k,) int64
+    place: np.ndarray  # (k,) share of the edge before the new corner
+
+
 class _Faces(NamedTuple):
     """Faces, each a piece of a face of the mesh; or faces with the middles of their edges as three more corners."""
 
@@ -67,17 +76,21 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     return _as_mesh(mesh, points, faces)
 
 
-def halved(mesh: Mesh, rows: np.ndarray) -> tuple[Mesh, np.ndarray]:
-    """Return the mesh with the long edges of some faces halved, and the rows of the pieces.
+def cut_edges(mesh: Mesh, cuts: Cuts) -> tuple[Mesh, np.ndarray]:
+    """Return the mesh with new corners on edges, and the rows of the pieces.
 
-    rows (n,): of these faces. An edge is long that has at least half the length of the longest of its face. Faces
-    beside such an edge are cut too.
+    All faces at an edge are cut. An edge gets one corner, the first where several are asked for.
     """
     points, faces = _welded(mesh)
     low, high = _ends(faces)
-    edge, key = length(points[high] - points[low]), low * len(points) + high
-    long = (edge >= 0.5 * greatest(edge)[:, None]) & np.isin(faces.source, rows)[:, None]
-    points, whole, cut = _split(points, faces, key, np.isin(key, key[long]))
+    key = low * len(points) + high
+    row = np.full(len(mesh.faces), -1)
+    row[faces.source] = np.arange(len(faces.source))
+    asked = Cuts(*(column[row[cuts.face] >= 0] for column in cuts))
+    a, b = (faces.corners[row[asked.face], k] for k in (asked.start, asked.end))
+    edges, first = np.unique(np.minimum(a, b) * len(points) + np.maximum(a, b), return_index=True)
+    shares = np.where(a < b, asked.place, 1 - asked.place)[first]
+    points, whole, cut = _split(points, faces, key, np.isin(key, edges), shares)
     pieces = np.arange(len(whole.source), len(whole.source) + len(cut.source))
     return _as_mesh(mesh, points, _joined([whole, cut])), pieces
 
@@ -135,18 +148,22 @@ def _ends(faces: _Faces) -> tuple[np.ndarray, np.ndarray]:
     return np.minimum(faces.corners, following), np.maximum(faces.corners, following)
 
 
-def _split(points, faces: _Faces, key: np.ndarray, long: np.ndarray) -> tuple[np.ndarray, _Faces, _Faces]:
-    """Halve the edges long (n, 3) bool: return vertices, faces without such an edge, and the pieces of the others.
+def _split(points, faces: _Faces, key: np.ndarray, long: np.ndarray, shares=0.5) -> tuple[np.ndarray, _Faces, _Faces]:
+    """Cut the edges long (n, 3) bool: return vertices, faces without such an edge, and the pieces of the others.
 
-    key (n, 3): low * V + high of the ends of each edge.
+    key (n, 3): low * V + high of the ends of each edge. shares: 0.5, or (k,) by ascending key: the share of the edge
+    from its lower end to the cut.
     """
     pattern = long @ np.array([1, 2, 4])
     unique, index = np.unique(key[long], return_inverse=True)
-    middle = np.full(key.shape, -1)
-    middle[long] = len(points) + index.reshape(-1)
-    points = np.concatenate([points, 0.5 * (points[unique // len(points)] + points[unique % len(points)])])
+    index, shares = index.reshape(-1), np.broadcast_to(shares, unique.shape)[:, None]
+    low, high = unique // len(points), unique % len(points)
+    middle, share = np.full(key.shape, -1), np.full(key.shape, 0.5)
+    middle[long] = len(points) + index
+    share[long] = np.where(faces.corners[long] == low[index], shares[index, 0], 1 - shares[index, 0])
+    points = np.concatenate([points, (1 - shares) * points[low] + shares * points[high]])
     split = np.flatnonzero(pattern)
-    cut = _cut(_with_middles(faces.rows(split), middle[split]), pattern[split], points)
+    cut = _cut(_with_middles(faces.rows(split), middle[split], share[split]), pattern[split], points)
     return points, faces.rows(pattern == 0), cut
 
 
@@ -203,16 +220,19 @@ def _too_long(a, b, max_edge, longest) -> np.ndarray:
     return long
 
 
-def _with_middles(faces: _Faces, middle: np.ndarray) -> _Faces:
-    """Return faces with six slots: their corners, then the middles of their edges, vertices middle (F, 3)."""
-    n, w = faces.normals, faces.weights
+def _with_middles(faces: _Faces, middle: np.ndarray, share: np.ndarray) -> _Faces:
+    """Return faces with six slots: their corners, then a place on each edge, vertices middle (F, 3).
+
+    share (F, 3): of the edge up to that place.
+    """
+    n, w, share = faces.normals, faces.weights, share[..., None]
     if n is not None:
-        between = n + n[:, [1, 2, 0]]
+        between = (1 - share) * n + share * n[:, [1, 2, 0]]
         size = length(between)[..., None]
         between = np.where(size > 1e-6, between / np.where(size > 0, size, 1), n)  # opposed: keep the first
         n = np.concatenate([n, between], axis=1)
     if w is not None:
-        w = np.concatenate([w, 0.5 * (w + np.roll(w, -1, axis=1))], axis=1)
+        w = np.concatenate([w, (1 - share) * w + share * np.roll(w, -1, axis=1)], axis=1)
     return _Faces(faces.source, np.concatenate([faces.corners, middle], axis=1), n, w)
 
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals, flatten
-from gi_core.geometry.tessellation import halved, tessellate
+from gi_core.geometry.tessellation import Cuts, cut_edges, tessellate
 from gi_core.scene import Material, Mesh, Paint, Scene, SceneError, Texture
 
 
@@ -63,20 +63,48 @@ def test_thin_faces_are_split_only_with_their_neighbours():
 
 
 @pytest.mark.parametrize("repeat", [False, True])
-def test_long_edges_of_chosen_faces_are_halved_once(repeat):
+@pytest.mark.parametrize(
+    ("rows", "edges"), [([0], [1]), ([3, 8], [0, 2]), ([5, 5, 5], [0, 1, 2]), (range(12), [0] * 12)]
+)
+def test_chosen_edges_are_cut_at_their_places(rows, edges, repeat):
     before = box((1.0, 0.7, 0.1), repeat_vertices=repeat)
-    for rows in ([0], [3, 8], np.arange(12)):
-        mesh, pieces = halved(before, rows)
-        _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
-        assert (counts == 2).all()
-        _, areas = face_normals(mesh)
-        assert areas.sum() == pytest.approx(face_normals(before)[1].sum())
-        old = {tuple(sorted(map(tuple, p))) for p in before.vertices[before.faces].tolist()}
-        new = np.array([tuple(sorted(map(tuple, p))) not in old for p in mesh.vertices[mesh.faces].tolist()])
-        assert np.array_equal(np.flatnonzero(new), pieces) and len(pieces) >= 2 * len(rows)
-    assert longest(mesh) == pytest.approx(longest(before) / 2)
-    lengths = np.ptp(mesh.vertices[mesh.faces], axis=1).max(axis=0)
-    assert lengths[2] == pytest.approx(0.1)  # edges shorter than half of the longest stay
+    rows, edges, places = np.array(rows), np.array(edges), np.linspace(0.2, 0.7, len(rows))
+    mesh, pieces = cut_edges(before, Cuts(rows, edges, (edges + 1) % 3, places))
+    _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
+    assert (counts == 2).all()
+    assert face_normals(mesh)[1].sum() == pytest.approx(face_normals(before)[1].sum())
+    start, end = before.vertices[before.faces[rows, edges]], before.vertices[before.faces[rows, (edges + 1) % 3]]
+    wanted = start + places[:, None] * (end - start)
+    apart = np.abs(mesh.vertices[:, None] - wanted).max(axis=2).min(axis=0)
+    assert apart.max() < 1e-12
+    old = {tuple(sorted(map(tuple, p))) for p in before.vertices[before.faces].tolist()}
+    new = np.array([tuple(sorted(map(tuple, p))) not in old for p in mesh.vertices[mesh.faces].tolist()])
+    assert np.array_equal(np.flatnonzero(new), pieces) and len(pieces) >= 2 * len(np.unique(rows))
+
+
+def test_an_edge_is_cut_once_where_two_faces_ask_for_it():
+    before = box()
+    (f, g), (k, j) = np.nonzero((np.sort(before.faces[:, [[0, 1], [1, 2], [2, 0]]]) == [0, 1]).all(axis=2))
+    one, _ = cut_edges(before, Cuts(*np.array([[f], [k], [(k + 1) % 3]]), np.array([0.3])))
+    asked = np.array([[f, g, f], [k, j, (k + 1) % 3], [(k + 1) % 3, (j + 1) % 3, k]])
+    both, _ = cut_edges(before, Cuts(*asked, np.array([0.3, 0.5, 0.6])))
+    assert len(both.faces) == len(one.faces) == len(before.faces) + 2
+    assert np.array_equal(both.vertices, one.vertices)
+
+
+def test_paint_and_normals_are_interpolated_where_an_edge_is_cut():
+    corners = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0]], float)
+    uv = np.array([[[0, 0], [1, 0], [0, 1]]], np.float32)
+    colour = np.array([[[1, 0, 0], [0, 1, 0], [0, 0, 1]]], np.float32)
+    normals = np.array([[[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8]]])
+    paint = Paint((), np.full(1, -1, np.int32), uv, colour)
+    mesh = Mesh(corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32), normals, paint=paint)
+    cut, _ = cut_edges(mesh, Cuts(*np.array([[0], [1], [0]]), np.array([0.75])))
+    f, k = np.argwhere((cut.vertices[cut.faces] == [1, 0, 0]).all(axis=2))[0]
+    np.testing.assert_allclose(cut.paint.corner_uv[f, k], [0.25, 0])
+    np.testing.assert_allclose(cut.paint.corner_colour[f, k], [0.75, 0.25, 0])
+    expected = np.array([0.15, 0, 0.95])
+    np.testing.assert_allclose(cut.corner_normals[f, k], expected / np.linalg.norm(expected))
 
 
 def test_area_material_and_orientation_are_kept():
