@@ -58,7 +58,7 @@ def test_every_command_traces_with_the_structure_asked_for(command, tmp_path, mo
     for name in STRUCTURES:
         assert rays_of([*words, "--rays", name]) == name
     small_charts(monkeypatch)
-    monkeypatch.setattr("gi_core.files.load.with_open_corners", lambda mesh, materials: mesh)
+    monkeypatch.setattr("gi_core.files.load.with_corners_at_crossings", lambda mesh, materials: mesh)
     monkeypatch.setattr(figure, "draw", lambda rows, about, out: (out / "chart.svg").write_text("<svg></svg>"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))

@@ -322,10 +322,15 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     s.light.snapshot = s.light.snapshot._replace(gathered=True)
     assert [side.label for side in view_content.shown(s).sides] == ["Gathered light, changed by 8,192 photons"]
     s.light.snapshot = s.light.snapshot._replace(gathered=False)
+    # In a drag nothing is gathered.
+    s.begin_drag()
+    s.move({"block": s.poses["block"]._replace(position=(0.4, 0.35, 0.5))})
+    rest(s, lambda: s.light.snapshot.poses["block"].position[1] == 0.35)
     s.want(replace(s.settings, compare="reference", show="error"))
     s.tick(FRAME)
     now = view_content.shown(s)
     assert len(now.sides) == 1 and "reference" in now.coming and now.errors is None
+    s.end_drag()
     version = s.version
     rest(s, lambda: len(view_content.shown(s).sides) == 2 and not view_content.shown(s).coming)
     now = view_content.shown(s)
