@@ -84,6 +84,18 @@ def test_other_meshes_stay_as_they_are(mesh, materials):
     assert cut(mesh, materials) is mesh
 
 
+def test_a_corner_on_the_plane_of_a_wall_is_kept_from_its_dark_side():
+    """A floor goes on below a wall; corners lie on the wall's plane. Those may take the light of either side."""
+    floor = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8))
+    wall = box((-1.1, 0.0, -0.2), (1.1, 0.7, 1.0))
+    p = cut(merge(floor, wall), ONE).vertices
+    y = np.unique(p[(np.abs(p[:, 2]) < 1e-9) & (np.abs(p[:, 1]) < 0.1)][:, 1])
+    assert 0.0 in y and ((y < -0.001) & (y > -0.006)).any()
+    wall = box((-1.1, 0.0, 0.0), (1.1, 0.7, 1.0))
+    joint = merge(quad((-1, -1, 0), (2, 0, 0), (0, 1, 0), (8, 4)), wall)  # the floor ends there
+    assert cut(joint, ONE) is joint
+
+
 def test_short_edges_stay():
     """A cube of 4 cm lies across the joint of two large ones: they get corners round it, it gets none."""
     large = box((-1, -1, 0), (0, 1, 1), 8), box((0, -1, 0), (1, 1, 1), 8)

@@ -8,13 +8,15 @@ corners inside the legs and is black. So an edge gets a corner where a surface c
 from __future__ import annotations
 
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.vectors import box, dot, length
 from gi_core.files.completion.pilot import Rays
 from gi_core.files.completion.refinement import COARSEST
-from gi_core.geometry.evaluation_points import EVALUATION_LIFT, INWARD
+from gi_core.geometry.evaluation_points import INWARD
+from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.tessellation import Cuts, cut_edges
 from gi_core.scene.types import Material, Mesh, Scene
@@ -23,10 +25,22 @@ SHORT = 0.6  # of the object's grain: shorter edges stay as they are
 FINE = 0.25  # of an object's area has shorter edges than its grain
 ROUNDS = 3  # an edge enters a part and leaves it, and an edge between two new corners may cross another
 GAP = INWARD  # of the edge, from the surface to the new corner: evaluation points move by less
-TOUCH = 1e-3  # of the edge: an end behind a surface by less touches it
+ASIDE = 1e-3  # of the edge: how far rays are above the face, and of the way to its middle
+TOUCH = 2e-3  # of the edge: an end behind a surface by less touches it
 BESIDE = 0.05, 0.25  # of the edge, of the shortest: an end in front of a surface by less has the light of the contact
 STEPS = 1 << 10  # along an edge: places are the same on machines that round rays differently
 CHUNK = 1 << 16  # faces at a time: 20 MB
+
+
+class _Hits(NamedTuple):
+    """First surfaces that rays along edges hit, each from one corner of a face to another."""
+
+    face: np.ndarray  # (k,) int64, whose edge it is
+    start: np.ndarray  # (k,) int64, 0 to 2
+    end: np.ndarray  # (k,) int64
+    place: np.ndarray  # (k,) share of the edge before the surface, up to 1 + GAP
+    facing: np.ndarray  # (k,) cosine between edge and the surface's normal: above 0 the start is inside
+    edge: np.ndarray  # (k,) length of the edge [m]
 
 
 def with_corners_at_crossings(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
@@ -38,16 +52,21 @@ def with_corners_at_crossings(mesh: Mesh, materials: tuple[Material, ...]) -> Me
     rays = Rays(Scene(mesh._replace(paint=None, finish=None), materials))  # textures take longer than rays
     has_back = np.array([m.two_sided for m in materials])
     for _ in range(ROUNDS):
-        found = []
+        corners, of_sides = weld(mesh.vertices)[mesh.faces], []
         for side, some in ((1.0, rows), (-1.0, rows[has_back[mesh.face_material[rows]]])):
-            for first in range(0, len(some), CHUNK):
-                found += _crossings(mesh, some[first : first + CHUNK], side, rays, shortest)
-        cuts = Cuts(*(np.concatenate(column) for column in zip(*found, strict=True)))
+            chunks = np.split(some, range(CHUNK, len(some), CHUNK))
+            hits = _joined([h for chunk in chunks for h in _hits(mesh, chunk, side, rays, shortest)])
+            of_sides.append(_in_front(hits, corners, BESIDE[1] * shortest, side > 0))
+        cuts = _joined(of_sides)
         if not len(cuts.face):
             break
         mesh, pieces = cut_edges(mesh, cuts)
         rows = _with_long_edges(mesh, pieces, shortest)
     return mesh
+
+
+def _joined(parts: list) -> NamedTuple:
+    return type(parts[0])(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _grain(mesh: Mesh) -> float:
@@ -73,35 +92,37 @@ def _with_long_edges(mesh: Mesh, rows: np.ndarray, shortest: float) -> np.ndarra
     return rows[(_edges(mesh)[rows] > shortest).any(axis=1) & (face_normals(mesh)[1][rows] > 0)]
 
 
-def _crossings(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float) -> list[Cuts]:
-    """Return the places where a surface crosses an edge of the faces rows (n,); side: 1 for the front, -1 for the back.
-
-    Rays run just above the face, along each edge both ways.
-    """
+def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float) -> list[_Hits]:
+    """Return the hits of rays just above the faces rows (n,), along each edge both ways; side: -1 for the back."""
     corners, normals, found = mesh.vertices[mesh.faces[rows]], face_normals(mesh)[0][rows], []
-    inward = INWARD * (corners.mean(axis=1, keepdims=True) - corners)
     for start, end in permutations(range(3), 2):
         edge = length(corners[:, end] - corners[:, start])
-        long = edge > shortest
-        lift = side * (rays.lift + EVALUATION_LIFT * edge[long])[:, None] * normals[long]
-        a, b = ((corners + inward)[long, k] + lift for k in (start, end))
-        at, place = _in_front_of_surfaces(a, b, rays, BESIDE[1] * shortest)
-        found.append(Cuts(rows[long][at], np.full(len(at), start), np.full(len(at), end), place))
+        long = np.flatnonzero(edge > shortest)
+        edge, p, n = edge[long], corners[long], normals[long]
+        way = (p[:, end] - p[:, start]) / edge[:, None]
+        inward = ASIDE * (p.mean(axis=1) - p[:, start])
+        origin = p[:, start] + inward + side * (rays.lift + ASIDE * edge)[:, None] * n
+        ray = (a.astype(np.float32) for a in (origin, way, (1 + GAP) * edge))
+        distance, face = rays.accelerator.nearest(0, *ray)
+        at = np.flatnonzero(face >= 0)
+        facing = dot(rays.surfaces.normals[face[at]], way[at])
+        ends = (np.full(len(at), k) for k in (start, end))
+        found.append(_Hits(rows[long[at]], *ends, distance[at] / edge[at], facing, edge[at]))
     return found
 
 
-def _in_front_of_surfaces(a: np.ndarray, b: np.ndarray, rays: Rays, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (k,) of the ways a to b (n, 3) that a surface crosses, and the places (k,) of corners in front of it.
+def _in_front(hits: _Hits, corners: np.ndarray, least: float, at_ends: bool) -> Cuts:
+    """Return the cuts of edges in front of the surfaces that cross them; corners (F, 3): places of corners.
 
-    A place is the share of the way before it. least [m]: from there to the end in the open.
+    least [m]: from a cut to the end in the open. at_ends: also in front of surfaces that an end lies on, if faces go on
+    behind them; from the inside, a two-sided cupboard would have floor and bottom at its foot.
     """
-    far = length(b - a)
-    way = (b - a) / far[:, None]
-    distance, face = rays.accelerator.nearest(0, *(column.astype(np.float32) for column in (a, way, far)))
-    rows = np.flatnonzero(face >= 0)
-    crossing, facing = distance[rows] / far[rows], dot(rays.surfaces.normals[face[rows]], way[rows])
-    from_inside = facing > 0  # the open is beyond
-    place = crossing + np.where(from_inside, 1, -1) * GAP / np.maximum(np.abs(facing), GAP)
-    behind, before = np.where(from_inside, (crossing, 1 - place), (1 - crossing, place))
-    kept = (behind > TOUCH) & (before > np.maximum(BESIDE[0], least / far[rows]))
-    return rows[kept], np.rint(place[kept] * STEPS) / STEPS
+    inside, end = hits.facing > 0, corners[hits.face, hits.end]
+    nearly = np.abs(1 - hits.place) < GAP
+    either = np.isin(end, end[inside & nearly]) & nearly & at_ends  # the end may have the light of either side
+    # From inside, the open is beyond.
+    place = hits.place + np.where(inside, 1, -1) * GAP / np.maximum(np.abs(hits.facing), GAP)
+    behind, before = np.where(inside, (hits.place, 1 - place), (1 - hits.place, place))
+    kept = ((behind > TOUCH) | (either & ~inside)) & (before > np.maximum(BESIDE[0], least / hits.edge))
+    steps = np.rint(place[kept] * STEPS) / STEPS
+    return Cuts(hits.face[kept], hits.start[kept], hits.end[kept], steps)
