@@ -27,7 +27,8 @@ RAYS = 32  # the polygon of a free disc has 99.4 % of its area; intersections ou
 PROBES = 8  # directions of the first test; a receiver with none of them blocked keeps the whole disc
 CHUNK = 2048  # receivers per step: some 5 ms
 REGION_LIFT = 2e-3  # of the radius: ray origins above the receiver's own flat surface
-NUDGE = 1e-2  # of the radius: ray origins away from edges, which lie in the neighbour's plane
+NUDGE = 1e-2  # of the way to the mean centroid, or of the radius: ray origins away from edges, which lie in the
+# neighbour's plane, but not through a wall beside a corner that `files/completion/crossings.py` put there
 TANGENT = 0.25  # of the radius: a nearer hit on the own patch means that the disc lies behind it from the start
 NARROW = 0.25  # of the disc: a smaller region is measured again from a little higher
 LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable, they would hold noise alone
@@ -140,7 +141,7 @@ def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarr
     towards -= (towards * normals).sum(axis=1)[:, None] * normals
     # Inside a surface the centroids surround the receiver, so the mean offset is small and changes nothing.
     length = np.sqrt((towards * towards).sum(axis=1))[:, None]
-    step = np.minimum(length, NUDGE * radius) / np.where(length > 0, length, 1)
+    step = NUDGE * np.minimum(length, radius) / np.where(length > 0, length, 1)
     return receivers.positions[rows] + REGION_LIFT * radius * normals + step * towards, normals
 
 
