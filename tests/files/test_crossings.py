@@ -37,7 +37,7 @@ def test_a_rail_between_posts_gets_corners_in_front_of_them(materials):
     open_ = np.abs(x) < 0.45
     assert ((np.abs(x) > 0.435) | ~open_).all() and open_.sum() > 24
     assert not ((x < -0.45) & (np.roll(x, 1, axis=1) > 0.45)).any()  # no edge from post to post
-    assert len(mesh.faces) < len(RACK.faces) + 90
+    assert len(mesh.faces) < 4 * len(RACK.faces)
     edges = np.sort(weld(mesh.vertices)[mesh.faces][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
     assert face_normals(mesh)[1].sum() == pytest.approx(face_normals(RACK)[1].sum())
@@ -158,4 +158,5 @@ def test_a_rail_is_as_bright_as_the_reference_says():
     solver = Solver(scene, photons=200_000, radius=0.03, light="photons")
     solver.solve()
     assert on_rail.sum() >= 4 and truth.min() > 0.1 * truth.max()
-    assert solver.irradiance[on_rail].sum() == pytest.approx(truth.sum(), rel=0.15)
+    areas = solver.receivers.areas[on_rail]
+    assert areas @ solver.irradiance[on_rail] == pytest.approx(areas @ truth, rel=0.15)

@@ -21,13 +21,14 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.tessellation import Cuts, cut_edges
 from gi_core.scene.types import Material, Mesh, Scene
 
-SHORT = 0.6  # of the object's grain: shorter edges stay as they are
+SHORT = 0.7  # of the object's grain: faces with shorter edges alone stay as they are
+LEAST = 0.1  # of that: shorter edges stay
 FINE = 0.25  # of an object's area has shorter edges than its grain
 ROUNDS = 3  # an edge enters a part and leaves it, and an edge between two new corners may cross another
 GAP = INWARD  # of the edge, from the surface to the new corner: evaluation points move by less
 ASIDE = 1e-3  # of the edge: how far rays are above the face, and of the way to its middle
 TOUCH = 2e-3  # of the edge: an end behind a surface by less touches it
-BESIDE = 0.05, 0.25  # of the edge, of the shortest: an end in front of a surface by less has the light of the contact
+BESIDE = 0.05, 0.1  # of the edge, of the shortest: an end in front of a surface by less has the light of the contact
 STEPS = 1 << 10  # along an edge: places are the same on machines that round rays differently
 CHUNK = 1 << 16  # faces at a time: 20 MB
 
@@ -97,7 +98,7 @@ def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float
     corners, normals, found = mesh.vertices[mesh.faces[rows]], face_normals(mesh)[0][rows], []
     for start, end in permutations(range(3), 2):
         edge = length(corners[:, end] - corners[:, start])
-        long = np.flatnonzero(edge > shortest)
+        long = np.flatnonzero(edge > LEAST * shortest)
         edge, p, n = edge[long], corners[long], normals[long]
         way = (p[:, end] - p[:, start]) / edge[:, None]
         inward = ASIDE * (p.mean(axis=1) - p[:, start])
