@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gi_core.discs.region import look_from
 from gi_core.files.completion.crossings import with_corners_at_crossings as cut
 from gi_core.files.edits import Insert, edited
 from gi_core.files.load import load_scene
@@ -94,6 +95,17 @@ def test_a_corner_on_the_plane_of_a_wall_is_kept_from_its_dark_side():
     wall = box((-1.1, 0.0, 0.0), (1.1, 0.7, 1.0))
     joint = merge(quad((-1, -1, 0), (2, 0, 0), (0, 1, 0), (8, 4)), wall)  # the floor ends there
     assert cut(joint, ONE) is joint
+
+
+def test_regions_of_new_corners_are_measured_from_in_front_of_the_wall():
+    """A large disc: a hundredth of its radius is more than the way to the wall."""
+    wall = box((-1.1, 0.06, -0.2), (1.1, 0.7, 1.0))
+    scene = Scene(cut(merge(quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), wall), ONE), ONE, up=(0, 0, 1))
+    model = Model(scene, 1)
+    points, normals = look_from(model, 0, 0.6)
+    y = model.object_receivers.positions[:, 1]
+    new = (normals[:, 2] > 0.9) & (points[:, 2] < 0.1) & (y > 0.05) & (y < 0.06)
+    assert new.sum() > 8 and (points[new, 1] < 0.06).all()
 
 
 def test_short_edges_stay():
