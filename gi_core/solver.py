@@ -25,6 +25,7 @@ from gi_core.frames.frame_gloss import KeptGloss
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
 from gi_core.frames.unchanged_paths import same_static_part
+from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.receivers import Receivers
@@ -291,6 +292,7 @@ class BeforeEdit(NamedTuple):
     kept: KeptPhotons | None
     gathered: StaticGather | None
     at_poses: LightAtPoses | None
+    direct: DirectLight
 
 
 class KeptPhotons(NamedTuple):
@@ -312,6 +314,7 @@ def before_edit(solver: Solver) -> BeforeEdit:
         None if kept is None else kept._replace(background=kept.background.copied(photons)),
         gathered.copied(model) if goes_on and gathered is not None else None,
         None if kept is None else light.at_poses.before_edit(f.irradiance, f.own, at, kept.background, f.photons),
+        light.direct,
     )
 
 
@@ -339,6 +342,7 @@ def begin_with(solver: Solver, before: BeforeEdit) -> None:
     if not same_static_part(before.photons.model, solver.model):
         gathered = None
     else:
+        solver.frame_light.direct = before.direct.copied(solver.model)
         if before.kept is not None:
             _go_on(solver, before.kept)
             solver.frame_light.at_poses.begin_with(before.at_poses)
@@ -358,8 +362,10 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     model, chosen = solver.model, solver.frame_light.setting
     given |= {"subset_only": chosen.subset_only, "gloss": chosen.gloss}
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
-    if (kept := _kept(solver)) is not None and same_static_part(model, other.model):
-        _go_on(other, kept)
+    if same_static_part(model, other.model):
+        other.frame_light.direct = solver.frame_light.direct.copied(other.model)
+        if (kept := _kept(solver)) is not None:
+            _go_on(other, kept)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)
     other.set_lamps({name: level for name, level in levels if name in other.lamps.names})

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.settings import Settings, make_solver, open_moving_scene
-from gi_core.frames.control_variate import AROUND, frame_irradiance
+from gi_core.frames.control_variate import AROUND, Direct, frame_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.photons.flux_sums import NOT_ADDITIVE, Evaluated
 from gi_core.solver import Solver
@@ -35,7 +35,17 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     own, better = (solver.frame.background.irradiance(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
     near = solver.frame_light.static.around(AROUND * solver.setting.radius)
-    given = sums, flux_unit, estimate.background(photons)[0], own, better, solver.levels, near, 1
+    given = (
+        sums,
+        flux_unit,
+        estimate.background(photons)[0],
+        own,
+        better,
+        Direct.unknown(len(better)),
+        solver.levels,
+        near,
+        1,
+    )
     return frame_irradiance(*given).irradiance[: len(better)]
 
 

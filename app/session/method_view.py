@@ -83,7 +83,7 @@ def recomputed(solver: Solver) -> np.ndarray | None:
     if b is None or sums is None or sums is not b.evaluated:
         return None
     static = solver.surfaces.receiver_range(0)
-    before, area = b.estimate.background(frame.photons)
+    before, area = b.estimate.background(frame.photons, sums.direct)
     touched = np.repeat(sums.changed, 1 << CHUNK_BITS)[: len(sums.area)]
     out = np.full(len(sums.area), ANEW if not frame.paths else BY_PATHS, np.uint8)
     rows = touched[static]

@@ -29,7 +29,7 @@ class Estimator(Protocol):
 
     # Facts that are read from the class, before one is made.
     about: str  # one sentence: the tooltip of the panel's combo
-    additive: bool  # sums of parts add up to sums of the whole: prepare() costs hardly anything
+    additive: bool  # sums of parts add up to sums of the whole: prepare() costs hardly anything, direct light is apart
     controlled: bool  # the setting `control` (artifact control) has an effect
     on_faces: bool  # light is counted by faces: a probe takes that of the face beneath it
     smoothing: str | None  # the field of Setting that trades noise for bias, "radius" or "neighbours"
@@ -76,9 +76,10 @@ class Estimator(Protocol):
         begun again.
         """
 
-    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) float64 [m2] of static receivers, of a photon subset.
 
+        direct: with segments that leave lamps, always so where sums are not `additive`.
         They are those without mobiles. Neither is changed later. An area of 0 means that the receiver can see no light.
         """
 
@@ -91,12 +92,13 @@ class Estimator(Protocol):
     def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return sums (R, 3 G), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
 
-        Valid until the next call. A call that raises has no effect on the next one. pause: called every few ms; what
-        it raises leaves the call.
+        Segments that leave lamps count if `frame.direct`. Valid until the next call. A call that raises has no effect
+        on the next one. pause: called every few ms; what it raises leaves the call.
         """
 
-    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return the sums from all current segments, whole photons per part; evaluate() must equal them bit for bit.
 
+        direct: as for background().
         Tests and `bench` compare the two. It uses nothing that was added.
         """

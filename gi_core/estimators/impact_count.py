@@ -15,9 +15,9 @@ from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, CutFlux, Evaluated, FrameSums, Sums, ThreadSums
-from gi_core.photons.paths import Segments
-from gi_core.photons.subsets import SubsetStore
+from gi_core.photons.background_sums import BackgroundSums
+from gi_core.photons.flux_sums import CHUNK_BITS, CutFlux, Evaluated, FrameSums, Sums
+from gi_core.photons.paths import Segments, bounced
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 
@@ -62,20 +62,18 @@ class ImpactCount:
         # A receiver's area is a third of its faces; the mean divides by whole faces.
         self.area = 3 * model.object_receivers.areas
         self.photons = 0
-        self.subsets = SubsetStore()  # sums of the background
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.searches: list[Search] = []
-        static, channels = model.surfaces.receiver_range(0).stop, model.emitters.lamps.channels
-        self._background = np.zeros((static, channels), np.int64)
-        self._added = ThreadSums(static, channels, model.threads)
-        self._frame = FrameSums(len(self.area), channels, static, 1)
+        self._static, channels = model.surfaces.receiver_range(0).stop, model.emitters.lamps.channels
+        self._background = BackgroundSums(self._static, channels, model.threads)
+        self.subsets = self._background.subsets
+        self._frame = FrameSums(len(self.area), channels, self._static, 1)
 
     def copied(self, model: Model, setting: Setting) -> ImpactCount:
         """Return a copy of all that was added, for a model of the same static part."""
         other = ImpactCount(model, setting)
-        self._added.move_to(self._background)
-        other._background, other.subsets = self._background.copy(), SubsetStore(self.subsets)
-        other.photons = self.photons
+        other._background, other.photons = self._background.copied(model.threads), self.photons
+        other.subsets = other._background.subsets
         return other
 
     @staticmethod
@@ -88,18 +86,17 @@ class ImpactCount:
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add the hits of background segments. Thread safe for different `thread` numbers."""
-        self._deposit(segments, 1, self._added[thread])
+        self._deposit(self._background.apart(segments), 1, self._background.added[thread])
 
     def prepare(self, photons: int) -> Iterator[None]:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
-        self._added.move_to(self._background)
-        self.subsets[photons] = self._background.copy()
+        self._background.store(photons)
         self.photons = photons
         return iter(())
 
-    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
-        return self.subsets[photons], self.area[: len(self._background)]
+        return self._background.of(photons, direct), self.area[: self._static]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the needs of a frame: path changes only."""
@@ -115,23 +112,24 @@ class ImpactCount:
             pause()
             self._deposit(frame.kept_prefixes, 1, added)
             self._deposit(frame.new_suffixes, 1, new_suffixes)
-            return self._frame.collect(self.background(frame.photons)[0], self.area, frame.kept_prefixes)
+            before = self._background.of(frame.photons, frame.direct)
+            return self._frame.collect(before, self.area, frame.kept_prefixes)._replace(direct=frame.direct)
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
 
-    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         lamps = self.model.emitters.lamps
         sums, new_suffixes = (Sums.zeros(len(self.area), lamps.channels) for _ in range(2))
         cut = CutFlux.none(lamps.count)
         for segments in parts:
             kept_prefixes, behind = split_at_cuts(segments)
-            self._deposit(segments, 1, sums)
+            self._deposit(segments if direct else bounced(segments), 1, sums)
             self._deposit(behind, 1, new_suffixes)
             cut = cut.plus(kept_prefixes)
         new_flux = new_suffixes.flux.reshape(len(self.area), lamps.count, 3).sum(axis=2)
-        return Evaluated.of_all(sums.flux, self.area, new_flux, cut)
+        return Evaluated.of_all(sums.flux, self.area, new_flux, cut, direct)
 
     def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
         _deposit(segments.hit_side, segments.flux, segments.lamp, *self._corners, sign, sums.flux, sums.touched)

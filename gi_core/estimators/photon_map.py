@@ -118,8 +118,9 @@ class PhotonMap:
         self.subsets[photons] = _Prepared(sums, area, reach2, grid, uncut)
         self.photons = photons
 
-    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
+        assert direct, "sums of the k nearest hits are not additive"
         return self.subsets[photons].sums, self.subsets[photons].area
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
@@ -128,6 +129,7 @@ class PhotonMap:
 
     def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return the frame's sums and areas."""
+        assert frame.direct, "sums of the k nearest hits are not additive"
         background = self.subsets[frame.photons]
         changed = [self._hits(s, frame.at) for s in (frame.kept_prefixes, frame.new_suffixes)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
@@ -162,8 +164,9 @@ class PhotonMap:
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
         return Evaluated(sums, area, changed, *self._not_additive())
 
-    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
+        assert direct, "sums of the k nearest hits are not additive"
         hits = _joined([self._hits(p, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)
         uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)

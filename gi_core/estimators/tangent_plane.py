@@ -23,6 +23,7 @@ from gi_core.discs.search import SEARCHES, Search
 from gi_core.discs.search.predicate import Discs, crossing, lines, share
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
+from gi_core.photons.background_sums import BackgroundSums
 from gi_core.photons.flux_sums import (
     CHUNK_BITS,
     NOT_ADDITIVE,
@@ -33,8 +34,7 @@ from gi_core.photons.flux_sums import (
     Sums,
     ThreadSums,
 )
-from gi_core.photons.paths import Segments
-from gi_core.photons.subsets import SubsetStore
+from gi_core.photons.paths import Segments, bounced
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
@@ -65,22 +65,22 @@ class TangentPlane:
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.photons = 0
-        self.subsets = SubsetStore()  # sums of the background
         self.searches: list[Search] = []
         self._channels = model.emitters.lamps.channels
-        self._background = np.zeros((model.surfaces.receiver_range(0).stop, self._channels), np.int64)
+        self._static = model.surfaces.receiver_range(0).stop
+        self._background = BackgroundSums(self._static, self._channels, model.threads)
+        self.subsets = self._background.subsets
         self._intersections = IntersectionCache()  # of background segments with static discs
         self._contact: ContactDiscs | None = None
         self._areas = self.area.copy()  # (R,) [m2] of the last frame ...
         self._differ = np.empty(0, np.int64)  # ... and where they are not `area`
-        self._added = ThreadSums(*self._background.shape, model.threads)
-        self._frame = FrameSums(len(self.area), self._channels, len(self._background), model.threads)
+        self._frame = FrameSums(len(self.area), self._channels, self._static, model.threads)
 
     def copied(self, model: Model, setting: Setting) -> TangentPlane:
         """Return a copy of all that was added, for a model of the same static part."""
         other = TangentPlane(model, setting)
-        self._added.move_to(self._background)
-        other._background, other.subsets = self._background.copy(), SubsetStore(self.subsets)
+        other._background = self._background.copied(model.threads)
+        other.subsets = other._background.subsets
         other.photons, other._intersections = self.photons, self._intersections.copied()
         return other
 
@@ -140,21 +140,22 @@ class TangentPlane:
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers. Thread safe for different `thread` numbers."""
 
+        apart, sums = self._background.apart(segments), self._background.added[thread]
+
         def accumulate(sign: int, log: IntersectionLog) -> None:
-            self._accumulate_part(0, segments, self.model.static, sign, self._added[thread]._replace(log=log))
+            self._accumulate_part(0, apart, self.model.static, sign, sums._replace(log=log))
 
         self._intersections.find(segments, accumulate)
 
     def prepare(self, photons: int) -> Iterator[None]:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
         yield from self._intersections.settle()
-        self._added.move_to(self._background)
-        self.subsets[photons] = self._background.copy()
+        self._background.store(photons)
         self.photons = photons
 
-    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
-        return self.subsets[photons], self.area[: len(self._background)]
+        return self._background.of(photons, direct), self.area[: self._static]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the segments that a frame at these poses needs; `mobiles`: for the light of mobiles too."""
@@ -176,13 +177,14 @@ class TangentPlane:
                 self._accumulate(batches, frame.at, removed_suffixes, pause)
             rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, contacts)
             added[0].touched[rows >> CHUNK_BITS] = True
-            out = self._frame.collect(self.subsets[frame.photons], self._areas_of(contacts), frame.kept_prefixes)
+            before = self._background.of(frame.photons, frame.direct)
+            out = self._frame.collect(before, self._areas_of(contacts), frame.kept_prefixes)
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
         out.sums[rows], out.new_flux[rows] = stale, NOT_ADDITIVE
         self.control_facts = self._contact.facts(contacts)
-        return out
+        return out._replace(direct=frame.direct)
 
     def _areas_of(self, contacts: PoseContacts) -> np.ndarray:
         """Return the areas (R,) [m2] with these contacts, valid until the next call; few differ from `area`."""
@@ -191,7 +193,7 @@ class TangentPlane:
         self._areas[self._differ] = areas
         return self._areas
 
-    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         shape = len(self.area), self._channels
         added, new_suffixes = (ThreadSums(*shape, self.model.threads) for _ in range(2))
@@ -200,6 +202,7 @@ class TangentPlane:
         for segments in parts:
             kept_prefixes, behind = split_at_cuts(segments)
             cut = cut.plus(kept_prefixes)
+            segments = segments if direct else bounced(segments)
             with self._contact.regions_of(contacts):
                 batches = [SegmentBatch(o, segments, 1, added) for o in range(self.model.surfaces.objects)]
                 self._accumulate([*batches, SegmentBatch(0, behind, 1, new_suffixes)], at)
@@ -211,7 +214,7 @@ class TangentPlane:
         areas[rows] = areas_there
         rows = contacts.regions[0].rows
         sums[rows], new_flux[rows] = stale, NOT_ADDITIVE
-        return Evaluated.of_all(sums, areas, new_flux, cut)
+        return Evaluated.of_all(sums, areas, new_flux, cut, direct)
 
     def _accumulate(
         self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None,

@@ -53,7 +53,7 @@ class Background:
         self.built = False
         self.pace = Pace(FIRST_SECONDS, LEAST, MOST)
         self.evaluated: Evaluated | None = None  # sums of the last frame; the next one overwrites them
-        self._irradiance = SubsetStore()  # of levels and irradiance
+        self._irradiance = SubsetStore(), SubsetStore()  # of levels and irradiance: of bounced light alone, of all
 
     def build(self) -> Iterator[None]:
         """Build the parts that do not depend on photons, once, in steps."""
@@ -66,7 +66,8 @@ class Background:
         other = copy.copy(self)
         other.store, other.model, other.built, other.evaluated = store, store.model, False, None
         other.estimate = self.estimate.copied(store.model, self.setting)
-        other.pace, other._irradiance = Pace(FIRST_SECONDS, LEAST, MOST), SubsetStore(self._irradiance)
+        other.pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        other._irradiance = SubsetStore(self._irradiance[0]), SubsetStore(self._irradiance[1])
         return other
 
     @property
@@ -74,17 +75,23 @@ class Background:
         """Areas (n,) [m2] of static receivers."""
         return self.model.object_receivers.areas[self.model.surfaces.receiver_range(0)]
 
-    def irradiance(self, photons: int, levels: np.ndarray | None = None) -> np.ndarray:
+    def irradiance(self, photons: int, levels: np.ndarray | None = None, direct: bool = True) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, of a photon subset; cached.
 
-        levels (G, 3): of the lamps; None: those of the scene file.
+        levels (G, 3): of the lamps; None: those of the scene file. direct: with segments that leave lamps.
         """
-        levels = self.model.emitters.lamps.full() if levels is None else levels
-        if photons not in self._irradiance or not np.array_equal(self._irradiance[photons][0], levels):
-            sums, area = self.estimate.background(photons)
+        levels, known = self.model.emitters.lamps.full() if levels is None else levels, self._irradiance[direct]
+        if photons not in known or not np.array_equal(known[photons][0], levels):
+            sums, area = self.estimate.background(photons, direct)
             unit, weights = self.model.emitters.unit_flux / photons, self.store.weights(levels)
-            self._irradiance[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
-        return self._irradiance[photons][1]
+            known[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
+        return known[photons][1]
+
+    @property
+    def direct_irradiance(self) -> np.ndarray:
+        """Irradiance (n, 3) [W/m2] of static receivers by segments that leave lamps, of all photons, at full levels."""
+        every, bounced = (self.irradiance(self.estimate.photons, direct=direct) for direct in (True, False))
+        return every - bounced
 
     def irradiance_per_lamp(self, photons: int) -> np.ndarray:
         """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as irradiance()."""

@@ -6,6 +6,11 @@ that of the same photons without mobiles, and G a better static solution (all ph
     E = G F / B        where F < B: light is removed, G is scaled down
     E = G + (F - B)    elsewhere: light is added
 
+Where direct light D is known (`gi_core.gather.direct_light`), F and B are bounced light alone, and G - D has the part
+of G. The part that mobiles block is taken away from D as it is, without noise:
+
+    E = (G - D) F / B + D (1 - blocked / D)
+
 F and B share their photons, so most of their noise cancels. The difference alone would leave the noise of B in full
 shadow, where F = 0 and E must be 0. The ratio alone is undefined where B = 0. Where F = B, E = G. F < B implies B > 0,
 so there is no division by zero, and E is never negative. If segments are blocked independently, F / B is an unbiased
@@ -25,7 +30,7 @@ Then a change d is shrunk by the variance v that is left (James and Stein 1961, 
 which is 0 for changes within noise and nearly 1 far above it. docs/decisions 9 and 32 have the measurements.
 
 Both biases have the same sign at many receivers. A mobile gathers from thousands, which averages noise and keeps bias:
-it sees G + (F - B) everywhere, negative or not (docs/decisions 50).
+it sees G + (F - B) - blocked everywhere, negative or not (docs/decisions 50).
 """
 
 from __future__ import annotations
@@ -51,6 +56,18 @@ class ControlledLight(NamedTuple):
 
     irradiance: np.ndarray  # (R, 3) float64 [W/m2], as shown
     unbiased: np.ndarray  # (>= n, 3) float64 [W/m2] of the static part: noisier, may be negative
+
+
+class Direct(NamedTuple):
+    """Direct light of n static receivers; zeros where photons bring it."""
+
+    light: np.ndarray  # (n, 3) float64 [W/m2], without mobiles
+    blocked: np.ndarray  # (n, 3) float64 [W/m2], the part that mobiles block
+
+    @classmethod
+    def unknown(cls, n: int) -> Direct:
+        """Return that of frames whose photons bring direct light."""
+        return cls(*np.zeros((2, n, 3)))
 
 
 @inlined
@@ -90,8 +107,8 @@ def _read_own(changed, sums, background, levels, scale, area, first, last, out):
 
 @kernel
 def _measure(
-    changed, background, own, better, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first, last,
-    change, unbiased,
+    changed, background, own, better, direct, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first,
+    last, change, unbiased,
 ):  # fmt: skip
     """Write change, its variance and unbiased light of static receivers in changed chunks among first .. last - 1."""
     for chunk in range(first, last):
@@ -101,9 +118,10 @@ def _measure(
             factor = scale / area[r] if area[r] > 0.0 else 0.0
             frame, before, after = 0.0, 0.0, 0.0
             for c, flux in enumerate(mixed(sums, r, levels)):
-                change[r, c] = _combined(flux * factor, own[r, c], better[r, c]) - better[r, c]
+                bounced = max(better[r, c] - direct.light[r, c], 0.0)
+                change[r, c] = _combined(flux * factor, own[r, c], bounced) - bounced
                 unbiased[r, c] = better[r, c] + (flux * factor - own[r, c])
-                frame, before, after = frame + flux * factor, before + own[r, c], after + better[r, c]
+                frame, before, after = frame + flux * factor, before + own[r, c], after + bounced
             if new_flux[r, 0] == NOT_ADDITIVE:
                 change[r, VARIANCE] = 0.0 if frame == before else NO_WEIGHT  # 0 as in chunks that nothing changes
                 continue
@@ -115,17 +133,25 @@ def _measure(
 
 
 @kernel
-def _add(changed, better, change, first, last, out):
-    """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1."""
+def _add(changed, better, change, direct, first, last, out, unbiased):
+    """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1.
+
+    In all chunks, direct light is taken away in proportion to what mobiles block, from both kinds of light.
+    """
     for chunk in range(first, last):
+        begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))
         if not changed[chunk]:
-            continue
-        for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))):
+            if not direct.blocked[begin:end].any():
+                continue
+        for r in range(begin, end):
             d, variance, kept = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE], 1.0
             if variance > 0.0:
                 kept = max(1.0 - 3.0 * CORRELATED * variance / (d * d), 0.0) if d != 0.0 else 0.0
             for c in range(3):
-                out[r, c] = max(better[r, c] + kept * change[r, c], 0.0)
+                light, blocked = direct.light[r, c], direct.blocked[r, c]
+                taken = min(better[r, c], light) * min(blocked / light, 1.0) if blocked > 0.0 else 0.0
+                out[r, c] = max(better[r, c] + kept * change[r, c] - taken, 0.0)
+                unbiased[r, c] -= blocked
 
 
 def own_irradiance(
@@ -147,6 +173,7 @@ def frame_irradiance(
     background: np.ndarray,
     own: np.ndarray,
     better: np.ndarray,
+    direct: Direct,
     levels: np.ndarray,
     near: Neighbours,
     threads: int,
@@ -154,8 +181,8 @@ def frame_irradiance(
     """Return light of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
     background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. own, better:
-    irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. near: static receivers
-    within some AROUND radii of each.
+    irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. Only the latter has
+    direct light where that is known. near: static receivers within some AROUND radii of each.
     """
     out, static = np.empty((len(frame.sums), 3)), len(better)
     out[:static] = better
@@ -171,12 +198,12 @@ def frame_irradiance(
 
     def measure(_, first, last):
         _measure(
-            frame.changed, background, own, better, frame.sums, frame.new_flux, levels, mean_levels, flux_per_cut,
-            flux_unit, frame.area, first, last, change, unbiased,
+            frame.changed, background, own, better, direct, frame.sums, frame.new_flux, levels, mean_levels,
+            flux_per_cut, flux_unit, frame.area, first, last, change, unbiased,
         )  # fmt: skip
 
     def add(_, first, last):
-        _add(frame.changed, better, change, first, last, out)
+        _add(frame.changed, better, change, direct, first, last, out, unbiased)
 
     run_ranges(measure, len(frame.changed), threads, CHUNK_GRAIN)
     smooth(change, REACH, near, threads)

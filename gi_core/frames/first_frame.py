@@ -171,6 +171,7 @@ class FirstFrame:
         self._light.static.compare(b)
         if b.added == wanted > 0 or self._light.static.is_gathered:  # few photons leave gaps in their own light
             yield from self.find_unreached(b, fraction)
+            yield from (Progress("measuring direct light", fraction, False) for _ in self._light.direct_steps())
         show(b)
         yield Progress("estimating", fraction, True)
 

@@ -17,7 +17,7 @@ import numpy as np
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
+from gi_core.frames.control_variate import AROUND, ControlledLight, Direct, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.frame_size import FrameSize
 from gi_core.frames.progress import break_off_at
@@ -89,14 +89,15 @@ class Frame(NamedTuple):
             return Changes(0, 0, 0)
         return Changes(c.kept_prefixes.size, c.removed_suffixes.size, c.kept_prefixes.size + c.new_suffixes.size)
 
-    def has_sums(self, b: Background, size: FrameSize, reach: float) -> bool:
+    def has_sums(self, b: Background, size: FrameSize, reach: float, direct: bool) -> bool:
         """Return whether this frame still holds the sums of a background for frames of this size at its poses.
 
-        reach [m]: gloss needs the segments as near to mobiles, 0: none.
+        reach [m]: gloss needs the segments as near to mobiles, 0: none. direct: with segments that leave lamps.
         """
         alike = self.size.photons == size.photons and bool(self.size.paths) == bool(size.paths)
         alike = alike and (reach == 0.0 or (self.change is not None and bool(self.change.near_mobiles)))
-        return alike and self.background is b and self.evaluated is not None and self.evaluated is b.evaluated
+        sums = self.evaluated
+        return alike and self.background is b and sums is not None and sums is b.evaluated and sums.direct == direct
 
     @property
     def segments(self) -> int:
@@ -164,7 +165,8 @@ def next_frame(
     """
     model, store, estimate, clock = b.model, b.store, b.estimate, StageTimer(stop)
     at, reach = model.transforms(poses), light.gloss.reach(b.setting.radius, size.paths)
-    if shown is not None and shown.has_sums(b, size, reach):
+    bounced = light.knows_direct(b)
+    if shown is not None and shown.has_sums(b, size, reach, not bounced):
         changed, evaluated = shown.change, shown.evaluated
     else:
         b.evaluated = None
@@ -175,10 +177,13 @@ def next_frame(
         clock("contact")
         changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
         needed = changed._replace(near_mobiles=()) if size.paths else changed
+        needed = needed.bounced() if bounced else needed
         evaluated = b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
         clock("estimate")
     if size.photons:
-        E, unbiased = _controlled(b, light, evaluated, size.photons)
+        direct = light.direct_at(at, b)
+        clock("direct")
+        E, unbiased = _controlled(b, light, evaluated, direct, size.photons)
     else:
         E = unbiased = np.zeros((len(evaluated.area), 3))
     clock("read out")
@@ -191,16 +196,16 @@ def next_frame(
     return Frame(poses, E, own, light.setting.levels, store, b, *parts)
 
 
-def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int) -> ControlledLight:
+def _controlled(b: Background, light: FrameLight, sums: Evaluated, direct: Direct, photons: int) -> ControlledLight:
     """Return the light of a frame's sums, with its static light as control variate."""
     model, levels, static = b.model, light.setting.levels, light.static
-    given = sums, model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
+    given = sums, model.emitters.unit_flux / photons, b.estimate.background(photons, sums.direct)[0]
     if static.is_own(b, photons):
         own = own_irradiance(*given, b.store.weights(levels), model.threads)
         return ControlledLight(own, own)
-    both = b.irradiance(photons, levels), static.irradiance(b, photons)
+    both = b.irradiance(photons, levels, sums.direct), static.irradiance(b, photons)
     near = static.around(AROUND * b.setting.radius)
-    return frame_irradiance(*given, *both, b.store.weights(levels), near, model.threads)
+    return frame_irradiance(*given, *both, direct, b.store.weights(levels), near, model.threads)
 
 
 def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:
@@ -212,13 +217,13 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     model, at, n = b.model, b.model.transforms(poses), b.estimate.photons
     chunk = max(1, n * SCRATCH_SEGMENTS // max(b.store.segments(n), 1))  # paths in white rooms are long
     parts = (current_segments(model, at, b.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk))
-    every = b.estimate.from_scratch(parts, at)
+    every = b.estimate.from_scratch(parts, at, direct=not light.knows_direct(b))
     if not n:
         return np.zeros((len(every.area), 3))
     if shown.background is None:
         weights = b.store.weights(light.setting.levels)
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
-    E, unbiased = _controlled(b, light, every, n)
+    E, unbiased = _controlled(b, light, every, light.direct_at(at, b), n)
     if shown.paths:
         light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.reflectance(b), fresh=True)
     return light.at_poses.replaced(E, at, b, n)

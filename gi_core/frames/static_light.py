@@ -43,7 +43,7 @@ class StaticLight:
         self._less_error = False  # gathered light has less error than all photons
         self._smoothed: SmoothedPhotons | None = None  # of the last background
         self._smoothed_per_lamp: tuple[SmoothedPhotons, np.ndarray] | None = None  # once levels differ from the file's
-        # Light per lamp, levels, and their light: of photons, and gathered.
+        # Light per lamp, levels, and their light: of photons, gathered, and direct.
         self._mixed: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._noise: tuple[np.ndarray, float] | None = None  # light, and its noise over that at the file's levels
         self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
@@ -99,8 +99,8 @@ class StaticLight:
         """Return that light at levels of the lamps; the same array for the same light."""
         own = self._of_photons(b)
         if (levels == levels[0]).all():  # one factor for all, exactly
-            return self._mix("photons", own.irradiance, levels[:1])
-        return self._mix("photons", self._of_photons_per_lamp(b), levels)
+            return self.mixed("photons", own.irradiance, levels[:1])
+        return self.mixed("photons", self._of_photons_per_lamp(b), levels)
 
     def _of_photons_per_lamp(self, b: Background) -> np.ndarray:
         """Return that light by lamp (n, 3 G)."""
@@ -109,7 +109,7 @@ class StaticLight:
             self._smoothed_per_lamp = own, finish(smooth_per_lamp(b, self.around(NEAR * b.setting.radius)))
         return self._smoothed_per_lamp[1]
 
-    def _mix(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    def mixed(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Return light per lamp at levels; the last result is kept."""
         kept = self._mixed.get(which)
         if kept is None or kept[0] is not light or not np.array_equal(kept[1], levels):
@@ -125,7 +125,7 @@ class StaticLight:
 
     def gathered_at(self, levels: np.ndarray) -> np.ndarray:
         """Return gathered irradiance (n, 3) [W/m2] at levels (G, 3) of the lamps; the same array for the same light."""
-        return self._mix("gathered", self.gathered.per_lamp, levels)
+        return self.mixed("gathered", self.gathered.per_lamp, levels)
 
     @property
     def deviation(self) -> np.ndarray:

@@ -25,6 +25,7 @@ from gi_core.base import strata
 from gi_core.base.jit import cache_folder
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
+from gi_core.base.steps import finish
 from gi_core.base.threads import available_cores
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
@@ -34,6 +35,7 @@ from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.frames.gathered_gloss import GatheredGloss
 from gi_core.gather.denoise import denoise
+from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.path_tracer import last_kernels_first
 from gi_core.gather.reference import ReferenceRounds, take_in
@@ -242,7 +244,10 @@ def _gather(scene: Scene, rays: str | None) -> None:
     (mobile,) = scene.mobiles
     mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
     model = Model(replace(scene, mobiles=mobiles), rays=rays)
-    MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 2)
+    at, direct = model.transforms(model.start_poses()), DirectLight(model, 0)
+    MobileGather(model, 0).irradiance(at, np.zeros((model.first_probe, 3)), 2)
+    finish(direct.steps())
+    direct.blocked(at, model.emitters.lamps.full())
     _smooth()
 
 

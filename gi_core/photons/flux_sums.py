@@ -92,11 +92,14 @@ class Evaluated(NamedTuple):
     changed: np.ndarray  # (chunks,) bool
     new_flux: np.ndarray  # (R, G) int64, of new suffixes, summed over channels; or NOT_ADDITIVE in the first column
     cut: CutFlux
+    direct: bool = True  # segments that leave lamps count
 
     @classmethod
-    def of_all(cls, sums: np.ndarray, area: np.ndarray, new_flux: np.ndarray, cut: CutFlux) -> Evaluated:
+    def of_all(
+        cls, sums: np.ndarray, area: np.ndarray, new_flux: np.ndarray, cut: CutFlux, direct: bool = True
+    ) -> Evaluated:
         """Return sums in which all chunks count as changed."""
-        return cls(sums, area, np.ones(chunks_of(len(area)), bool), new_flux, cut)
+        return cls(sums, area, np.ones(chunks_of(len(area)), bool), new_flux, cut, direct)
 
 
 class ThreadSums:

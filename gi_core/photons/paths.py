@@ -146,6 +146,11 @@ def empty_segments(n: int) -> Segments:
     )
 
 
+def bounced(segments: Segments) -> Segments:
+    """Return the segments that leave a surface, not a lamp."""
+    return take(segments, segments.bounce > 0)
+
+
 def take(segments: Segments, rows) -> Segments:
     """Return the segments of the given rows."""
     return Segments(*(a[rows] for a in segments))
@@ -235,7 +240,10 @@ def segments_at(
 def segments_behind(
     paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray, low: np.ndarray, threads: int
 ) -> Segments:
-    """Return all segments of photons (n,) behind vertices (n,), photon-major; the first of each begins at low (n,)."""
+    """Return all segments of photons (n,) behind vertices (n,), photon-major; the first of each begins at low (n,).
+
+    Each suffix has a segment. A low of 0 keeps the first segment whole.
+    """
     counts = paths.offsets[photons + 1] - 1 - vertices
     ends = np.cumsum(counts)
     rows, out = ends - counts, empty_segments(int(ends[-1]) if len(ends) else 0)
@@ -244,5 +252,5 @@ def segments_behind(
         _write_behind(*paths, eps, photons, vertices, rows, first, last, tuple(out))
 
     run_ranges(work, len(photons), threads, SUFFIX_GRAIN)
-    out.low[rows] = low
+    out.low[rows] = np.maximum(out.low[rows], low)
     return out

@@ -16,7 +16,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
-from gi_core.photons.paths import PathVertices, Segments, concatenate, empty_segments, segments_at, take
+from gi_core.photons.paths import PathVertices, Segments, bounced, concatenate, empty_segments, segments_at, take
 from gi_core.photons.trace import Fates, add_fates_behind, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.structures import new_ray
@@ -54,6 +54,14 @@ class PoseChange(NamedTuple):
     near_mobiles: tuple[Segments, ...]  # per mobile, if needed: current segments that may cross a disc on it
     near_boxes: Segments  # current segments that pass one of the boxes needed
     new_fates: Fates  # of the flux that the cut photons bring to their cuts
+    direct: bool = True  # segments that leave lamps count
+
+    def bounced(self) -> PoseChange:
+        """Return the change without the segments that leave lamps, apart from kept prefixes."""
+        removed, near = self.removed_suffixes.bounced(), tuple(bounced(s) for s in self.near_mobiles)
+        return self._replace(
+            removed_suffixes=removed, near_mobiles=near, near_boxes=bounced(self.near_boxes), direct=False
+        )
 
     @property
     def fates(self) -> Fates:

@@ -20,7 +20,7 @@ class RemovedSuffixes(NamedTuple):
     eps: np.float32
     photon: np.ndarray  # (n,) int64
     vertex: np.ndarray  # (n,) int64, start vertex of the cut segment
-    low: np.ndarray  # (n,) float32 [m], distance along it where the suffix begins
+    low: np.ndarray  # (n,) float32 [m], distance along it where the suffix begins; 0: with the whole segment
 
     @property
     def size(self) -> int:
@@ -35,6 +35,13 @@ class RemovedSuffixes(NamedTuple):
     def of(self, rows) -> RemovedSuffixes:
         """Return the suffixes of the given rows."""
         return self._replace(photon=self.photon[rows], vertex=self.vertex[rows], low=self.low[rows])
+
+    def bounced(self) -> RemovedSuffixes:
+        """Return the suffixes without the segments that leave lamps."""
+        first = self.bounce == 0
+        vertex, low = self.vertex + first, np.where(first, np.float32(0.0), self.low)
+        left = vertex < self.paths.offsets[self.photon + 1] - 1
+        return self._replace(vertex=vertex, low=low).of(left)
 
     def segments(self, threads: int = 1) -> Segments:
         """Return the suffixes as segments, photon-major."""

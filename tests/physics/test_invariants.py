@@ -19,6 +19,7 @@ from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.photons.paths import take
 from gi_core.rays.structures import DEFAULT as RAYS
 from gi_core.rays.structures import STRUCTURES
+from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
@@ -102,6 +103,53 @@ def test_any_history_equals_from_scratch_and_the_naive_twin(history):
         np.testing.assert_array_equal(solver.irradiance, twin)
         assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
         assert twin.max() > 0
+
+
+@settings(max_examples=12)
+@given(steps)
+@example([(("ball", Pose((0.55, 0.45, 0.2))), "tangent_plane"), (("box", AWAY), "impact_count")])
+def test_any_history_equals_from_scratch_where_direct_light_is_known(history):
+    """Photons measure bounced light alone, and smaller frames in between leave nothing behind."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gi_core.frames.frame_light.UNRESOLVED", np.inf)  # its walls are coarse
+        every_frame_takes_direct_light(history)
+
+
+def every_frame_takes_direct_light(history):
+    solver = solved(light="best", photons=5000)
+    for (name, pose), estimator in history:
+        solver.configure(estimator=estimator)
+        solver.solve()
+        solver.move_all({name: Pose((0.5, 0.5, 0.5))}, solver.frame.subsets[0], 4)
+        solver.move(name, pose)
+        additive = ESTIMATORS[estimator].additive
+        assert solver.frame_light.knows_direct(solver.frame.background) == additive
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+        assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
+    new = solved(light="best", photons=5000, estimator=history[-1][1])
+    new.move_all(solver.poses)
+    assert np.array_equal(solver.irradiance, new.irradiance)
+
+
+@pytest.mark.parametrize("estimator", [name for name, kind in ESTIMATORS.items() if kind.additive])
+@pytest.mark.parametrize("cached", [True, False])
+def test_sums_without_segments_that_leave_lamps(monkeypatch, estimator, cached):
+    """Of the background, of a frame, and from scratch; with cached intersections and without."""
+    monkeypatch.setattr("gi_core.discs.intersection_cache.MOST_PER_PHOTON", 64 if cached else 0)
+    solver = solved(estimator=estimator)
+    model, b, at = solver.model, solver.frame.background, solver.model.transforms(solver.poses)
+    away = model.transforms(dict.fromkeys(solver.poses, AWAY))
+    segments = current_segments(model, away, SEED, 0, PHOTONS)[0]
+    static = solver.surfaces.receiver_range(0)
+    direct = take(segments, segments.bounce == 0)
+    alone = b.estimate.from_scratch([direct], away).sums[static]
+    whole, rest = (b.estimate.background(PHOTONS, direct)[0] for direct in (True, False))
+    assert alone.any() and rest.any() and np.array_equal(whole - rest, alone)
+    now, change = current_segments(model, at, SEED, 0, PHOTONS)[0], solver.frame.change
+    assert (change.removed_suffixes.bounce == 0).any() and (change.removed_suffixes.bounce > 0).any()
+    frame = b.estimate.evaluate(change.bounced())
+    scratch = b.estimate.from_scratch([now], at, direct=False)
+    assert np.array_equal(frame.sums[static], scratch.sums[static]) and not frame.direct and not scratch.direct
 
 
 # Each structure compiles the kernels of tracing again, 16 to 29 CPU s: all of them run with GI_EVERY_STRUCTURE=1.

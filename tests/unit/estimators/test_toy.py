@@ -20,7 +20,7 @@ from gi_core.estimators import CHEAPEST, ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated
-from gi_core.photons.paths import Segments
+from gi_core.photons.paths import Segments, bounced
 from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
@@ -44,7 +44,7 @@ class Toy:
         self.photons, self.subsets = 0, SubsetStore()
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.searches: list[Search] = []
-        self._parts = [self._sums_of()]
+        self._parts, self._bounced, self._bounced_subsets = [self._sums_of()], [self._sums_of()], SubsetStore()
 
     @staticmethod
     def summary(setting: Setting) -> str:
@@ -55,31 +55,33 @@ class Toy:
 
     def add_background(self, segments: Segments, thread: int) -> None:
         self._parts.append(self._sums_of(segments))
+        self._bounced.append(self._sums_of(bounced(segments)))
 
     def prepare(self, photons: int) -> Iterator[None]:
-        self._parts = [sum(self._parts)]
-        self.subsets[photons] = self._parts[0][self.model.surfaces.receiver_range(0)]
+        self._parts, self._bounced = [sum(self._parts)], [sum(self._bounced)]
+        static = self.model.surfaces.receiver_range(0)
+        self.subsets[photons], self._bounced_subsets[photons] = self._parts[0][static], self._bounced[0][static]
         self.photons = photons
         return iter(())
 
-    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.subsets[photons], self.area[self.model.surfaces.receiver_range(0)]
+    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        sums = self.subsets if direct else self._bounced_subsets
+        return sums[photons], self.area[self.model.surfaces.receiver_range(0)]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
-        sums[self.model.surfaces.receiver_range(0)] += self.subsets[frame.photons]
-        return self._read(sums)
+        sums[self.model.surfaces.receiver_range(0)] += self.background(frame.photons, frame.direct)[0]
+        return self._read(sums, frame.direct)
 
-    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
-        return self._read(self._sums_of(*parts))
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
+        return self._read(self._sums_of(*(parts if direct else map(bounced, parts))), direct)
 
-    def _read(self, sums: np.ndarray) -> Evaluated:
-        return Evaluated.of_all(
-            sums, self.area, np.full((len(sums), 1), NOT_ADDITIVE), CutFlux.none(self.model.emitters.lamps.count)
-        )
+    def _read(self, sums: np.ndarray, direct: bool) -> Evaluated:
+        lamps = self.model.emitters.lamps.count
+        return Evaluated.of_all(sums, self.area, np.full((len(sums), 1), NOT_ADDITIVE), CutFlux.none(lamps), direct)
 
     def _sums_of(self, *parts: Segments) -> np.ndarray:
         s, lamps = self.model.surfaces, self.model.emitters.lamps.count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.frames.control_variate import frame_irradiance
+from gi_core.frames.control_variate import Direct, frame_irradiance
 from gi_core.frames.frame import _controlled
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
@@ -78,7 +78,30 @@ def test_combination_of_static_and_frame_light(own, better, frame, expected):
     assert read_out(own, better, frame, NOT_ADDITIVE, 0.0) == pytest.approx([expected] * 3)
 
 
-def read_out(own, better, frame, new_flux, flux_per_cut) -> np.ndarray:
+@pytest.mark.parametrize(
+    "own, better, frame, direct, blocked, expected",
+    [
+        (2.0, 5.0, 2.0, 3.0, 0.0, 5.0),  # not touched
+        (2.0, 5.0, 2.0, 3.0, 1.5, 3.5),  # half of the direct light blocked
+        (2.0, 5.0, 1.0, 3.0, 3.0, 1.0),  # all of it, and half of the bounced light
+        (2.0, 5.0, 0.0, 3.0, 3.0, 0.0),
+        (2.0, 5.0, 2.5, 3.0, 3.0, 2.5),  # the mobile lights it up
+        (2.0, 2.0, 2.0, 3.0, 1.5, 1.0),  # the better source has less than the direct light: its share goes
+        (2.0, 2.0, 1.0, 3.0, 3.0, 0.0),
+        (0.0, 0.0, 0.0, 3.0, 1.0, 0.0),
+        (0.0, 2.0, 0.0, 0.0, 0.0, 2.0),  # no lamp sees it
+    ],
+)
+def test_direct_light_is_taken_away_as_it_is(own, better, frame, direct, blocked, expected):
+    known = Direct(*(np.full((CHUNK, 3), v) for v in (direct, blocked)))
+    known.light[1:] = known.blocked[1:] = 0.0
+    for changed in (True, False):
+        if changed or frame == own:
+            E = read_out(own, better, frame, NOT_ADDITIVE, 0.0, known, changed)
+            assert E == pytest.approx([expected] * 3)
+
+
+def read_out(own, better, frame, new_flux, flux_per_cut, direct=None, changed=True) -> np.ndarray:
     """Return the irradiance of one receiver of area 1; sums are in thousandths."""
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
     sums[0], background[0] = int(1000 * frame), int(1000 * own)
@@ -87,11 +110,12 @@ def read_out(own, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     cut = CutFlux(np.array([int(3000 * flux_per_cut)]), np.array([1]))
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
     still[0], many[0] = own, better
-    frame_sums, full = Evaluated(sums, area, np.array([True]), new, cut), np.ones((1, 3))
+    frame_sums, full = Evaluated(sums, area, np.array([changed]), new, cut), np.ones((1, 3))
     alone = Neighbours(np.zeros(CHUNK + 1, np.int64), np.zeros(0, np.int32))
-    shown, unbiased = frame_irradiance(frame_sums, 1e-3, background, still, many, full, alone, threads=1)
+    direct = Direct.unknown(CHUNK) if direct is None else direct
+    shown, unbiased = frame_irradiance(frame_sums, 1e-3, background, still, many, direct, full, alone, threads=1)
     assert not shown[1:].any() and not unbiased[1:].any()
-    assert unbiased[0] == pytest.approx([better + frame - own] * 3)
+    assert unbiased[0] == pytest.approx(better + frame - own - direct.blocked[0])
     return shown[0]
 
 
@@ -167,7 +191,9 @@ def test_light_that_mobiles_gather_has_no_bias():
         shaded = (own - whole).sum(axis=1) > 0.05 * own.mean()
         weights = solver.receivers.areas[static] * shaded
         solver.move_all({"box": POSE}, photons=LOWEST)
-        parts = _controlled(solver.frame.background, solver.frame_light, solver.frame.evaluated, LOWEST)
+        parts = _controlled(
+            solver.frame.background, solver.frame_light, solver.frame.evaluated, Direct.unknown(len(own)), LOWEST
+        )
         a, c, t = (float(weights @ luminance(E[static])) for E in (*parts, whole))
         shown, unbiased, truth = shown + a, unbiased + c, truth + t
     assert shown > 1.015 * truth and unbiased == pytest.approx(truth, rel=0.008)
@@ -190,7 +216,7 @@ def test_edges_of_clear_changes_stay_and_noise_goes():
     cut = CutFlux(np.array([3000]), np.array([1]))
     frame = Evaluated(sums, np.ones(n), np.ones(n // CHUNK, bool), new, cut)
     own, better = np.full((n, 3), 1e-6 * background[0, 0]), np.full((n, 3), 1.0)
-    E, _ = frame_irradiance(frame, 1e-6, background, own, better, np.ones((1, 3)), near, threads=1)
+    E, _ = frame_irradiance(frame, 1e-6, background, own, better, Direct.unknown(n), np.ones((1, 3)), near, threads=1)
     assert (E[: n // 2] < 1e-3).all()
     measured = 1e-3 * np.abs(added - removed).mean()
     assert measured > 3e-3 and np.abs(E[n // 2 :] - 1).mean() < 0.3 * measured

@@ -183,7 +183,7 @@ def test_the_fraction_gathered_only_grows(monkeypatch):
     """Though the noise that is left does not only fall: with more paths, less is smoothed."""
     solver = kept().twin()
     monkeypatch.setattr(static, "ENOUGH", 0.02)
-    solver.move("box", POSES[3])
+    solver.move("box", POSES[4])
     at, fractions, left = solver.model.transforms(solver.poses), [], []
     for _ in solver.gather_pose_steps():
         light = solver.frame_light.at_poses.find(at)
