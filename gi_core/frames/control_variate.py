@@ -29,6 +29,9 @@ Then a change d is shrunk by the variance v that is left (James and Stein 1961, 
 
 which is 0 for changes within noise and nearly 1 far above it. docs/decisions 9 and 32 have the measurements.
 
+Sums of a stale receiver are over another area than before, so they are no mean of neighbours. Its change is shrunk by
+the variance of F - B, whose photons are partly the same.
+
 Both biases have the same sign at many receivers. A mobile gathers from thousands, which averages noise and keeps bias:
 it sees G + (F - B) - blocked everywhere, negative or not (docs/decisions 50).
 """
@@ -41,7 +44,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
-from gi_core.gather.denoise import NO_WEIGHT, VARIANCE, smooth
+from gi_core.gather.denoise import VARIANCE, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.mix import GRAIN, mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
@@ -49,6 +52,7 @@ from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Eva
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
 REACH = 4.0  # standard deviations, see `denoise.smooth`
 CORRELATED = 4.0  # true variance over that of independent neighbours: discs share photons
+ALONE = -1e-300  # at most the variance of a stale receiver, negated: it is no mean of neighbours, and counts for none
 
 
 class ControlledLight(NamedTuple):
@@ -97,6 +101,24 @@ def _noise(sums, background, new_flux, levels, flux_per_cut, r):
     return _chance(before + new - now, new, before, flux_per_cut)
 
 
+@inlined
+def _noise_of_stale(sums, background, levels, flux_per_cut, factor, own, r):
+    """Return the variance of stale receiver r's change of irradiance: sums over areas that differ and overlap.
+
+    factor: irradiance over its flux; own: irradiance of the background. Sums are as for _noise().
+    """
+    before = now = 0.0
+    for g in range(len(levels)):
+        before += levels[g] * (background[r, 3 * g] + background[r, 3 * g + 1] + background[r, 3 * g + 2])
+        now += levels[g] * (sums[r, 3 * g] + sums[r, 3 * g + 1] + sums[r, 3 * g + 2])
+    whole = own / before if before > 0.0 else 0.0
+    if factor == 0.0:  # no light can reach it
+        return 0.0
+    return flux_per_cut * (
+        (now + flux_per_cut) * factor * factor + before * whole * whole - 2.0 * min(now, before) * factor * whole
+    )
+
+
 @kernel
 def _read_own(changed, sums, background, levels, scale, area, first, last, out):
     """Write irradiance of chunks first .. last - 1, by the background's sums where nothing changes."""
@@ -122,14 +144,14 @@ def _measure(
                 change[r, c] = _combined(flux * factor, own[r, c], bounced) - bounced
                 unbiased[r, c] = better[r, c] + (flux * factor - own[r, c])
                 frame, before, after = frame + flux * factor, before + own[r, c], after + bounced
-            if new_flux[r, 0] == NOT_ADDITIVE:
-                change[r, VARIANCE] = 0.0 if frame == before else NO_WEIGHT  # 0 as in chunks that nothing changes
-                continue
-            if frame < before:
-                factor *= after / before
-            noise = _noise(sums, background, new_flux, mean_levels, flux_per_cut, r)
             # The sum over channels of the variances of grey photons is a third of the variance of their sum.
-            change[r, VARIANCE] = noise * factor * factor / 3.0
+            share = (after / before if frame < before else 1.0) ** 2 / 3.0
+            if new_flux[r, 0] != NOT_ADDITIVE:
+                noise = _noise(sums, background, new_flux, mean_levels, flux_per_cut, r)
+                change[r, VARIANCE] = noise * factor * factor * share
+            elif frame != before:  # else a variance of 0, as where nothing changes
+                noise = _noise_of_stale(sums, background, mean_levels, flux_per_cut, factor, before, r)
+                change[r, VARIANCE] = min(-noise * share, ALONE)
 
 
 @kernel
@@ -145,8 +167,9 @@ def _add(changed, better, change, direct, first, last, out, unbiased):
                 continue
         for r in range(begin, end):
             d, variance, kept = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE], 1.0
-            if variance > 0.0:
-                kept = max(1.0 - 3.0 * CORRELATED * variance / (d * d), 0.0) if d != 0.0 else 0.0
+            if variance != 0.0:
+                correlated = CORRELATED if variance > 0.0 else 1.0
+                kept = max(1.0 - 3.0 * correlated * abs(variance) / (d * d), 0.0) if d != 0.0 else 0.0
             for c in range(3):
                 light, blocked = direct.light[r, c], direct.blocked[r, c]
                 taken = min(better[r, c], light) * min(blocked / light, 1.0) if blocked > 0.0 else 0.0
