@@ -140,6 +140,22 @@ def test_changes_are_shrunk_by_their_noise(own, frame, new_flux, share):
     assert read_out(own, better, frame, new_flux, 1.0) == pytest.approx([better + share * (everything - better)] * 3)
 
 
+@pytest.mark.parametrize(
+    "own, frame, share",
+    [
+        (4.0, 4.0, 0.0),  # the region has lost nothing
+        (4.0, 0.0, 1 - (1 + 4) / 16),  # none of four: may be chance
+        (9.0, 0.0, 1.0),  # none of nine: black
+        (4.0, 2.0, 1 - (2 + 1 + 4 - 4) / 4),
+        (16.0, 8.0, 1 - (8 + 1 + 16 - 16) / 64),
+    ],
+)
+def test_changes_of_stale_receivers_are_shrunk_by_their_noise(own, frame, share):
+    """Sums over the same area: photons of both cancel."""
+    expected = own + share * (frame - own)
+    assert read_out(own, own, frame, NOT_ADDITIVE, 1.0) == pytest.approx([expected] * 3)
+
+
 @pytest.mark.parametrize("estimator", ["tangent_plane", "impact_count"])
 def test_smoothed_and_shrunk_changes_have_less_error(monkeypatch, estimator):
     """Errors against all photons, over those as measured: at receivers that hardly change, and at the others.
