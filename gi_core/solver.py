@@ -231,7 +231,6 @@ class Solver:
         budget = self.budget if b is shown else FrameBudget()
         if frame.evaluated is not self.frame.evaluated:
             budget.record(size, frame.timings, self.frame_light.mobiles.rays_traced)
-            budget.bounced = frame.evaluated is not None and not frame.evaluated.direct
         self.frame, self.budget = frame, budget
 
     def twin(self, fresh: bool = False) -> Solver:

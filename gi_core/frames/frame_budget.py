@@ -18,8 +18,7 @@ REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
 GATHERING = 0.7  # share of the budget for up to ...
 ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off, docs/decisions 48
-LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot ...
-LEAST_BOUNCED = 1 << 12  # ... unless they measure bounced light alone: docs/decisions 61
+LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 FAR = 1.5  # times the budget: longer frames are late
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
 
@@ -60,13 +59,9 @@ class FrameTimes:
 
 
 class FrameBudget:
-    """Sizes of frames: photons and paths per receiver of a mobile, as Solver.move_all() takes them. One per solver.
-
-    bounced: the photons of frames measure bounced light alone.
-    """
+    """Sizes of frames: photons and paths per receiver of a mobile, as Solver.move_all() takes them. One per solver."""
 
     def __init__(self):
-        self.bounced = False
         self._photon_times, self._path_times = FrameTimes(), FrameTimes()
         self._size: tuple[int | None, int | None] = (None, None)  # of the motion
         self._chosen_for: float | None = None  # budget [s]; None: the next frame chooses
@@ -105,12 +100,12 @@ class FrameBudget:
         subsets: photon subsets, ascending; gathers: whether mobiles gather their light.
         """
         if not gathers:
-            return (self._photon_times.largest_within(seconds, self._good_enough(subsets)) if subsets else None), None
+            return (self._photon_times.largest_within(seconds, good_enough(subsets)) if subsets else None), None
         paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= ENOUGH])
         if not subsets:
             return None, paths
         left = seconds - (self._path_times.expected(paths) or 0.0)
-        photons = self._photon_times.largest_within(left, self._good_enough(subsets))
+        photons = self._photon_times.largest_within(left, good_enough(subsets))
         if (spent := self._photon_times.expected(photons)) is not None:
             more = self._path_times.largest_within(seconds - spent, PATHS)
             paths = max(paths, more)
@@ -129,7 +124,7 @@ class FrameBudget:
             self._size = None, None
         elif self._chosen_for != seconds or self._size[0] not in subsets:
             self._size, self._late = self.within(seconds, subsets, gathers), 0
-        elif self._late >= IN_A_ROW and (smaller := [n for n in self._good_enough(subsets) if n < self._size[0]]):
+        elif self._late >= IN_A_ROW and (smaller := [n for n in good_enough(subsets) if n < self._size[0]]):
             self._size, self._late = (smaller[-1], self._size[1]), 0
         self._chosen_for = seconds
         return self._size
@@ -139,7 +134,7 @@ class FrameBudget:
         late = self._size[0] is not None and seconds > FAR * self._chosen_for
         self._late = self._late + 1 if late else 0
 
-    def _good_enough(self, subsets: Sequence[int]) -> list[int]:
-        """Return the photon subsets with acceptable noise."""
-        least = LEAST_BOUNCED if self.bounced else LEAST
-        return [n for n in subsets if n >= min(least, subsets[-1])]
+
+def good_enough(subsets: Sequence[int]) -> list[int]:
+    """Return the photon subsets with acceptable noise."""
+    return [n for n in subsets if n >= min(LEAST, subsets[-1])]

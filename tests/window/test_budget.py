@@ -373,14 +373,6 @@ def test_subset_never_falls_below_the_fewest_photons(monkeypatch):
             budget.moved(1.0)
 
 
-def test_fewer_photons_are_enough_for_bounced_light():
-    budget, subsets = FrameBudget(), (2_048, 4_096, 16_384, 65_536)
-    for n in subsets:
-        budget.record(FrameSize(n, 0), {"estimate": 1.0}, False)
-    budget.bounced = True
-    assert budget.within(0.01, subsets, False) == (4_096, None)
-
-
 def test_without_photons_there_is_nothing_to_choose():
     assert FrameBudget().choose(0.01, (), False) == (None, None)
 
