@@ -63,7 +63,8 @@ class FrameLight:
 
     def knows_direct(self, b: Background) -> bool:
         """Whether frames take direct light as it is, and bounced light alone from the photons of a background."""
-        if not self.setting.takes_gathered or not b.estimate.additive or not self.direct.is_known:
+        known = self.setting.takes_gathered and b.estimate.additive and self.direct.is_known
+        if not known or not b.estimate.photons:
             return False
         if self._resolved is None or self._resolved[:2] != (b, b.estimate.photons):
             self._resolved = b, b.estimate.photons, self._resolves(b)
