@@ -1,0 +1,107 @@
+"""Fixed points on all lights of a scene, the same for all receivers, and the light that each brings without shadow."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import owen_sobol, random_numbers
+from gi_core.base.jit import inlined
+from gi_core.base.vec import difference, dot, row
+from gi_core.lights.light_sampling import DIRECTIONAL, AreaLights, DeltaLights, Lights
+from gi_core.lights.next_event import LIGHT_V, delta_light_at, points_on_lamps
+from gi_core.lights.photometric import density
+
+STREAM = 0x5D17  # separates these random numbers from others of the same seed
+POINTS = 64  # on area lights, and directions to the sky
+LEAST_POINTS = 8  # per lamp with area lights
+MOST_DELTA = 64  # delta lights: beyond, photons alone measure changes
+FACE, DELTA, SKY = range(3)
+
+
+class LightPoints(NamedTuple):
+    """P points on lights, or directions to them."""
+
+    kind: np.ndarray  # (P,) int64
+    index: np.ndarray  # (P,) int64, of the area or delta light
+    place: np.ndarray  # (P, 3) float64 [m]; of a direction: unit, towards the light
+    distant: np.ndarray  # (P,) bool: `place` is a direction
+    value: np.ndarray  # (P, 3) float64: irradiance over that of strength_of()
+    lamp: np.ndarray  # (P,) int64
+
+
+def light_points(lights: Lights, seed: int) -> LightPoints | None:
+    """Return points on all lights of a scene; None where there are too many delta lights."""
+    if len(lights.delta.kind) > MOST_DELTA:
+        return None
+    seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+    area, delta, sky = lights.area, lights.delta, lights.sky
+    parts = [(DELTA, np.arange(len(delta.kind)), *_delta_places(delta), delta.value, delta.lamp)]
+    share = np.diff(area.cdf, prepend=0.0)
+    lamps = np.unique(area.lamp[share > 0])
+    count = max(POINTS // max(len(lamps), 1), LEAST_POINTS)
+    for lamp in lamps:
+        rows = np.flatnonzero((area.lamp == lamp) & (share > 0))
+        face, place, each = _on_faces(seed ^ int(lamp), count, area, rows, share[rows])
+        near, lamp_of = np.zeros(count, bool), np.full(count, lamp)
+        parts.append((FACE, face, place, near, area.radiance[face] * each[:, None], lamp_of))
+    if sky.radiance.any():
+        towards, each = _to_sky(seed, sky.up), 2 * math.pi / POINTS
+        value, lamp_of = np.tile(sky.radiance * each, (POINTS, 1)), np.full(POINTS, sky.lamp)
+        parts.append((SKY, np.zeros(POINTS, np.int64), towards, np.ones(POINTS, bool), value, lamp_of))
+    kinds = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
+    index, place, distant, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
+    return LightPoints(kinds, index, place, distant, value, lamp)
+
+
+def _delta_places(delta: DeltaLights) -> tuple[np.ndarray, np.ndarray]:
+    distant = delta.kind == DIRECTIONAL
+    return np.where(distant[:, None], -delta.parameters[:, 3:6], delta.parameters[:, :3]), distant
+
+
+def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: np.ndarray):
+    """Return faces, points [m] and the area [m2] that each point stands for, by the shares of some faces."""
+    cdf = np.cumsum(share / share.sum())
+    cdf[-1:] = 1.0
+    some = area._replace(cdf=cdf, corners=area.corners[rows])
+    found = points_on_lamps(seed, (count - 1).bit_length(), 0, np.arange(count)[None], some)
+    return rows[found.face[0]], found.point[0], 1.0 / (count * found.density[0])
+
+
+def _to_sky(seed: int, up: np.ndarray) -> np.ndarray:
+    """Return unit directions (POINTS, 3) of equal solid angle above the horizon."""
+    key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(POINTS)
+    turn = 2 * math.pi * np.array([owen_sobol.unit(np.uint64(i), key) for i in k])  # a Hammersley set
+    z = (k + 0.5) / POINTS
+    r = np.sqrt(1 - z * z)
+    local = zip(r * np.cos(turn), r * np.sin(turn), z, strict=True)
+    return np.array([random_numbers.from_frame(*way, *up) for way in local])
+
+
+@inlined
+def way_to(place, distant, far, start):
+    """Return the unit direction from a start to a point on a light, and its distance [m]; 0 at the point itself."""
+    if distant:
+        return place[0], place[1], place[2], far
+    u, v, w = difference(place, start)
+    d = math.sqrt(u * u + v * v + w * w)
+    scale = 1.0 / d if d > 0.0 else 0.0
+    return u * scale, v * scale, w * scale, d
+
+
+@inlined
+def strength_of(points, area, delta, j, far, position, normal, to_point):
+    """Return the irradiance of point j over its value, without shadow; to_point: of way_to()."""
+    kind, e, way, d = points.kind[j], points.index[j], (to_point[0], to_point[1], to_point[2]), to_point[3]
+    if kind == DELTA:
+        return delta_light_at(delta.kind[e], delta.parameters[e], delta.tables, position, normal, far)[0]
+    cosine = dot(way, normal)
+    if kind == SKY or cosine <= 0.0 or d <= 0.0:
+        return max(cosine, 0.0)
+    axis = row(area.normal, e)
+    at_light = -dot(way, axis)
+    if area.table[e] >= 0:
+        at_light = math.pi * density(area.tables, area.table[e], axis, row(area.c0, e), -way[0], -way[1], -way[2])
+    return cosine * max(at_light, 0.0) / (d * d)
