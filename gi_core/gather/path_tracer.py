@@ -33,6 +33,7 @@ from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
 from gi_core.scene.pose import to_world_at
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
+GRAIN = 1 << 10  # paths per thread: steps of 10 ms hold some 5,000 paths per core
 SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light
 ROULETTE_FROM = 2  # first bounce with Russian roulette: the first two carry most of the light
 MOST_SURVIVAL = 0.9999  # bounds paths in a white room without bias; variance is finite up to its square root
@@ -117,7 +118,7 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
             ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy())
             follow(model, at, lights, seed, m, ends, known, total[s])
 
-    run_ranges(work, len(path), model.threads, BLOCK // 2)
+    run_ranges(work, len(path), model.threads, GRAIN)
     return total
 
 

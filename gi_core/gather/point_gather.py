@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.gather.path_tracer import gather
+from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT
@@ -56,10 +57,9 @@ class Gatherer:
         start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))
         seed = self._seed ^ (stream << 24)
         values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m)
-        values = values.reshape(len(rows), count, self._lights.channels)
         if self.per_lamp:
-            all_lamps = values.reshape(len(rows), count, self._lights.lamps, 3).sum(axis=2)
-            values = np.concatenate([all_lamps, values], axis=2)
+            values = np.concatenate([sum_of_lamps(values), values], axis=1)
+        values = values.reshape(len(rows), count, -1)
         if len(self.lit) < len(self.positions):
             values[~np.isin(rows, self.lit)] = 0.0
         return values

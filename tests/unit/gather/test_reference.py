@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import threading
+import time
 
 import numpy as np
 import pytest
 
+from gi_core.gather import path_tracer
+from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import flatten
@@ -243,3 +247,19 @@ def test_bad_arguments_are_refused():
         reference_irradiance(scene, P, N, 1, 0, poses={"box": Pose()})
     with pytest.raises(SceneError, match="rigid"):
         reference_irradiance(scene, P, N, 1, 0, poses={"crate": 2 * np.eye(4)})
+
+
+def test_a_step_at_rest_takes_all_threads(monkeypatch):
+    """A core traces some 5,000 paths in the 10 ms of a step."""
+    model, taken = Model(build.plane_scene(PointLight("p", (0, 0, 0.7), (1.0, 2.0, 4.0))), threads=4), set()
+    gatherer = Gatherer(model.scene, *ALONG_X, seed=0, model=model)
+    traced = path_tracer.follow
+
+    def follow(*given):
+        taken.add(threading.get_ident())
+        time.sleep(0.05)  # so that no thread can take two parts
+        return traced(*given)
+
+    monkeypatch.setattr(path_tracer, "follow", follow)
+    gatherer.paths(np.arange(4), 0, 1 << 10)
+    assert len(taken) == 4
