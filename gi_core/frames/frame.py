@@ -188,7 +188,7 @@ def next_frame(
         E = unbiased = np.zeros((len(evaluated.area), 3))
     clock("read out")
     if size.paths:
-        light.mobiles.replace_in(E, at, unbiased, size.paths, light.mobiles.reflectance(b))
+        light.mobiles.replace_in(E, at, unbiased, size.paths, light.mobiles.at_rest(b))
         clock("gather")
     own, E = E, light.at_poses.replaced(E, at, b, size.photons)
     gloss, facts = light.gloss.light(b, changed, clock, size.paths), estimate.control_facts
@@ -225,5 +225,5 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
     E, unbiased = _controlled(b, light, every, light.direct_at(at, b), n)
     if shown.paths:
-        light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.reflectance(b), fresh=True)
+        light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.at_rest(b), fresh=True)
     return light.at_poses.replaced(E, at, b, n)

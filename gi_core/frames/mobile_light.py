@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import operator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,16 @@ from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene.rules import one_of
+
+
+class AtRest(NamedTuple):
+    """The static part without mobiles, None: unknown."""
+
+    irradiance: np.ndarray | None  # (n, 3) float64 [W/m2] of its receivers
+    reflectance: np.ndarray | None  # (F, 3) float64 of all faces, see `coarse_faces`
+
+
+NOTHING_KNOWN = AtRest(None, None)
 
 
 class MobileLight:
@@ -54,8 +65,8 @@ class MobileLight:
         """Return the size of a frame; paths as for `paths()`. Without photons there are none."""
         return FrameSize(photons, self.paths(paths) if photons else 0)
 
-    def reflectance(self, b: Background) -> np.ndarray:
-        """Return reflectance (F, 3) for replace_in(), where a background is on show: see `coarse_faces`."""
+    def at_rest(self, b: Background) -> AtRest:
+        """Return the static part without mobiles for replace_in(), where a background is on show."""
         photons, levels = b.estimate.photons, self._static.setting.levels
         light = self._static.irradiance(b, photons)
         if self._coarse is None or self._coarse[:2] != (b, photons):
@@ -65,16 +76,16 @@ class MobileLight:
         if self._reflectance is None or not all(map(operator.is_, self._reflectance[0], given)):
             filled = self._unreached.filled(light)
             self._reflectance = given, self._coarse[2].reflectance(self._model, filled, levels)
-        return self._reflectance[1]
+        return AtRest(light, self._reflectance[1])
 
     def replace_in(
         self, irradiance: np.ndarray, at: Transforms, static: np.ndarray, paths: int,
-        reflectance: np.ndarray | None = None, fresh=False,
+        resting: AtRest = NOTHING_KNOWN, fresh=False,
     ) -> None:  # fmt: skip
         """Replace the irradiance (R, 3) of receivers on mobiles by light gathered from the static part.
 
         static (>= n, 3) [W/m2]: irradiance of static receivers at these poses, without bias. paths: one of PATHS;
-        reflectance (F, 3): as reflectance() returns it; fresh: without caches of earlier frames.
+        resting: as at_rest() returns it; fresh: without caches of earlier frames.
         """
         levels = self._static.setting.levels
         if self._lights is None or self._lights[0] is not levels:
@@ -86,7 +97,7 @@ class MobileLight:
             self._gather = gather
             poses = at.rotation.tobytes() + at.position.tobytes()
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
-        lit = gather.irradiance(at, static, paths, reflectance, self._lights[1])
+        lit = gather.irradiance(at, static, paths, resting.reflectance, self._lights[1], resting.irradiance)
         np.maximum(lit, 0.0, out=irradiance[gather.first :])
 
     def write_cells(self, rows: np.ndarray, place: np.ndarray, resting: np.ndarray, out: np.ndarray) -> None:

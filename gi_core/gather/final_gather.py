@@ -18,7 +18,7 @@ import numpy as np
 
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
-from gi_core.gather.one_bounce import NO_RAYS, Bounces, Exchange, Field, meet
+from gi_core.gather.one_bounce import NO_RAYS, NOTHING_BRIGHT, Bounces, Exchange, Field, meet
 from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter, starts
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
@@ -45,7 +45,7 @@ class FinalGather:
     def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._positions, self._normals = positions + ORIGIN_LIFT * model.world.size * normals, normals
-        self._weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
+        self.weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
         self._lights = model.lights
         shape = len(positions), self._lights.channels
         self._variance, self._lamp_variance = np.zeros(positions.shape), np.zeros(shape)
@@ -76,7 +76,7 @@ class FinalGather:
         """Relative l1 noise of the mean, as error.noise_of_truth(); inf before the first result."""
         if not self.paths:
             return float("inf")
-        return noise_of_truth(self.standard_error / small_sample_bias(2), self.mean, self._weights)
+        return noise_of_truth(self.standard_error / small_sample_bias(2), self.mean, self.weights)
 
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
         """Gather without end, in steps of some 10 ms; yields True where `mean` is new.
@@ -147,5 +147,5 @@ class FinalGather:
         none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
         known = Field(s.corner_front, s.corner_back, field)
         bounces = Bounces(1 << m, normals, at.rotation[0], direction, distance, face)
-        meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, NO_RAYS, none)
+        meet(world, at, lights.area, lights.sky, NOTHING_BRIGHT, known, bounces, 0, 0, total, NO_RAYS, none)
         return total

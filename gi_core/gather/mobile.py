@@ -2,7 +2,8 @@
 
 Photons rarely reach a small mobile, so its photon estimate is the noisiest of a frame. Its surroundings are known:
 lamps, and the irradiance of the static part in this frame. A bounce therefore ends at its first hit with rho E of that
-place. Where it hits a mobile, E is unknown: these few hits form a linear system, solved by Jacobi's method.
+place. Where it hits a mobile, E is unknown: these few hits form a linear system, solved by Jacobi's method. Bright
+places of the static part get rays of their own (`bright_faces.py`).
 
 All receivers of a mobile choose among the same points on lamps (`light_sampling.aimed`, `lights/candidates.py`), so
 errors of neighbours are correlated and invisible on a smooth surface. Bounces come in a few kinds, fixed in the
@@ -16,6 +17,7 @@ The result is a function of poses and static light alone, bit for bit: cached hi
 from __future__ import annotations
 
 import itertools
+import operator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,15 +25,16 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.gather import one_bounce
+from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
 from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, for_cells
-from gi_core.gather.one_bounce import Bounces, Exchange, Field, reached_corners, reflected
+from gi_core.gather.one_bounce import Bounces, Bright, Exchange, Field, reached_corners, reflected
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
-from gi_core.lights.candidates import Candidates, candidates, join_lamps
+from gi_core.lights.candidates import PATHS_PER_SHADOW, Candidates, candidates, join_lamps, rays_to_candidates
 from gi_core.lights.light_sampling import Lights, aimed, steady
 from gi_core.lights.next_event import add_lit, picks
 from gi_core.model import Model
@@ -43,6 +46,8 @@ STREAM = 0x3B11  # separates these random numbers from those of photons and refe
 BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
 LEAST_PATHS = 1 << 11  # per batch where there are more threads than batches
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
+BRIGHT_STREAM = 1 << 39  # separates points on bright faces from those on lamps
+BOUNCES_PER_BRIGHT = 8  # bounces per ray to a bright face
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
@@ -55,15 +60,19 @@ class ReceiverBatch(NamedTuple):
     directions: np.ndarray  # (n, 3) float32 unit, of bounces, object space
     bounce: BounceRays
     shadow: ShadowRays
+    to_bright: ShadowRays
 
 
 class LampSamples(NamedTuple):
-    """Lights, and where on them the shadow rays of all receivers of a mobile end."""
+    """Lights and bright faces, and where on them the rays of all receivers of a mobile end."""
 
     lights: Lights
     candidates: Candidates  # on area lights
     in_cells: Candidates  # fewer of them, see for_cells()
     picks: np.ndarray  # of delta lights, see `next_event.picks`
+    bright: BrightFaces
+    on_bright: Candidates  # a set per kind of bounces
+    relative: np.ndarray  # (A, 3), see relative_light()
 
 
 class PathSums(NamedTuple):
@@ -82,9 +91,12 @@ class MobileGather:
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         positions, self._normals = (a[self.first :] for a in model.evaluation_points)
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
-        self._lights: Lights | None = None
-        self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile: cell of its position, and lights
         s = model.surfaces
+        self._faces = StaticFaces.of(s)
+        # Lights, static light at rest and reflectance of the last call, and the luminance of `_faces` by these.
+        self._light: tuple[Lights | None, np.ndarray | None, np.ndarray | None] = None, None, None
+        self._luminance = np.zeros(len(self._faces.face))
+        self._aimed: dict[int, tuple[bytes, Lights, BrightFaces]] = {}  # by mobile: cell of its position, lights there
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._near = near_receivers(positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
@@ -97,25 +109,25 @@ class MobileGather:
 
     def irradiance(
         self, at: Transforms, static: np.ndarray, paths: int, reflectance: np.ndarray | None = None,
-        lights: Lights | None = None,
+        lights: Lights | None = None, resting: np.ndarray | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
         static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. paths: per receiver, at
         least 1. reflectance (F, 3) float64 of all faces, None: their albedo.
-        lights: of one lamp; None: those of the last call, at first those of the scene file.
+        lights: of one lamp; None: those of the last call, at first those of the scene file. resting (>= first, 3)
+        [W/m2]: static irradiance without mobiles, by which faces are bright; None: none is.
         """
-        if self._lights is None or (lights is not None and lights is not self._lights):
-            self._light_by(self._model.lights_at(self._model.emitters.lamps.full()) if lights is None else lights)
         n, world = len(self._positions), self._model.world
         if reflectance is not None:
             world = world._replace(bsdfs=world.bsdfs._replace(albedo=reflectance))
+        self._light_by(lights, resting, world.bsdfs.albedo)
         light = PathSums(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
         if paths not in self._directions:
             self._directions[paths] = shared_directions(self._seed, paths, KINDS)
-        lamps = [self._lamps(o, at, paths) for o in range(1, len(at.position))]
+        lamps = [self._lamps(world, o, at, static, paths) for o in range(1, len(at.position))]
         places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
 
         found: list = [None] * len(places)
@@ -151,30 +163,42 @@ class MobileGather:
     def _kind_directions(self, paths: int) -> np.ndarray:
         return np.ascontiguousarray(self._directions[paths].transpose(0, 2, 1), np.float32)
 
-    def _light_by(self, lights: Lights) -> None:
-        """Use these lights from now on."""
-        self._lights = lights
+    def _light_by(self, lights: Lights | None, resting: np.ndarray | None, reflectance: np.ndarray) -> None:
+        """Use this light from now on; arguments as for irradiance()."""
+        lights = lights or self._light[0] or self._model.lights_at(self._model.emitters.lamps.full())
+        given = lights, resting, reflectance
+        if all(map(operator.is_, given, self._light)):
+            return
+        self._light, dark = given, np.zeros(len(self._faces.face))
+        self._luminance = dark if resting is None else self._faces.luminance(resting, reflectance)
         self._aimed.clear()
         for batch in itertools.chain.from_iterable(self._batches.values()):
             if batch is not None:
                 batch.shadow.forget()
+                batch.to_bright.forget()
 
-    def _lights_of(self, o: int, at: Transforms) -> Lights:
-        """Return the lights with area lights sampled by importance for mobile o at its pose."""
+    def _lights_of(self, o: int, at: Transforms) -> tuple[Lights, BrightFaces]:
+        """Return the lights with area lights sampled by importance for mobile o at its pose, and its bright faces."""
         world = self._model.world
         centre = to_world_at(at.rotation[o, None], at.position[o, None], world.sphere_centre[o, None])[0]
         radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
         centre = steady(centre, radius)
         if self._aimed.get(o, (None,))[0] != centre.tobytes():
-            lights = self._lights
-            self._aimed[o] = centre.tobytes(), lights._replace(area=aimed(lights.area, centre, radius))
-        return self._aimed[o][1]
+            lights = self._light[0]
+            bright = self._faces.bright(self._luminance, centre, radius, len(world.face_object))
+            self._aimed[o] = centre.tobytes(), lights._replace(area=aimed(lights.area, centre, radius)), bright
+        return self._aimed[o][1:]
 
-    def _lamps(self, o: int, at: Transforms, paths: int) -> LampSamples:
-        """Return where the paths of each receiver of mobile o look for lamps."""
-        lights, every = self._lights_of(o, at), np.arange(paths)[None]
+    def _lamps(self, world: World, o: int, at: Transforms, static: np.ndarray, paths: int) -> LampSamples:
+        """Return where the paths of each receiver of mobile o look for lamps and bright faces."""
+        (lights, bright), every = self._lights_of(o, at), np.arange(paths)[None]
         some, m = candidates(self._seed, paths, lights.area), (paths - 1).bit_length()
-        return LampSamples(lights, some, for_cells(some), picks(self._seed, m, 0, every, lights.delta))
+        rays = max(paths // BOUNCES_PER_BRIGHT, 1)
+        on_bright = candidates(self._seed ^ BRIGHT_STREAM, PATHS_PER_SHADOW * rays, bright.lights, KINDS)
+        corners, albedo = self._model.surfaces.corner_front, world.bsdfs.albedo
+        relative = relative_light(bright.face, bright.lights.radiance, corners, albedo, static)
+        pick = picks(self._seed, m, 0, every, lights.delta)
+        return LampSamples(lights, some, for_cells(some), pick, bright, on_bright, relative)
 
     def _places(self, paths: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch."""
@@ -200,7 +224,7 @@ class MobileGather:
         bounces(self._directions[paths], self._kinds[rows], self._normals[rows], directions)
         origins = np.repeat(self._positions[rows].astype(np.float32), paths, axis=0)
         rays = BounceRays(self._model, mobile, origins, directions)
-        return ReceiverBatch(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
+        return ReceiverBatch(mobile, rows, directions, rays, *(ShadowRays(self._model, mobile) for _ in range(2)))
 
     def _gather(
         self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, static, paths, light: PathSums,
@@ -210,7 +234,7 @@ class MobileGather:
 
         Of a glossy mobile, write `bounced`, as in PathLight, and return the direct light too.
         """
-        s, (lights, every, in_cells, pick) = self._model.surfaces, lamps
+        s, (lights, every, in_cells, pick, bright, on_bright, relative) = self._model.surfaces, lamps
         n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
         positions = to_world_at(R, p, self._positions[batch.rows])
         normals = to_world_at(R, 0 * p, self._normals[batch.rows])
@@ -220,6 +244,11 @@ class MobileGather:
         to_lamps = every, pick, paths, ends, lights, far, gap
         rays, blocked = batch.shadow.occluded(at, lambda: join_lamps(world.bsdfs, *to_lamps))
         add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
+        if len(bright.face):
+            kind = self._kinds[batch.rows].astype(np.uint64)
+            to_bright = on_bright, kind, paths, ends, bright.lights, gap
+            of_bright = batch.to_bright.occluded(at, lambda: rays_to_candidates(*to_bright))
+            add_reflected(*of_bright, relative, light.bounced)
         distance, face = batch.bounce.nearest(at)
         closeness(paths, distance, light.close)
         count = int(np.count_nonzero(face >= world.first_face[1]))
@@ -228,8 +257,9 @@ class MobileGather:
         known = Field(s.corner_front, s.corner_back, static)
         bounces = Bounces(paths, normals, R[0], batch.directions, distance, face)
         by_ray = bounced[batch.rows] if glossy else one_bounce.NO_RAYS
+        on_faces = Bright(bright.lights.of_face, bright.lights.density)
         met = one_bounce.meet(
-            world, at, lights.area, lights.sky, known, bounces, self.first, first, light.bounced, by_ray, out
+            world, at, lights.area, lights.sky, on_faces, known, bounces, self.first, first, light.bounced, by_ray, out
         )
         hits = Exchange(*(a[:met].copy() for a in out))
         if not glossy:

@@ -22,6 +22,16 @@ BLACK = 0.02
 NO_RAYS = np.empty((0, 3, 1), np.float32)  # of meet(): the light of single rays is not wanted
 
 
+class Bright(NamedTuple):
+    """Static faces that have rays of their own, see `bright_faces.py`; empty: none."""
+
+    of_face: np.ndarray  # (F,) int32, index of a face among them, -1: none
+    density: np.ndarray  # (A,) float64 [1/m2], probability density of a point on the face
+
+
+NOTHING_BRIGHT = Bright(np.empty(0, np.int32), np.empty(0))
+
+
 class Bounces(NamedTuple):
     """P bounce rays from each of n receivers, and their hits."""
 
@@ -51,14 +61,14 @@ class Exchange(NamedTuple):
 
 
 @kernel
-def meet(world, at, lights, sky, field, rays, first, base, total, by_ray, out):
+def meet(world, at, lights, sky, bright, field, rays, first, base, total, by_ray, out):
     """Add to total (n, 3 G) the light of rays that hit lamps, the sky and the static part.
 
-    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. by_ray (n, 3, P)
-    float32 gets the light of each ray, over all lamps, or is NO_RAYS. Noise makes light negative, which counts as
-    none in by_ray. Hits on mobiles are written to `out`, an Exchange: its corners are counted from receiver `first`,
-    its rays from `base`. Returns their number. The loop is in one piece: helpers for sky, lamp and corners made it a
-    third slower.
+    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Hits on bright faces
+    count with the balance weight of a bounce. by_ray (n, 3, P) float32 gets the whole light of each ray, over all
+    lamps, or is NO_RAYS. Noise makes light negative, which counts as none in by_ray. Hits on mobiles are written to
+    `out`, an Exchange: its corners are counted from receiver `first`, its rays from `base`. Returns their number. The
+    loop is in one piece: helpers for sky, lamp and corners made it a third slower.
     """
     n, known, static_faces, each = 0, field.irradiance, world.first_face[1], len(by_ray) > 0
     by_ray[:] = np.float32(0.0)
@@ -91,12 +101,15 @@ def meet(world, at, lights, sky, field, rays, first, base, total, by_ray, out):
         else:
             continue  # the back of a one-sided face is black
         if f < static_faces:
-            u, v, w = corners[0], corners[1], corners[2]
+            u, v, w, share = corners[0], corners[1], corners[2], 1.0
+            if facing > 0.0 and len(bright.density) > 0 and bright.of_face[f] >= 0:
+                p_bounce = lambertian.pdf(max(dot(d, rays.normals[row]), 0.0))
+                share = share_of_bounce(p_bounce, facing, rays.distance[k], bright.density[bright.of_face[f]])
             for g in range(0, known.shape[1], 3):
                 for c in range(3):
                     E = (known[u, g + c] + known[v, g + c] + known[w, g + c]) / 3.0
                     light = world.bsdfs.albedo[f, c] * E
-                    total[row, g + c] += light
+                    total[row, g + c] += light * share
                     if each:
                         by_ray[row, c, path] += max(light, 0.0)
             continue

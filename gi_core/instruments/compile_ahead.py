@@ -34,6 +34,7 @@ from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.frames.gathered_gloss import GatheredGloss
+from gi_core.gather.bright_faces import add_reflected
 from gi_core.gather.denoise import denoise
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.mobile import MobileGather
@@ -46,6 +47,7 @@ from gi_core.gloss.highlights import arriving, highlights
 from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.gloss.radiance import gloss_radiance
 from gi_core.instruments import child
+from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.structures import checked
 from gi_core.retrace.cuts import current_segments
@@ -245,7 +247,9 @@ def _gather(scene: Scene, rays: str | None) -> None:
     mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
     model = Model(replace(scene, mobiles=mobiles), rays=rays)
     at, direct = model.transforms(model.start_poses()), DirectLight(model, 0)
-    MobileGather(model, 0).irradiance(at, np.zeros((model.first_probe, 3)), 2)
+    dark = np.zeros((model.first_probe, 3))
+    MobileGather(model, 0).irradiance(at, dark, 2, resting=dark)
+    add_reflected(room_for_shadows(0), np.zeros(0, bool), *np.zeros((2, 0, 3)))  # no face is bright
     finish(direct.steps())
     direct.blocked(at, model.emitters.lamps.full())
     _smooth()

@@ -94,23 +94,31 @@ def join_lamps(bsdfs, some: Candidates, picks: np.ndarray, paths: int, ends, lig
     Directional lights are `far` [m] away. Rays end `gap` [m] before the lamp.
     """
     rays = room_for_shadows(len(ends.row) * (some.strata + min(len(lights.delta.kind), paths)))
-    count = join_candidates(some, paths, ends, lights.area, gap, rays)
+    sets = sets_by_chance(some, ends.path)
+    count = join_candidates(some, sets, paths, ends, lights.area, gap, rays)
     count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, gap, count, rays, 1)
     return Shadows(*(a[:count] for a in rays))
 
 
+def rays_to_candidates(some: Candidates, sets: np.ndarray, paths: int, ends, lights: AreaLights, gap) -> Shadows:
+    """Return the rays of join_candidates()."""
+    rays = room_for_shadows(len(ends.row) * some.strata)
+    count = join_candidates(some, sets, paths, ends, lights, gap, rays)
+    return Shadows(*(a[:count] for a in rays))
+
+
 @allocating
-def join_candidates(of, paths, ends, lights, gap, out):
+def join_candidates(of, sets, paths, ends, lights, gap, out):
     """Write shadow rays from n path starts to area lights, one per stratum of candidates; return their number.
 
-    A start takes its set of candidates by chance, from its path number. Its values are those of join_lamps(), weighted
+    sets (n,) uint64: of candidates, one per start, see sets_by_chance(). Values are those of join_lamps(), weighted
     against bounces as in `next_event.join_area`.
     """
     n, strata = len(of.face) // of.sets, len(of.pick) // of.sets
     count, light, scale = 0, np.empty(n), paths / max(n, 1)
     for k in range(len(ends.row)):
         position, normal = row(ends.position, k), row(ends.normal, k)
-        own = random_numbers.hashed(0, ends.path[k], 0, PICK) % np.uint64(of.sets)
+        own = sets[k]
         before = own * np.uint64(n)
         unoccluded(of, before, position, normal, lights, light)
         for j in range(strata):
@@ -136,6 +144,15 @@ def join_candidates(of, paths, ends, lights, gap, out):
             out.stratum[count] = j
             count += 1
     return count
+
+
+@allocating
+def sets_by_chance(of, path):
+    """Return the sets of candidates (n,) uint64 of starts, from the numbers (n,) of their paths."""
+    out = np.empty(len(path), np.uint64)
+    for k in range(len(path)):
+        out[k] = random_numbers.hashed(0, path[k], 0, PICK) % np.uint64(of.sets)
+    return out
 
 
 @inlined

@@ -270,7 +270,7 @@ def _aim(lights, centre, radius, share, area):
         if lights.table[e] >= 0:
             cosine = math.pi * _best_density(lights, e, way, radius)
         else:
-            cosine = _best_cosine(dot(way, n), d2, radius)
+            cosine = largest_cosine(dot(way, n), d2, radius)
         share[e] = power * cosine / (d2 + radius * radius + area[e])
         flux += power
         brought += share[e]
@@ -306,7 +306,7 @@ def triangle_area(p):
 
 
 @kernel
-def _best_cosine(height, d2, radius):
+def largest_cosine(height, d2, radius):
     """Return the largest cosine at a lamp to any point of a sphere; 0 if the sphere lies behind the lamp.
 
     height [m]: of the centre over the lamp's plane; d2 [m2]: squared distance of the centre.

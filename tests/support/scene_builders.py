@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.scene.types import Material, Mesh, Mobile, PointLight, Scene, SpotLight
+from gi_core.scene.types import DirectionalLight, Material, Mesh, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
 
 BLACK = Material("black", (0.0, 0.0, 0.0))
 
@@ -196,3 +196,31 @@ def classroom(spacing: float = 0.25) -> Scene:
             parts.append(box(at + (0, 0.68, 0), at + (1.2, 0.72, 0.6), 4, 1))
             parts += [box(at + (dx, 0, 0.1), at + (dx + 0.06, 0.68, 0.5), 3, 1) for dx in (0.05, 1.09)]
     return Scene(merge(*parts), (grey(0.75), grey(0.35), lamp(20.0)), name="classroom")
+
+
+def sunny_room(spacing: float = 0.15, glow: float = 2.5) -> Scene:
+    """Return a room of 6 x 2.7 x 4 m with an open window, sun through it on the floor, a sky, and a box to move.
+
+    spacing [m]: of the receivers; glow [W/m2/sr]: of the sky.
+    """
+    x, y, z, low, high, left, right = 6.0, 2.7, 4.0, 0.8, 2.2, 1.2, 2.8
+
+    def side(corner, u, v, material=0):
+        return quad(corner, u, v, tuple(max(1, round(float(np.linalg.norm(w)) / spacing)) for w in (u, v)), material)
+
+    walls = merge(
+        side((0, 0, 0), (0, 0, z), (x, 0, 0), 1),  # floor
+        side((0, y, 0), (x, 0, 0), (0, 0, z)),  # ceiling
+        side((0, 0, 0), (0, y, 0), (0, 0, z)),
+        side((0, 0, 0), (x, 0, 0), (0, y, 0)),
+        side((0, 0, z), (0, y, 0), (x, 0, 0)),
+        side((x, 0, 0), (0, 0, z), (0, low, 0)),  # the window's wall, in four parts
+        side((x, high, 0), (0, 0, z), (0, y - high, 0)),
+        side((x, low, 0), (0, 0, left), (0, high - low, 0)),
+        side((x, low, right), (0, 0, z - right), (0, high - low, 0)),
+    )
+    sun = DirectionalLight("sun", (-0.75, -0.6, -0.15), (60.0, 56.0, 48.0))
+    materials = Material("wall", (0.6, 0.58, 0.55)), Material("floor", (0.25, 0.15, 0.08))
+    thing = Mobile("box", box((-0.25, 0, -0.25), (0.25, 0.5, 0.25), 10, 0), Pose((2.2, 0.3, 2.0)))
+    sky = SkyLight("sky", (0.8 * glow, glow, 1.3 * glow))
+    return Scene(walls, materials, (thing,), (sun, sky), name="sunny room")

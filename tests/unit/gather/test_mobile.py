@@ -194,9 +194,9 @@ def test_comparison_detects_an_omitted_path(monkeypatch):
     real = one_bounce.meet
 
     def mutated(*arguments):
-        face = np.array(arguments[5].face)  # a copy: hits are cached
+        face = np.array(arguments[6].face)  # a copy: hits are cached
         face[len(face) // 2] = -1
-        return real(*arguments[:5], arguments[5]._replace(face=face), *arguments[6:])
+        return real(*arguments[:6], arguments[6]._replace(face=face), *arguments[7:])
 
     right = gathering(threads=1)
     monkeypatch.setattr(one_bounce, "meet", mutated)
@@ -283,8 +283,8 @@ NOTHING_IS_COMPILED = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from gi_core.gather import one_bounce, hit_cache, mobile, interleaved_mean, shared_samples
-from gi_core.lights import light_sampling, next_event
+from gi_core.gather import bright_faces, one_bounce, hit_cache, mobile, interleaved_mean, shared_samples
+from gi_core.lights import candidates, light_sampling, next_event
 from gi_core.instruments import compile_ahead
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.gather.final_gather import FinalGather
@@ -293,7 +293,8 @@ from gi_core.model import Model
 from tests.unit.gather.test_mobile import three_things
 
 compile_ahead._gather(compile_ahead._tiny_scene(), None)
-modules = one_bounce, hit_cache, light_sampling, mobile, interleaved_mean, next_event, shared_samples
+modules = bright_faces, candidates, one_bounce, hit_cache, light_sampling, mobile
+modules += interleaved_mean, next_event, shared_samples
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]
 scene = three_things()
@@ -301,7 +302,10 @@ model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
 gather, static = mobile.MobileGather(model, 0), np.ones((model.first_probe, 3))
 for k in range(3):
     poses["of 0.1"] = poses["of 0.1"]._replace(position=(0.3, 0.5, 0.6 - 0.05 * k))
-    gather.irradiance(model.transforms(poses), static, 8)
+    bright = static.copy()
+    bright[model.surfaces.corner_front[:2]] = 1000.0
+    gather.irradiance(model.transforms(poses), static, 8, resting=bright)
+assert max(len(gather._lights_of(o, model.transforms(poses))[1].face) for o in (1, 2, 3))
 rows = model.surfaces.receiver_range(0)
 points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
 final = FinalGather(model, 0, points, normals, model.object_receivers.areas[rows])

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.gather.path_tracer import starts
 from gi_core.geometry.error import luminance
-from gi_core.lights.candidates import CANDIDATES, PATHS_PER_SHADOW, candidates, join_candidates
+from gi_core.lights.candidates import CANDIDATES, PATHS_PER_SHADOW, candidates, join_candidates, sets_by_chance
 from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
 from gi_core.lights.next_event import join_area, points_on_lamps, room_for_shadows
 from gi_core.model import Model
@@ -42,7 +42,9 @@ def found(lights, seed: int, behind: float, sets: int = 1) -> np.ndarray:
     """Return the light (3, 3) at the places by RAYS rays chosen among candidates."""
     rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) * RAYS)
     some = candidates(seed, 1 << M, lights.area, sets)
-    count = join_candidates(some, 1 << M, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays)
+    count = join_candidates(
+        some, sets_by_chance(some, rows), 1 << M, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays
+    )
     return lit(rays, count, behind) / (1 << M)
 
 
@@ -95,7 +97,7 @@ def test_sets_are_independent_and_receivers_take_them_by_chance():
         ends = starts(rows, rows, at, np.tile(NORMALS[0], (places, 1)))
         some = candidates(3, 1 << M, area, sets)
         assert some.strata == RAYS and len(some.face) == sets * RAYS * CANDIDATES
-        count = join_candidates(some, 1 << M, ends, area, 1e-6, rays)
+        count = join_candidates(some, sets_by_chance(some, rows), 1 << M, ends, area, 1e-6, rays)
         light[sets] = np.zeros((places, 3))
         np.add.at(light[sets], rays.row[:count], rays.value[:count])
     assert len(np.unique(light[1], axis=0)) == 1

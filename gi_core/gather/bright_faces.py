@@ -1,0 +1,121 @@
+"""Bright static faces, such as sunlit floor, as lamps of a mobile.
+
+Few of a mobile's bounces meet such a place, so these make most of the noise. Points on bright faces get shadow rays, as
+points on lamps do, weighted against bounces that hit the same faces (balance heuristic, Veach 1997). Faces are chosen
+by their light at rest, and rays bring their light in the frame, so the mean is that of bounces alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.hilbert_curve import hilbert_order
+from gi_core.base.jit import allocating, kernel
+from gi_core.base.vec import difference, dot, row
+from gi_core.geometry.error import REC709
+from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights.light_sampling import AreaLights, largest_cosine
+
+BRIGHT = 4.0  # times the mean light of faces that face a mobile
+LEAST = 0.2  # of their light, from bright ones
+RED, GREEN, BLUE = REC709
+
+
+class BrightFaces(NamedTuple):
+    """Bright faces as lamps: each a lamp of its own, of its luminance at rest in all channels."""
+
+    lights: AreaLights
+    face: np.ndarray  # (A,) int64
+
+
+class StaticFaces(NamedTuple):
+    """Fronts of the static part's faces, in the order of a Hilbert curve."""
+
+    face: np.ndarray  # (n,) int64
+    corners: np.ndarray  # (n, 9) float64 [m]
+    normal: np.ndarray  # (n, 3) float64 unit
+    area: np.ndarray  # (n,) float64 [m2]
+    receiver: np.ndarray  # (n, 3) int32, at the corners
+
+    @classmethod
+    def of(cls, s: Surfaces) -> StaticFaces:
+        """Return those of surfaces."""
+        corners = s.vertices[0][s.faces[0]]
+        order = hilbert_order(corners.mean(axis=1))
+        return cls(order, corners[order].reshape(-1, 9), s.normals[order], s.areas[order], s.corner_front[order])
+
+    def luminance(self, E: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+        """Return the luminance (n,) [W/m2] that faces reflect; E (receivers, 3) [W/m2], reflectance (F, 3)."""
+        out = np.empty(len(self.face))
+        _reflect(self.face, self.receiver, E, reflectance, out)
+        return out
+
+    def bright(self, luminance: np.ndarray, centre: np.ndarray, radius: float, faces: int) -> BrightFaces:
+        """Return the faces that are bright for a mobile, by their luminance (n,).
+
+        centre (3,) and radius [m]: sphere around the mobile, in the world; faces: of all objects.
+        """
+        view = np.empty(len(self.face))
+        _look(self.corners, self.normal, self.area, luminance, centre, radius, view)
+        brought = view * luminance
+        total = brought.sum()
+        rows = np.flatnonzero(brought > 0.0)
+        rows = rows[luminance[rows] * view.sum() > BRIGHT * total]
+        share = brought[rows]
+        if share.sum() < LEAST * total:
+            rows, share = rows[:0], share[:0]
+        share /= max(share.sum(), 1e-300)
+        cdf = np.cumsum(share)
+        cdf[-1:] = 1.0
+        n, of_face = len(rows), np.full(faces, -1, np.int32)
+        of_face[self.face[rows]] = np.arange(n)
+        radiance = np.repeat(luminance[rows, None] / math.pi, 3, axis=1)
+        lights = AreaLights(
+            self.corners[rows], self.normal[rows], radiance, cdf, share / self.area[rows], of_face, np.arange(n),
+            np.full(n, -1), np.zeros((n, 3)), np.zeros(0),
+        )  # fmt: skip
+        return BrightFaces(lights, self.face[rows])
+
+
+@kernel
+def _reflect(face, receiver, E, reflectance, out):
+    for k in range(len(face)):
+        rho, (u, v, w) = row(reflectance, face[k]), row(receiver, k)
+        red, green, blue = E[u, 0] + E[v, 0] + E[w, 0], E[u, 1] + E[v, 1] + E[w, 1], E[u, 2] + E[v, 2] + E[w, 2]
+        out[k] = max((RED * rho[0] * red + GREEN * rho[1] * green + BLUE * rho[2] * blue) / 3.0, 0.0)
+
+
+@kernel
+def _look(corners, normal, area, luminance, centre, radius, out):
+    """Write the part that faces with light take of the view of a sphere, whether something hides them or not."""
+    for k in range(len(out)):
+        out[k] = 0.0
+        if luminance[k] > 0.0:
+            p = corners[k]
+            middle = (p[0] + p[3] + p[6]) / 3.0, (p[1] + p[4] + p[7]) / 3.0, (p[2] + p[5] + p[8]) / 3.0
+            way = difference((centre[0], centre[1], centre[2]), middle)
+            d2 = dot(way, way)
+            out[k] = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
+
+
+@allocating
+def relative_light(face, radiance, corner_front, reflectance, E):
+    """Return the radiance (A, 3) of bright faces over that at rest, radiance (A, 3); E (receivers, 3) [W/m2]."""
+    out = np.empty((len(face), 3))
+    for k, f in enumerate(face):
+        u, v, w = row(corner_front, f)
+        for c in range(3):
+            out[k, c] = reflectance[f, c] * (E[u, c] + E[v, c] + E[w, c]) / (3.0 * math.pi * radiance[k, c])
+    return out
+
+
+@kernel
+def add_reflected(rays, blocked, relative, total):
+    """Add the light that unblocked rays to bright faces bring, times relative_light(), to total (n, 3)."""
+    for j in range(len(blocked)):
+        if not blocked[j]:
+            for c in range(3):
+                total[rays.row[j], c] += rays.value[j, c] * relative[rays.lamp[j], c]
