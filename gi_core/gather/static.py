@@ -20,6 +20,7 @@ from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
+from gi_core.gather.view_level import visual_weights
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
@@ -28,6 +29,7 @@ from gi_core.model import Model
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 32  # until 1 % noise; the first noise is known after two
+EVIDENT = 100  # paths per receiver from which errors above the noise are bias; of 16, few paths may miss bright places
 FIRST_PHASE = 0.15  # of the time, roughly
 SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
 SAMPLE_NOISE = 2.0  # ... by paths of so many times its noise, ...
@@ -103,15 +105,14 @@ class StaticGather:
         """state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene."""
         rows = model.surfaces.receiver_range(0)
         points, normals = model.evaluation_points
-        self.weights = model.object_receivers.areas[rows].copy()
-        if state is not None and len(state.sets) != len(self.weights):
-            raise ValueError(f"the state has {len(state.sets)} points, but there are {len(self.weights)}")
-        self._paid = self.weights.copy()
-        # Probes have no area but need light: they get the mean weight.
-        self._paid[model.first_probe :] = self._paid.mean() if len(self._paid) else 0.0
+        self._areas = model.object_receivers.areas[rows].copy()
+        if state is not None and len(state.sets) != len(self._areas):
+            raise ValueError(f"the state has {len(state.sets)} points, but there are {len(self._areas)}")
         self._model, self._seed, self._channels = model, seed, model.emitters.lamps.channels
         self._points = points[rows], normals[rows]
-        self._final = FinalGather(model, seed, *self._points, self._paid)
+        self._final = FinalGather(model, seed, *self._points, self._areas)
+        self._weigh(self._areas)
+        self._is_weighed = False
         self._sample: ErrorSample | None = None
         self._near = neighbours(model.corners(0), rows.stop)
         self.state = state
@@ -123,6 +124,13 @@ class StaticGather:
         self._first_phase = self._fraction = 0.0  # fractions done
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
+
+    def _weigh(self, weights: np.ndarray) -> None:
+        """Compare light by weights (n,) from now on."""
+        self.weights, self._paid = weights, weights.copy()
+        # Probes have no area but need light: they get the mean weight.
+        self._paid[self._model.first_probe :] = weights.mean() if len(weights) else 0.0
+        self._final.weights = self._paid
 
     @property
     def light(self) -> dict[str, object]:
@@ -204,6 +212,10 @@ class StaticGather:
         same result.
         """
         if not self.enough:
+            if not self._is_weighed and (theirs := photons()) is not None:
+                E = self._pooled(luminance(sum_of_lamps(theirs.per_lamp))[:, None])[:, 0]
+                self._weigh(visual_weights(self._model, E, self._areas))
+                self._is_weighed = True
             yield from self._single_bounces(photons)
             yield from self._whole_paths()
 
@@ -231,7 +243,8 @@ class StaticGather:
                 yield False
                 yield from self._take_over(*found, self._measure, guide)
             measured = new and self._sample is not None  # else the light before has less noise
-            if not f.noise > LOW * ENOUGH or (measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise):
+            biased = measured and f.paths >= EVIDENT and self._sample.error(f.mean) > math.sqrt(2) * f.noise
+            if biased or not f.noise > LOW * ENOUGH:
                 return
 
     def _measure(self, E: np.ndarray, noise: float) -> Generator[bool, None, float]:
@@ -302,7 +315,7 @@ class StaticGather:
         """
         last = self._final.last
         out = np.where((last > 0).any(axis=1)[:, None], last, photons)
-        mine, theirs = self.weights @ out, self.weights @ photons
+        mine, theirs = self._areas @ out, self._areas @ photons
         return out * np.divide(theirs, mine, out=np.ones(len(mine)), where=mine > 0)
 
     def _take_over(

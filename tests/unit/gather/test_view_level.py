@@ -1,0 +1,91 @@
+"""Weights of light in view: a sunlit outside does not decide whether a room has little noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gi_core.gather import static
+from gi_core.gather.static import PhotonLight, StaticGather
+from gi_core.gather.view_level import BACKS, WHITE, visual_weights
+from gi_core.geometry.error import relative_error
+from gi_core.model import Model
+from gi_core.scene.types import Camera
+from gi_core.solver import Solver
+from tests.support.scene_builders import box, grey, merge, quad, sunny_room
+
+INSIDE = Camera((0.5, 1.6, 3.7), (3.6, 0.7, 1.0), 65.0)
+SPACING = 0.8
+
+
+def house():
+    """Return the sunny room with sunlit ground outside, five times its area, and the camera inside."""
+    scene = sunny_room(SPACING)
+    ground = quad((7.0, 0, -5.0), (0, 0, 14.0), (14.0, 0, 0), (10, 10), 1)
+    return replace(scene, static=merge(scene.static, ground), camera=INSIDE)
+
+
+def test_even_light_and_dim_places_count_by_area():
+    model = Model(house(), 1)
+    areas = model.object_receivers.areas[: model.first_probe]
+    even = np.full(len(areas), 3.0)
+    assert np.allclose(visual_weights(model, even, areas), areas)
+    dim = np.where(np.arange(len(areas)) % 50, even, 0.3)
+    assert np.allclose(visual_weights(model, dim, areas), areas)
+
+
+def test_light_counts_by_area_up_to_white():
+    model = Model(house(), 1)
+    rows = model.surfaces.receiver_range(0)
+    points, areas = model.evaluation_points[0][rows], model.object_receivers.areas[rows]
+    outside = points[:, 0] > 6.5
+    E = np.where(outside, 100.0, 2.0)
+    w = visual_weights(model, E, areas)
+    assert outside.any() and np.allclose(w[~outside], areas[~outside])
+    assert np.allclose(w[outside], 2.0 / 100.0 * WHITE * 2.0 / 100.0 * areas[outside])
+
+
+@pytest.mark.parametrize("walls", range(BACKS + 1))
+def test_a_camera_behind_one_sided_walls_sees_through_them(walls):
+    """A room inside boxes whose fronts are inside as well; beyond BACKS the median is that of all surfaces."""
+    boxes = [box((-k, -k, -k), (1 + k, 1 + k, 1 + k), 2, 0, inward=True) for k in range(walls)]
+    floor = quad((0.4, 0.4, 0.2), (0.2, 0, 0), (0, 0.2, 0), (2, 2), 0)  # faces up, towards the camera
+    scene = replace(sunny_room(), static=merge(floor, *boxes), materials=(grey(0.5),), mobiles=(), up=(0, 0, 1))
+    model = Model(replace(scene, camera=Camera((0.5, 0.5, 20.0), (0.5, 0.5, 0.0), 0.3)), 1)
+    areas = model.object_receivers.areas[: model.first_probe]
+    E = np.full(len(areas), 50.0)
+    E[np.unique(model.surfaces.corner_front[: len(floor.faces)])] = 1.0
+    level = 1.0 if walls < BACKS else 50.0
+    assert (visual_weights(model, E, areas)[E == 50.0] < areas[E == 50.0]).all() == (level == 1.0)
+
+
+def test_darkness_counts_by_area():
+    model = Model(replace(house(), camera=None), 1)
+    areas = model.object_receivers.areas[: model.first_probe]
+    assert np.array_equal(visual_weights(model, np.zeros(len(areas)), areas), areas)
+
+
+@pytest.mark.slow
+def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
+    """Weighted by area, it has several times as much: nearly all light is outside."""
+    solver = Solver(house(), photons=1 << 16, radius=0.6, seed=3)
+    solver.solve()
+    model, photons = solver.model, solver.frame.background.irradiance_per_lamp(1 << 16)
+    rows = model.surfaces.receiver_range(0)
+    areas, inside = model.object_receivers.areas[rows], model.evaluation_points[0][rows][:, 0] < 6.0
+
+    def noise_inside() -> float:
+        light = []
+        for seed in (1, 2):
+            g = StaticGather(model, seed)
+            for _ in g.steps(lambda: PhotonLight(photons, 0.2)):
+                pass
+            light.append(g.mean)
+        assert areas[inside] @ light[0][inside, 0] < 0.05 * (areas @ light[0][:, 0])
+        return relative_error(*light, areas * inside / np.maximum(light[1][:, 1], 0.3)).l1 / np.sqrt(2)
+
+    now = noise_inside()
+    monkeypatch.setattr(static, "visual_weights", lambda model, E, areas: areas)
+    assert now < 0.015 and noise_inside() > 3 * now
