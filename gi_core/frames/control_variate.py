@@ -23,11 +23,12 @@ A few photons measure the change E - G with much noise. Its variance, in flux an
 for T removed from B, A added by new suffixes, q the flux per photon. Photons are independent; that of the removed share
 follows Laplace's rule, so one of one removed photon is no evidence of full shadow, but eight of eight are. In
 proportion to this noise, changes are averaged over receivers around (`denoise.smooth`), so edges of shadows stay.
-Then a change d is shrunk by the variance v that is left (James and Stein 1961, positive part), with the factor
+Then a change d is shrunk by the variance v that is left, with the factor
 
-    1 - CORRELATED v / d^2
+    1 - CORRELATED v / d^2, at least 0
 
-which is 0 for changes within noise and nearly 1 far above it. docs/decisions 9 and 32 have the measurements.
+which is 0 for changes within noise and nearly 1 far above it. v and d^2 are means over receivers around (Lee 1980):
+factors of single receivers keep changes in islands. docs/decisions 9, 32 and 65 have the measurements.
 
 Sums of a stale receiver are over another area than before, so they are no mean of neighbours. Its change is shrunk by
 the variance of F - B, whose photons are partly the same.
@@ -155,8 +156,25 @@ def _measure(
                 change[r, VARIANCE] = min(-noise * share, ALONE)
 
 
+@inlined
+def _kept(change, near, r):
+    """Return the share of receiver r's change that is kept, 0 .. 1; near: Neighbours."""
+    d, variance = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE]
+    square, noise = d * d, abs(variance)
+    if variance > 0.0:
+        noise *= CORRELATED
+        for k in range(near.first[r], near.first[r + 1]):
+            j = near.of[k]
+            if change[j, VARIANCE] > 0.0:
+                d = change[j, 0] + change[j, 1] + change[j, 2]
+                square += d * d
+                noise += CORRELATED * change[j, VARIANCE]
+    # The variance of a sum of grey channels is three times the sum of their variances.
+    return max(1.0 - 3.0 * noise / square, 0.0) if square > 0.0 else 0.0
+
+
 @kernel
-def _add(changed, better, change, direct, first, last, out, unbiased):
+def _add(changed, better, change, direct, near, first, last, out, unbiased):
     """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1.
 
     In all chunks, direct light is taken away in proportion to what mobiles block, from both kinds of light.
@@ -167,10 +185,7 @@ def _add(changed, better, change, direct, first, last, out, unbiased):
             if not direct.blocked[begin:end].any():
                 continue
         for r in range(begin, end):
-            d, variance, kept = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE], 1.0
-            if variance != 0.0:
-                correlated = CORRELATED if variance > 0.0 else 1.0
-                kept = max(1.0 - 3.0 * correlated * abs(variance) / (d * d), 0.0) if d != 0.0 else 0.0
+            kept = _kept(change, near, r) if change[r, VARIANCE] != 0.0 else 1.0
             for c in range(3):
                 light, blocked = direct.light[r, c], direct.blocked[r, c]
                 taken = min(better[r, c], light) * min(blocked / light, 1.0) if blocked > 0.0 else 0.0
@@ -227,7 +242,7 @@ def frame_irradiance(
         )  # fmt: skip
 
     def add(_, first, last):
-        _add(frame.changed, better, change, direct, first, last, out, unbiased)
+        _add(frame.changed, better, change, direct, near, first, last, out, unbiased)
 
     run_ranges(measure, len(frame.changed), threads, CHUNK_GRAIN)
     smooth(change, REACH, near, threads)
