@@ -25,6 +25,7 @@ from gi_core.model import Model
 from gi_core.scene.types import Pose
 
 FORMAT = "gi-viewer reference 3"  # raise the number when paths change: old files are then ignored
+STATIC = "static 2"  # the same of the static part's light, when its paths are distributed otherwise
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 REFERENCE_SEED = 0
 SAVE_SECONDS = 20.0
@@ -92,7 +93,7 @@ class StaticStore(StateFile):
         if lamps.count > 1:  # light per lamp follows the sum
             arrays = *arrays, np.array([lamps.sources.get(light.name, 0) for light in model.scene.lights])
             arrays = *arrays, model.lamp_of_face[faces]
-        key = _digest(model, seed, "static", *arrays, r.positions[rows], r.normals[rows], r.areas[rows])
+        key = _digest(model, seed, STATIC, *arrays, r.positions[rows], r.normals[rows], r.areas[rows])
         super().__init__(key, rows.stop, None, 3 + lamps.channels * (lamps.count > 1))
 
 

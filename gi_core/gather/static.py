@@ -132,6 +132,20 @@ class StaticGather:
         self._paid[self._model.first_probe :] = weights.mean() if len(weights) else 0.0
         self._final.weights = self._paid
 
+    def _weigh_by(self, photons: Callable[[], PhotonLight | None]) -> None:
+        """Weigh receivers once, by whole paths of an earlier run or by photons; arguments as for steps()."""
+        if self._is_weighed:
+            return
+        if self.state is not None and self.state.rounds > 1:
+            light = self.state.mean[:, :3]
+        elif (theirs := photons()) is not None:
+            light = sum_of_lamps(theirs.per_lamp)
+        else:
+            return
+        E = self._pooled(luminance(light)[:, None])[:, 0]
+        self._weigh(visual_weights(self._model, E, self._areas))
+        self._is_weighed = True
+
     @property
     def light(self) -> dict[str, object]:
         """The light so far and its errors, without the paths behind them: for restored()."""
@@ -212,10 +226,7 @@ class StaticGather:
         same result.
         """
         if not self.enough:
-            if not self._is_weighed and (theirs := photons()) is not None:
-                E = self._pooled(luminance(sum_of_lamps(theirs.per_lamp))[:, None])[:, 0]
-                self._weigh(visual_weights(self._model, E, self._areas))
-                self._is_weighed = True
+            self._weigh_by(photons)
             yield from self._single_bounces(photons)
             yield from self._whole_paths()
 

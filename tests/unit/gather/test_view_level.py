@@ -89,3 +89,19 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
     now = noise_inside()
     monkeypatch.setattr(static, "visual_weights", lambda model, E, areas: areas)
     assert now < 0.015 and noise_inside() > 3 * now
+
+
+def test_light_of_an_earlier_run_is_weighed_by_itself():
+    """It is shown before there are photons."""
+    solver = Solver(house(), photons=1 << 14, radius=0.6, seed=3)
+    solver.solve()
+    photons = solver.frame.background.irradiance_per_lamp(1 << 14)
+    first = StaticGather(solver.model, 1)
+    for _ in first.steps(lambda: PhotonLight(photons, 0.2)):
+        if first.state is not None and first.state.rounds > 1:
+            break
+    again = StaticGather(solver.model, 1, first.state)
+    next(again.steps(lambda: None))
+    areas = solver.model.object_receivers.areas[: len(again.weights)]
+    assert (again.weights < 0.9 * areas).mean() > 0.1
+    assert np.allclose(again.weights, first.weights, rtol=1.0, atol=1e-3)
