@@ -2,7 +2,8 @@
 
 Points on lights are fixed, the same for all receivers and poses. How much light each brings past the static part is
 found once. A frame tests the rays that bring light against mobiles alone, so shadows have no noise of photons.
-Receivers lie in groups along a Hilbert curve: one test per group, point and mobile excludes most rays.
+Receivers lie in groups along a Hilbert curve: one test per group, point and mobile excludes most rays. What a mobile
+blocks stays known while it rests.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, rotate_back, row
+from gi_core.gather.hit_cache import pose_bits
 from gi_core.gather.path_tracer import SHADOW_GAP
 from gi_core.lights.light_points import LightPoints, light_points, strength_of, way_to
 from gi_core.model import Model
@@ -26,7 +28,7 @@ from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.rays.structures import any_hit, new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
-SEE_GRAIN, BLOCK_GRAIN = 4, 32  # groups per thread
+SEE_GRAIN, BLOCK_GRAIN, ADD_GRAIN = 4, 32, 1024  # groups per thread
 FIRST_SECONDS, LEAST, MOST = 2e-4, 16, 1 << 12  # per group before measurements; groups per step
 
 
@@ -42,6 +44,18 @@ class Groups(NamedTuple):
     radius: np.ndarray  # (g,) float64 [m]
 
 
+class Blocked(NamedTuple):
+    """Rays that mobiles block, one row per mobile."""
+
+    pose: list[bytes]  # of each mobile, b"": unknown
+    rays: np.ndarray  # (m, g, P) uint16, a bit per receiver of the group
+    any: np.ndarray  # (m, g) bool, the mobile blocks a ray of the group
+
+    @classmethod
+    def unknown(cls, mobiles: int, groups: int, points: int) -> Blocked:
+        return cls([b""] * mobiles, np.empty((mobiles, groups, points), np.uint16), np.empty((mobiles, groups), bool))
+
+
 class DirectLight:
     """`per_lamp` (n, 3 G) [W/m2] is the direct light of static receivers without mobiles, once `is_known`."""
 
@@ -49,11 +63,12 @@ class DirectLight:
         self._model, self._points = model, light_points(model.lights, seed)
         self.per_lamp = np.empty((0, model.lights.channels))
         self._groups: Groups | None = None
+        self._blocked: Blocked | None = None
 
     def copied(self, model: Model) -> DirectLight:
         """Return the same light for a model of the same static part and lights."""
         other = copy.copy(self)
-        other._model = model
+        other._model, other._blocked = model, None
         return other
 
     @property
@@ -90,17 +105,30 @@ class DirectLight:
         """Return the direct light (n, 3) [W/m2] that mobiles block at their poses, at levels (G, 3) of the lamps."""
         m, p, groups = self._model, self._points, self._groups
         out, n = np.zeros((len(self.per_lamp), 3)), len(groups.radius)
-        there = np.stack([_in_object(at, o, p) for o in range(len(at.position))])
+        if self._blocked is None:
+            self._blocked = Blocked.unknown(len(at.position) - 1, n, len(p.kind))
+        pose, rays, some = self._blocked
+        for k in range(len(pose)):
+            if pose[k] != (now := pose_bits(at, k + 1)):
+                pose[k] = b""  # until all is found
+                self._find_blocked(at, k + 1, rays[k], some[k])
+                pose[k] = now
         value = p.value * levels[p.lamp]
-        given = m.accelerator.scenes, m.accelerator.boxes, at, there, p.distant, value, *_lengths(m), groups
+        run_ranges(lambda _, a, b: _add(groups, rays, some, value, a, b, out), n, m.threads, ADD_GRAIN)
+        return out
+
+    def _find_blocked(self, at: Transforms, o: int, rays: np.ndarray, some: np.ndarray) -> None:
+        """Write the rays (g, P) that mobile o blocks, and the groups (g,) where it does."""
+        m, p, groups = self._model, self._points, self._groups
+        n, there = len(some), _in_object(at, o, p)
+        given = m.accelerator.scenes, m.accelerator.boxes[o], at, o, there, p.distant, *_lengths(m), groups
         starts = iter(range(0, n, BLOCK_GRAIN))
 
         def work(*_):
             for first in starts:  # each thread takes the next ones: shadows lie in few
-                _block(*given, new_ray(), first, min(first + BLOCK_GRAIN, n), out)
+                _block(*given, new_ray(), first, min(first + BLOCK_GRAIN, n), rays, some)
 
         run_ranges(work, m.threads, m.threads, 1)
-        return out
 
 
 def _lengths(model: Model) -> tuple[float, float]:
@@ -170,47 +198,61 @@ def _misses(start, end, box, pad):
 
 
 @allocating
-def _block(scenes, boxes, at, there, distant, value, far, gap, groups, ray, first, last, out):
-    """Add the light of the points that mobiles block, of groups first .. last - 1.
+def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, last, rays, some):
+    """Write the rays (g, P) that mobile o blocks, and where it does (g,), of groups first .. last - 1.
 
-    there (objects, P, 3): places of the points in the space of each object; value (P, 3): of the points, at the levels.
+    box (2, 3): of the mobile; there (P, 3): places of the points, both in its space.
     """
-    objects = len(at.position)
-    hidden, local = np.zeros(GROUP, np.bool_), np.empty((objects, GROUP, 3), np.float32)
-    middle, half, centre = np.empty((3, objects, 3))
-    is_local = np.zeros(objects, np.bool_)
-    for o in range(objects):
-        for c in range(3):
-            middle[o, c], half[o, c] = 0.5 * (boxes[o, 0, c] + boxes[o, 1, c]), 0.5 * (boxes[o, 1, c] - boxes[o, 0, c])
+    local, middle, half = np.empty((GROUP, 3), np.float32), np.empty(3), np.empty(3)
+    for c in range(3):
+        middle[c], half[c] = 0.5 * (box[0, c] + box[1, c]), 0.5 * (box[1, c] - box[0, c])
+    around = (middle[0], middle[1], middle[2]), (half[0], half[1], half[2])
     for g in range(first, last):
-        for o in range(1, objects):
-            centre[o] = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
-        is_local[:] = False
+        centre = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
+        is_local, some[g] = False, False
         for j in range(len(distant)):
+            rays[g, j] = 0
             if not groups.lit[g, j]:
                 continue
-            strength = groups.strength[g, j]
-            hidden[:] = False
-            for o in range(1, objects):
-                place, start = row(there[o], j), row(centre, o)
-                box = row(middle, o), row(half, o)
-                if _misses(start, _end(place, distant[j], far, start), box, groups.radius[g]):
+            place = row(there, j)
+            if _misses(centre, _end(place, distant[j], far, centre), around, groups.radius[g]):
+                continue
+            if not is_local:
+                _to_local(at, o, groups.position[g], local)
+                is_local = True
+            hidden = 0
+            for k in range(GROUP):
+                if groups.strength[g, j, k] == 0.0:
                     continue
-                if not is_local[o]:
-                    _to_local(at, o, groups.position[g], local[o])
-                    is_local[o] = True
-                for k in range(GROUP):
-                    if strength[k] == 0.0 or hidden[k]:
-                        continue
-                    start = row(local[o], k)
-                    if _misses(start, _end(place, distant[j], far, start), box, 0.0):
-                        continue
-                    u, v, w, d = way_to(place, distant[j], far, start)
-                    u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), np.float32(max(d - gap, 0.0))
-                    if any_hit(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit):
-                        hidden[k] = True
-                        for c in range(3):
-                            out[groups.receiver[g, k], c] += strength[k] * value[j, c]
+                start = row(local, k)
+                if _misses(start, _end(place, distant[j], far, start), around, 0.0):
+                    continue
+                u, v, w, d = way_to(place, distant[j], far, start)
+                u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), np.float32(max(d - gap, 0.0))
+                if any_hit(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit):
+                    hidden |= 1 << k
+            if hidden:
+                rays[g, j], some[g] = hidden, True
+
+
+@kernel
+def _add(groups, rays, some, value, first, last, out):
+    """Add the light of the points that mobiles block, of groups first .. last - 1; value (P, 3): of the points."""
+    for g in range(first, last):
+        if not some[:, g].any():
+            continue
+        for j in range(len(value)):
+            hidden = 0
+            for o in range(len(some)):
+                if some[o, g]:
+                    hidden |= rays[o, g, j]
+            k = 0
+            while hidden:
+                if hidden & 1:
+                    for c in range(3):
+                        out[groups.receiver[g, k], c] += groups.strength[g, j, k] * value[j, c]
+                hidden >>= 1
+                k += 1
 
 
 @inlined

@@ -114,6 +114,21 @@ def test_threads_do_not_matter_and_absent_mobiles_block_nothing():
     assert not a.blocked(one.transforms(away), full).any()
 
 
+def test_what_resting_mobiles_block_is_kept(monkeypatch):
+    """Mobiles that move, rest, return and hide the same light have the bits of a new gathering."""
+    model = Model(scene(*LIGHTS), threads=2)
+    kept, full, tested, real = measured(model), model.emitters.lamps.full(), [], DirectLight._find_blocked
+    monkeypatch.setattr(DirectLight, "_find_blocked", lambda self, at, o, *a: tested.append(o) or real(self, at, o, *a))
+    away, low = Pose((50.0, 50.0, 50.0)), POSES["slab"]._replace(position=(0.0, 0.0, 0.1))  # under the box
+    history = ({}, {"slab": low}, {"slab": low}, {"box": away, "slab": low}, {"slab": away}, {})
+    for poses, moved in zip(history, ([1, 2], [2], [], [1], [1, 2], [2]), strict=True):
+        at = model.transforms(POSES | poses)
+        found, again = kept.blocked(at, full), tested.copy()
+        assert again == moved
+        assert found.any() and np.array_equal(found, measured(Model(model.scene, 1)).blocked(at, full))
+        tested.clear()
+
+
 def test_nothing_is_measured_without_mobiles_or_for_very_many_delta_lights():
     bulbs = tuple(PointLight(f"bulb {k}", (0.01 * k, 0.0, 0.8), (0.1, 0.1, 0.1)) for k in range(MOST_DELTA + 1))
     for place in (scene("lamp", mobiles=False), replace(scene("lamp"), lights=bulbs)):
