@@ -53,17 +53,21 @@ class StaticFaces(NamedTuple):
         _reflect(self.face, self.receiver, E, reflectance, out)
         return out
 
-    def bright(self, luminance: np.ndarray, centre: np.ndarray, radius: float, faces: int) -> BrightFaces:
-        """Return the faces that are bright for a mobile, by their luminance (n,).
+    def view(self, centre: np.ndarray, radius: float) -> np.ndarray:
+        """Return the parts (n,) that faces take of a mobile's view, whether something hides them or not.
 
-        centre (3,) and radius [m]: sphere around the mobile, in the world; faces: of all objects.
+        centre (3,) and radius [m]: sphere around the mobile, in the world.
         """
-        view = np.empty(len(self.face))
-        _look(self.corners, self.normal, self.area, luminance, centre, radius, view)
+        out = np.empty(len(self.face))
+        _look(self.corners, self.normal, self.area, centre, radius, out)
+        return out
+
+    def bright(self, luminance: np.ndarray, view: np.ndarray, faces: int) -> BrightFaces:
+        """Return the faces that are bright in a view (n,), by their luminance (n,); faces: of all objects."""
         brought = view * luminance
         total = brought.sum()
         rows = np.flatnonzero(brought > 0.0)
-        rows = rows[luminance[rows] * view.sum() > BRIGHT * total]
+        rows = rows[luminance[rows] * view[luminance > 0.0].sum() > BRIGHT * total]
         share = brought[rows]
         if share.sum() < LEAST * total:
             rows, share = rows[:0], share[:0]
@@ -89,16 +93,13 @@ def _reflect(face, receiver, E, reflectance, out):
 
 
 @kernel
-def _look(corners, normal, area, luminance, centre, radius, out):
-    """Write the part that faces with light take of the view of a sphere, whether something hides them or not."""
+def _look(corners, normal, area, centre, radius, out):
     for k in range(len(out)):
-        out[k] = 0.0
-        if luminance[k] > 0.0:
-            p = corners[k]
-            middle = (p[0] + p[3] + p[6]) / 3.0, (p[1] + p[4] + p[7]) / 3.0, (p[2] + p[5] + p[8]) / 3.0
-            way = difference((centre[0], centre[1], centre[2]), middle)
-            d2 = dot(way, way)
-            out[k] = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
+        p = corners[k]
+        middle = (p[0] + p[3] + p[6]) / 3.0, (p[1] + p[4] + p[7]) / 3.0, (p[2] + p[5] + p[8]) / 3.0
+        way = difference((centre[0], centre[1], centre[2]), middle)
+        d2 = dot(way, way)
+        out[k] = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
 
 
 @allocating

@@ -39,7 +39,7 @@ CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighb
 class FinalGather:
     """Irradiance at n receivers of the static part without mobiles.
 
-    positions (n, 3) [m]; normals (n, 3), 0: black; weights (n,), areas.
+    positions (n, 3) [m]; normals (n, 3), 0: black; weights (n,) of their noise.
     """
 
     def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
