@@ -481,24 +481,30 @@ def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
 
 def test_work_at_rest_goes_on_between_frames(play, monkeypatch):
     """Errors are measured to the end while no input comes; the frames between would show new numbers alone."""
-    ticks, viewers = [], []
+    ticks, waits, viewers = [], [], []
 
     def script(hand, viewer):
         viewers.append(viewer)
         hand.wait_for_light()
         session, tick = viewer.session, viewer.session.tick
+        hand.wait(lambda: viewer.painter.is_done and session.light.snapshot.rest.report is not None)
         session.tick = lambda *given, **more: (ticks.append(viewer.frames), tick(*given, **more))
-        hand.ctx.yield_(30)
-        assert not session.light.all_done
         viewer.may_sleep = True
+        hand.wait(lambda: waits)
+        assert not session.light.all_done
+        monkeypatch.setattr("app.rest.live_error.LEAST_NOISE", 1.0)
         hand.wait(lambda: session.light.all_done)
         viewer.may_sleep = False
         assert session.light.snapshot.rest.report.done
 
-    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
-    monkeypatch.setattr("app.window.viewer.REFRESH", 1e9, raising=False)
-    monkeypatch.setattr(
-        "app.window.window.wait_for_input", lambda seconds: viewers[0].session.light.all_done, raising=False
-    )
+    def wait(seconds):  # the twentieth ends with input
+        waits.append(viewers[0].frames)
+        return waits.count(viewers[0].frames) == 20
+
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    monkeypatch.setattr("app.window.viewer.REFRESH", 1e9)
+    monkeypatch.setattr("app.window.window.wait_for_input", wait)
+    monkeypatch.setattr("app.rest.live_error.LEAST_NOISE", 0.0)  # measuring lasts until the script ends it
+    monkeypatch.setattr("app.rest.live_error.NOISE_OF_ERROR", 0.0)
     assert errors(play(script, replace(support.SETTINGS, measure_errors=True))) == []
-    assert max(ticks.count(n) for n in set(ticks)) > 10, "tasks without a frame"
+    assert ticks.count(waits[0]) >= 20, "tasks without a frame"
