@@ -35,7 +35,7 @@ def _median_in_view(model: Model, E: np.ndarray) -> float:
     if scene.camera is None:
         return 0.0
     way = picture_rays([scene.camera], scene.up, *GRID)[0].astype(np.float32)
-    origin = np.repeat(np.array(scene.camera.position - model.origins[0], np.float32)[None], len(way), axis=0)
+    origin = np.repeat(np.array(scene.camera.position, np.float32)[None], len(way), axis=0)
     found, far = [], FAR * model.world.size + float(np.linalg.norm(origin[0]))
     for _ in range(BACKS):
         distance, face = model.accelerator.nearest(0, origin, way, np.full(len(way), far, np.float32))

@@ -12,6 +12,7 @@ from gi_core.gather.static import PhotonLight, StaticGather
 from gi_core.gather.view_level import BACKS, WHITE, visual_weights
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
+from gi_core.scene.origin import translated
 from gi_core.scene.types import Camera
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, grey, merge, quad, sunny_room
@@ -59,6 +60,19 @@ def test_a_camera_behind_one_sided_walls_sees_through_them(walls):
     E[np.unique(model.surfaces.corner_front[: len(floor.faces)])] = 1.0
     level = 1.0 if walls < BACKS else 50.0
     assert (visual_weights(model, E, areas)[E == 50.0] < areas[E == 50.0]).all() == (level == 1.0)
+
+
+def test_a_scene_far_from_the_origin_has_the_same_weights():
+    """Survey data: geometry and camera are shifted near the origin, once."""
+    found = []
+    for by in (0.0, 4096.0):
+        model = Model(translated(house(), np.array([by, -by, 0.0])), 1)
+        assert model.origins[0].any() == (by > 0)
+        rows = model.surfaces.receiver_range(0)
+        areas = model.object_receivers.areas[rows]
+        E = np.where(model.evaluation_points[0][rows][:, 0] > 6.5 - model.origins[0, 0] + by, 100.0, 2.0)
+        found.append(visual_weights(model, E, areas) / areas)
+    assert np.allclose(*found)
 
 
 def test_darkness_counts_by_area():
