@@ -144,8 +144,8 @@ class FinalGather:
         scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
         limits = np.full(count, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
+        none = Exchange(*np.empty((2, 0), np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile
         known = Field(s.corner_front, s.corner_back, field)
-        bounces = Bounces(1 << m, normals, at.rotation[0], direction, distance, face)
+        bounces = Bounces(1 << m, np.arange(n + 1) << m, normals, at.rotation[0], direction, distance, face)
         meet(world, at, lights.area, lights.sky, NOTHING_BRIGHT, known, bounces, 0, 0, total, NO_RAYS, none)
         return total

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import itertools
 import operator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather import one_bounce
 from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
-from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
+from gi_core.gather.interleaved_mean import KINDS, average_neighbours, bounce_shares, closeness, kinds, near_receivers
 from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, for_cells
 from gi_core.gather.one_bounce import Bounces, Bright, Exchange, Field, reached_corners, reflected
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
@@ -57,7 +58,8 @@ class ReceiverBatch(NamedTuple):
 
     mobile: int
     rows: slice  # index among the receivers of mobiles
-    directions: np.ndarray  # (n, 3) float32 unit, of bounces, object space
+    first: np.ndarray  # (n + 1,) int64: bounces first[i] to first[i + 1] are those of receiver i
+    directions: np.ndarray  # (k, 3) float32 unit, of bounces, object space
     bounce: BounceRays
     shadow: ShadowRays
     to_bright: ShadowRays
@@ -101,10 +103,11 @@ class MobileGather:
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._near = near_receivers(positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
-        self._directions: dict[int, np.ndarray] = {}  # by number of paths
+        self._directions: dict[int, np.ndarray] = {}  # by number of bounces
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by number of paths
         glossy = glossy_receivers(s, besides=is_sharp(s))
         self._glossy = np.unique(np.searchsorted(s.first_receiver, glossy[glossy >= self.first], side="right") - 1)
+        self._shares = self._bounce_shares()
         self._bounced = np.empty((0, 3, 1), np.float32)  # see PathLight
         self.path_light: PathLight | None = None  # of the last call, until the next; None without glossy mobiles
 
@@ -115,7 +118,7 @@ class MobileGather:
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
         static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. paths: per receiver, at
-        least 1. reflectance (F, 3) float64 of all faces, None: their albedo.
+        least 1, of bounces on average. reflectance (F, 3) float64 of all faces, None: their albedo.
         lights: of one lamp; None: those of the last call, at first those of the scene file. resting (>= first, 3)
         [W/m2]: static irradiance without mobiles, by which faces are bright; None: none is.
         """
@@ -126,13 +129,20 @@ class MobileGather:
         light = PathSums(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
-        if paths not in self._directions:
-            self._directions[paths] = shared_directions(self._seed, paths, KINDS)
-        lamps = [self._lamps(world, o, at, static, paths) for o in range(1, len(at.position))]
-        places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
+        counts = self._bounces(paths)
+        for count in {paths, *np.unique(counts).tolist()} - set(self._directions):
+            self._directions[count] = shared_directions(self._seed, count, KINDS)
+        threads, mobiles = self._model.threads, len(self._model.names)
+        lamps: list = [None] * mobiles
 
+        def look(_, first, last):
+            for o in range(first, last):
+                lamps[o] = self._lamps(world, o + 1, at, static, paths)
+
+        run_ranges(look, mobiles, threads, 1)
+        places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
         found: list = [None] * len(places)
-        waiting, threads = iter(range(len(places))), self._model.threads
+        waiting = iter(range(len(places)))
 
         def work(*_):
             for k in waiting:  # each thread takes the next batch, as they take different times
@@ -152,7 +162,24 @@ class MobileGather:
             add_exchanged(exchange, direct + E, bounced)
             given = self._near, self._kinds, self._kind_directions(paths), light.close, bounced
             self.path_light = PathLight(self._normals, *given, [d for d in lit if d is not None])
-        return direct + average_neighbours(self._near, light.close, paths, E, threads)
+        return direct + average_neighbours(self._near, light.close, counts, E, threads)
+
+    @property
+    def _rows(self) -> list[tuple[int, int]]:
+        """First and last receivers of each mobile, among those of mobiles."""
+        return list(itertools.pairwise((self._model.surfaces.first_receiver[1:] - self.first).tolist()))
+
+    def _bounce_shares(self) -> np.ndarray:
+        """Return bounce_shares() (n,) of the receivers of each mobile; 1 on glossy ones, whose cells take P bounces."""
+        areas, out = self._model.object_receivers.areas[self.first :], np.ones(len(self._positions))
+        for o, (first, last) in enumerate(self._rows, 1):
+            if last > first and o not in self._glossy:
+                out[first:last] = bounce_shares(areas[first:last])
+        return out
+
+    def _bounces(self, paths: int) -> np.ndarray:
+        """Return the bounces (n,) int64 of each receiver."""
+        return np.maximum(np.rint(paths * self._shares), 1.0).astype(np.int64)
 
     def _room_by_path(self, paths: int) -> np.ndarray:
         """Return room for the bounces of each receiver (n, 3, paths), where a mobile is glossy."""
@@ -205,12 +232,12 @@ class MobileGather:
 
     def _places(self, paths: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch."""
-        ends, places = self._model.surfaces.first_receiver[1:] - self.first, []
-        for o, (first, last) in enumerate(itertools.pairwise(ends.tolist()), 1):
-            count = (last - first) * paths
+        before, places = np.concatenate([[0], np.cumsum(self._bounces(paths))]), []
+        for o, (first, last) in enumerate(self._rows, 1):
+            count = int(before[last] - before[first])
             parts = -(-count // (BATCH_PATHS * self._model.threads)) * self._model.threads  # as many for each thread
             parts = min(parts, -(-count // LEAST_PATHS))
-            bounds = [first + (last - first) * k // max(parts, 1) for k in range(parts + 1)]
+            bounds = np.searchsorted(before, before[first] + count * np.arange(parts + 1) // max(parts, 1)).tolist()
             places += [(o, slice(*bound)) for bound in itertools.pairwise(bounds)]
         return places
 
@@ -223,11 +250,14 @@ class MobileGather:
         return self._batches[paths]
 
     def _batch(self, paths: int, mobile: int, rows: slice) -> ReceiverBatch:
-        directions = np.empty(((rows.stop - rows.start) * paths, 3), np.float32)
-        bounces(self._directions[paths], self._kinds[rows], self._normals[rows], directions)
-        origins = np.repeat(self._positions[rows].astype(np.float32), paths, axis=0)
-        rays = BounceRays(self._model, mobile, origins, directions)
-        return ReceiverBatch(mobile, rows, directions, rays, *(ShadowRays(self._model, mobile) for _ in range(2)))
+        counts = self._bounces(paths)[rows]
+        first = np.concatenate([[0], np.cumsum(counts)])
+        directions = np.empty((first[-1], 3), np.float32)
+        for count in np.unique(counts).tolist():
+            bounces(self._directions[count], self._kinds[rows], self._normals[rows], first, directions)
+        origins = np.repeat(self._positions[rows].astype(np.float32), counts, axis=0)
+        rays, shadows = BounceRays(self._model, mobile, origins, directions), partial(ShadowRays, self._model, mobile)
+        return ReceiverBatch(mobile, rows, first, directions, rays, shadows(), shadows())
 
     def _gather(
         self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, static, paths, light: PathSums,
@@ -253,16 +283,16 @@ class MobileGather:
             of_bright = batch.to_bright.occluded(at, lambda: rays_to_candidates(*to_bright))
             add_reflected(*of_bright, relative, light.bounced)
         distance, face = batch.bounce.nearest(at)
-        closeness(paths, distance, light.close)
+        closeness(batch.first, distance, light.close)
         count = int(np.count_nonzero(face >= world.first_face[1]))
-        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
-        glossy, first = batch.mobile in self._glossy, batch.rows.start * paths
+        out = Exchange(*np.empty((2, count), np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
+        glossy, start = batch.mobile in self._glossy, batch.rows.start
         known = Field(s.corner_front, s.corner_back, static)
-        bounces = Bounces(paths, normals, R[0], batch.directions, distance, face)
+        bounces = Bounces(paths, batch.first, normals, R[0], batch.directions, distance, face)
         by_ray = bounced[batch.rows] if glossy else one_bounce.NO_RAYS
         on_faces = Bright(bright.lights.of_face, bright.lights.density)
         met = one_bounce.meet(
-            world, at, lights.area, lights.sky, on_faces, known, bounces, self.first, first, light.bounced, by_ray, out
+            world, at, lights.area, lights.sky, on_faces, known, bounces, self.first, start, light.bounced, by_ray, out
         )
         hits = Exchange(*(a[:met].copy() for a in out))
         if not glossy:
@@ -283,7 +313,7 @@ def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths:
 
 @kernel
 def _sweep(exchange, paths, E, bounced):
-    for k in range(len(exchange.ray)):
-        row, light = exchange.ray[k] // paths, reflected(exchange, k, E)
+    for k in range(len(exchange.row)):
+        row, light = exchange.row[k], reflected(exchange, k, E)
         for c in range(3):
             bounced[row, c] += light[c] / paths

@@ -119,12 +119,12 @@ def _order(rows, blocked, first, ray):
 @kernel
 def add_exchanged(exchange, E, bounced):
     """Add the light of mobiles that bounces (m, 3, P) hit; E (m, 3) of their receivers."""
-    paths = bounced.shape[2]
-    for k in range(len(exchange.ray)):
-        row, path = exchange.ray[k] // paths, exchange.ray[k] % paths
-        light = reflected(exchange, k, E)
-        for c in range(3):
-            bounced[row, c, path] += light[c]
+    for k in range(len(exchange.row)):
+        path = exchange.path[k]
+        if path >= 0:
+            light = reflected(exchange, k, E)
+            for c in range(3):
+                bounced[exchange.row[k], c, path] += light[c]
 
 
 @kernel

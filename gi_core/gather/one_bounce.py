@@ -33,14 +33,15 @@ NOTHING_BRIGHT = Bright(np.empty(0, np.int32), np.empty(0))
 
 
 class Bounces(NamedTuple):
-    """P bounce rays from each of n receivers, and their hits."""
+    """Bounce rays from n receivers, and their hits: first[i] to first[i + 1] are those of receiver i."""
 
-    paths: int  # P
+    paths: int  # P: sums are P times a mean
+    first: np.ndarray  # (n + 1,) int64
     normals: np.ndarray  # (n, 3) float64, of the receivers, in the world
     rotation: np.ndarray  # (3, 3) float64, of directions to the world
-    directions: np.ndarray  # (n P, 3) float32 unit
-    distance: np.ndarray  # (n P,) float32 [m]
-    face: np.ndarray  # (n P,) int32, global; -1: none
+    directions: np.ndarray  # (k, 3) float32 unit
+    distance: np.ndarray  # (k,) float32 [m]
+    face: np.ndarray  # (k,) int32, global; -1: none
 
 
 class Field(NamedTuple):
@@ -54,33 +55,35 @@ class Field(NamedTuple):
 class Exchange(NamedTuple):
     """Bounces from mobiles that hit mobiles. Receivers are indices among those of mobiles."""
 
-    ray: np.ndarray  # (n,) int64, number of the bounce: P times its receiver, and on
+    row: np.ndarray  # (n,) int64, receiver that the bounce leaves
+    path: np.ndarray  # (n,) int64, number of the bounce; -1: the light of single rays is not wanted
     corners: np.ndarray  # (n, 3) int64, receivers at the corners of the hit face
-    reflectance: np.ndarray  # (n, 3) float64
+    reflectance: np.ndarray  # (n, 3) float64, times P over the bounces of the receiver
     share: np.ndarray  # (n, 3) float64, weights of the corners, see reached_corners()
 
 
 @kernel
 def meet(world, at, lights, sky, bright, field, rays, first, base, total, by_ray, out):
-    """Add to total (n, 3 G) the light of rays that hit lamps, the sky and the static part.
+    """Add to total (n, 3 G) P times the mean light of rays that hit lamps, the sky and the static part.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Hits on bright faces
-    count with the balance weight of a bounce. by_ray (n, 3, P) float32 gets the whole light of each ray, over all
+    count with the balance weight of a bounce. by_ray (n, 3, P) float32 gets the whole light of each of P rays, over all
     lamps, or is NO_RAYS. Noise makes light negative, which counts as none in by_ray. Hits on mobiles are written to
-    `out`, an Exchange: its corners are counted from receiver `first`, its rays from `base`. Returns their number. The
+    `out`, an Exchange: its corners are counted from receiver `first`, its rows from `base`. Returns their number. The
     loop is in one piece: helpers for sky, lamp and corners made it a third slower.
     """
-    n, known, static_faces, each = 0, field.irradiance, world.first_face[1], len(by_ray) > 0
+    n, row, known, static_faces, each = 0, 0, field.irradiance, world.first_face[1], len(by_ray) > 0
     by_ray[:] = np.float32(0.0)
     for k in range(len(rays.face)):
-        row, f = k // rays.paths, rays.face[k]
-        path = k - row * rays.paths
+        while k >= rays.first[row + 1]:
+            row += 1
+        path, part, f = k - rays.first[row], rays.paths / (rays.first[row + 1] - rays.first[row]), rays.face[k]
         d = rotate(rays.rotation, rays.directions[k])
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
                     light = math.pi * sky.radiance[c]
-                    total[row, 3 * sky.lamp + c] += light
+                    total[row, 3 * sky.lamp + c] += part * light
                     if each:
                         by_ray[row, c, path] += light
             continue
@@ -93,7 +96,7 @@ def meet(world, at, lights, sky, bright, field, rays, first, base, total, by_ray
                 share = share_of_bounce(p_bounce, facing, rays.distance[k], lights.density[e])
                 for c in range(3):
                     light = math.pi * lights.radiance[e, c] * share
-                    total[row, 3 * lights.lamp[e] + c] += light
+                    total[row, 3 * lights.lamp[e] + c] += part * light
                     if each:
                         by_ray[row, c, path] += light
         elif world.two_sided[f]:
@@ -109,14 +112,14 @@ def meet(world, at, lights, sky, bright, field, rays, first, base, total, by_ray
                 for c in range(3):
                     E = (known[u, g + c] + known[v, g + c] + known[w, g + c]) / 3.0
                     light = world.bsdfs.albedo[f, c] * E
-                    total[row, g + c] += light * share
+                    total[row, g + c] += part * light * share
                     if each:
                         by_ray[row, c, path] += max(light, 0.0)
             continue
-        out.ray[n] = base + k
+        out.row[n], out.path[n] = base + row, path if each else -1
         for c in range(3):
             out.corners[n, c] = corners[c] - first
-            out.reflectance[n, c] = world.bsdfs.albedo[f, c]
+            out.reflectance[n, c] = part * world.bsdfs.albedo[f, c]
         n += 1
     return n
 

@@ -39,10 +39,15 @@ def _draw(seed, out):
 
 
 @kernel
-def bounces(directions, kinds, normals, out):
-    """Write the directions (n P, 3) of n receivers: those of its kind (kinds, P, 3), rotated to its normal."""
-    k = 0
+def bounces(directions, kinds, normals, first, out):
+    """Write the bounces of the receivers that have P of them: those of its kind (kinds, P, 3), rotated to its normal.
+
+    out (k, 3): those of receiver i are first[i] to first[i + 1].
+    """
     for row in range(len(normals)):
+        k = first[row]
+        if first[row + 1] - k != directions.shape[1]:
+            continue
         ax, ay, az, bx, by, bz = random_numbers.basis(normals[row, 0], normals[row, 1], normals[row, 2])
         for d in directions[kinds[row]]:
             out[k, 0], out[k, 1], out[k, 2] = weighted(d, (ax, ay, az), (bx, by, bz), normals[row])

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from gi_core.gather import interleaved_mean, mobile
-from gi_core.gather.interleaved_mean import KINDS, NEAR, SAME_WAY, closeness, kinds, near_receivers
+from gi_core.gather.interleaved_mean import (
+    KINDS,
+    LEAST,
+    MOST,
+    NEAR,
+    SAME_WAY,
+    bounce_shares,
+    closeness,
+    kinds,
+    near_receivers,
+)
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.shared_samples import shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -82,8 +92,9 @@ def test_uniform_light_stays_and_means_stay_in_range():
     near, chance = near_receivers(positions, normals, corners), np.random.default_rng(0)
     close, light = 2 * chance.random(len(positions)), chance.random((len(positions), 3))
     same = np.broadcast_to([1.0, 2.0, 4.0], light.shape).copy()
-    assert np.allclose(interleaved_mean.average_neighbours(near, close, 8, same, 1), same, rtol=1e-14)
-    found = interleaved_mean.average_neighbours(near, close, 8, light, 1)
+    bounces = chance.integers(1, 32, len(positions))
+    assert np.allclose(interleaved_mean.average_neighbours(near, close, bounces, same, 1), same, rtol=1e-14)
+    found = interleaved_mean.average_neighbours(near, close, bounces, light, 1)
     for i, of in enumerate(rows(near)):
         assert (found[i] > light[of].min(axis=0) - 1e-12).all() and (found[i] < light[of].max(axis=0) + 1e-12).all()
     assert light.std() > 1.5 * found.std()
@@ -93,7 +104,10 @@ def test_neighbour_weights_fall_with_hit_distance_and_bounces():
     positions, normals, corners = grid()
     near, chance = near_receivers(positions, normals, corners), np.random.default_rng(0)
     light, n = chance.random((len(positions), 3)), len(positions)
-    mean = interleaved_mean.average_neighbours
+
+    def mean(near, close, bounces, light, threads):
+        return interleaved_mean.average_neighbours(near, close, np.full(n, bounces), light, threads)
+
     whole = np.array([light[of].mean(axis=0) for of in rows(near)])
     assert np.allclose(mean(near, np.zeros(n), 8, light, 1), whole, rtol=1e-12), "nothing is near: all alike"
     assert np.allclose(mean(near, np.full(n, 1e9), 8, light, 1), light, rtol=1e-9), "all is near: itself alone"
@@ -120,11 +134,38 @@ def test_neighbour_weights_fall_with_hit_distance_and_bounces():
     assert np.allclose(found, alike, atol=1e-3)
 
 
+def test_neighbours_count_by_their_bounces():
+    """Where nothing is near, the mean is that of all bounces."""
+    positions, normals, corners = grid()
+    near, chance = near_receivers(positions, normals, corners), np.random.default_rng(1)
+    light, bounces = chance.random((len(positions), 3)), chance.integers(1, 32, len(positions))
+    found = interleaved_mean.average_neighbours(near, np.zeros(len(positions)), bounces, light, 1)
+    expected = [np.average(light[of], axis=0, weights=bounces[of]) for of in rows(near)]
+    assert np.allclose(found, expected, rtol=1e-12)
+
+
 def test_closeness_is_the_geometric_mean():
     """1 over the geometric mean: 1, 2, 4, 8 m are 1 / 2.83 m."""
-    out = np.zeros(2)
-    closeness(4, np.array([1, 2, 4, 8, 0.5, 0.5, 0.5, 0.5], np.float32), out)
-    assert np.allclose(out, [2**-1.5, 2.0])
+    out = np.zeros(3)
+    closeness(np.array([0, 4, 5, 9]), np.array([1, 2, 4, 8, 3, 0.5, 0.5, 0.5, 0.5], np.float32), out)
+    assert np.allclose(out, [2**-1.5, 1 / 3, 2.0])
+
+
+def test_shares_of_bounces_follow_areas():
+    areas = np.random.default_rng(0).lognormal(0, 1.5, 4000)
+    shares = bounce_shares(areas)
+    assert 0.99 < shares.mean() <= 1 and shares.min() == LEAST and shares.max() == MOST
+    between = (shares > LEAST) & (shares < MOST)
+    ratio = shares[between] / areas[between] ** (2 / 3)
+    assert between.mean() > 0.3 and ratio.max() / ratio.min() < 2**0.251, "rounded to quarters of a doubling"
+    assert (np.diff(shares[np.argsort(areas)]) >= 0).all()
+    # The error over the area, of noise 1 / sqrt(bounces), is less than with equal shares.
+    assert (areas / np.sqrt(shares)).sum() < 0.85 * areas.sum()
+
+
+@pytest.mark.parametrize("areas", [np.full(7, 0.3), np.zeros(4), np.ones(1)])
+def test_equal_areas_have_equal_bounces(areas):
+    assert (bounce_shares(areas) == 1).all()
 
 
 def test_shadow_edges_stay_in_place():
@@ -170,5 +211,5 @@ def test_isolated_and_coincident_receivers():
     assert [set(of) for of in rows(near)] == [{0, 1, 2}, {0, 1, 2}, {0, 1, 2}, {3}]
     assert len(set(kinds(near)[:3])) == 3
     light = np.arange(12.0).reshape(4, 3)
-    found = interleaved_mean.average_neighbours(near, np.full(4, 1e9), 8, light, 1)
+    found = interleaved_mean.average_neighbours(near, np.full(4, 1e9), np.full(4, 8), light, 1)
     assert np.allclose(found, [light[:3].mean(axis=0)] * 3 + [light[3]])

@@ -185,7 +185,7 @@ def test_unknown_light_and_path_counts_are_refused():
     with pytest.raises(SceneError, match="light must be one of best, photons, got 'baked'"):
         solver.configure(light="baked")
     before, poses = solver.irradiance, dict(solver.poses)
-    with pytest.raises(SceneError, match="paths per receiver and frame must be one of 4, 6, 8, 12, 16, .*, 256, got 5"):
+    with pytest.raises(SceneError, match="paths per receiver and frame must be one of 4, 6, 8, 10, 12, .*, 256, got 5"):
         solver.move_all({"box": AWAY}, None, 5)
     assert solver.irradiance is before and solver.poses == poses
 
@@ -264,7 +264,8 @@ def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
     x, y, z = moved.pose.position
     gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 8)
     last = model.surfaces.receiver_range(3)
-    assert traced == [(3, 8 * (last.stop - last.start))]
+    bounces = gather._bounces(8)[last.start - gather.first : last.stop - gather.first]
+    assert traced == [(3, bounces.sum())] and 0 < bounces.sum() <= 8 * len(bounces)
 
 
 def test_frames_at_rest_are_not_timed_as_motion():

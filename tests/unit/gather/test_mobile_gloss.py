@@ -124,7 +124,7 @@ def test_paths_add_up_to_the_irradiance_of_the_frame():
             direct[d.rows.start + r] = d.value[d.ray[d.first[r] : d.first[r + 1]]].sum(axis=0) / 32
     mean = np.zeros_like(found)
     mean[rows] = light.bounced[rows].sum(axis=2, dtype=np.float64) / 32
-    average = average_neighbours(light.near, light.close, 32, mean, 1)
+    average = average_neighbours(light.near, light.close, np.full(len(mean), 32), mean, 1)
     assert (average[rows] > 0).mean() > 0.7 and (direct[rows] > 0).mean() > 0.2
     np.testing.assert_allclose((direct + average)[rows], found[rows], rtol=5e-3, atol=5e-3)
 

@@ -149,7 +149,7 @@ def test_bounces_hit_a_lamp_of_one_face():
     corners = np.array([[0.35, 0.35, 0.43], [0.35, 0.65, 0.43], [0.65, 0.65, 0.43]])
     model = room(Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([1], np.int32)))
     at, gather = model.transforms(model.start_poses()), MobileGather(model, 0)
-    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 4096)[:, 0]
+    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 16384)[:, 0]
     positions, normals = gather._positions + CENTRE, gather._normals
     up = np.flatnonzero(normals[:, 2] > 0.5)
     expected = np.array([lambert_polygon(1.0, corners, positions[k], normals[k]) for k in up])
