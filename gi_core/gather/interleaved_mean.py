@@ -4,7 +4,7 @@ Neighbouring receivers trace different kinds of bounces (`shared_samples.py`), a
 kinds (Keller & Heidrich 2001, Wald et al. 2002). A neighbour's weight follows Ward's irradiance-cache error (1988):
 distance over mean hit distance, plus the angle between normals. It is compared with the noise of that many bounces.
 Near contacts each receiver therefore counts alone, and with many bounces everywhere: the limit is unbiased. Direct
-light has edges and must not be averaged.
+light has edges and must not be averaged. Large receivers trace more bounces, as their noise is most of the error.
 """
 
 from __future__ import annotations
