@@ -75,11 +75,11 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     monkeypatch.setattr(Measurer, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
     assert command(out) == 0
     first = table(out)
-    assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 16 and len(first) == 16 + 2
+    assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 20 and len(first) == 20 + 2
     for r in first:
         assert 0 < float(r["total all"]) < 2 and float(r["frame_ms"]) > 0 and float(r["truth all"]) < 0.2
     said = capsys.readouterr().out
-    assert "18 settings" in said and str(out.resolve() / "index.html") in said
+    assert "22 settings" in said and str(out.resolve() / "index.html") in said
 
     page = (out / "index.html").read_text()
     assert page.count("data:image/png;base64,") == 1 + 2 * 3 and "<svg" in page
