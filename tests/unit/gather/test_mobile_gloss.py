@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gi_core.base.random_numbers import basis
+from gi_core.gather import mobile
 from gi_core.gather.interleaved_mean import CHANCE, KINDS, average_neighbours
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.mobile_gloss import ROOM as ROOM_OF_RAYS
@@ -127,6 +128,18 @@ def test_paths_add_up_to_the_irradiance_of_the_frame():
     average = average_neighbours(light.near, light.close, np.full(len(mean), 32), mean, 1)
     assert (average[rows] > 0).mean() > 0.7 and (direct[rows] > 0).mean() > 0.2
     np.testing.assert_allclose((direct + average)[rows], found[rows], rtol=5e-3, atol=5e-3)
+
+
+def test_single_bounces_are_those_of_glossy_mobiles(monkeypatch):
+    """Receivers of other mobiles have more than P bounces, for which there is no room."""
+    met, real = [], mobile.add_exchanged
+    monkeypatch.setattr(mobile, "add_exchanged", lambda *given: met.append(given[0]) or real(*given))
+    gather, _, rows = of_paths(32)
+    (exchange,) = met
+    glossy = np.isin(exchange.row, rows)
+    assert gather._bounces(32).max() > 32 and glossy.any() and not glossy.all()
+    assert (exchange.path[~glossy] == -1).all()
+    assert (exchange.path[glossy] >= 0).all() and (exchange.path[glossy] < 32).all()
 
 
 def test_threads_leave_the_bits_of_cells():
