@@ -9,6 +9,7 @@ blocks stays known while it rests.
 from __future__ import annotations
 
 import copy
+import itertools
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -28,7 +29,7 @@ from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.rays.structures import any_hit, new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
-SEE_GRAIN, BLOCK_GRAIN, ADD_GRAIN = 4, 32, 1024  # groups per thread
+SEE_GRAIN, ADD_GRAIN = 4, 1024  # groups per thread
 FIRST_SECONDS, LEAST, MOST = 2e-4, 16, 1 << 12  # per group before measurements; groups per step
 
 
@@ -108,25 +109,29 @@ class DirectLight:
         if self._blocked is None:
             self._blocked = Blocked.unknown(len(at.position) - 1, n, len(p.kind))
         pose, rays, some = self._blocked
-        for k in range(len(pose)):
-            if pose[k] != (now := pose_bits(at, k + 1)):
+        now = [pose_bits(at, k + 1) for k in range(len(pose))]
+        moved = [k for k in range(len(pose)) if pose[k] != now[k]]
+        if moved:
+            for k in moved:
                 pose[k] = b""  # until all is found
-                self._find_blocked(at, k + 1, rays[k], some[k])
-                pose[k] = now
+            self._find_blocked(at, moved, rays, some)
+            for k in moved:
+                pose[k] = now[k]
         value = p.value * levels[p.lamp]
         run_ranges(lambda _, a, b: _add(groups, rays, some, value, a, b, out), n, m.threads, ADD_GRAIN)
         return out
 
-    def _find_blocked(self, at: Transforms, o: int, rays: np.ndarray, some: np.ndarray) -> None:
-        """Write the rays (g, P) that mobile o blocks, and the groups (g,) where it does."""
+    def _find_blocked(self, at: Transforms, moved: list[int], rays: np.ndarray, some: np.ndarray) -> None:
+        """Write the rays (m, g, P) that mobiles block, and the groups (m, g) where they do, of the moved ones."""
         m, p, groups = self._model, self._points, self._groups
-        n, there = len(some), _in_object(at, o, p)
-        given = m.accelerator.scenes, m.accelerator.boxes[o], at, o, there, p.distant, *_lengths(m), groups
-        starts = iter(range(0, n, BLOCK_GRAIN))
+        there = {k: _in_object(at, k + 1, p) for k in moved}
 
-        def work(*_):
-            for first in starts:  # each thread takes the next ones: shadows lie in few
-                _block(*given, new_ray(), first, min(first + BLOCK_GRAIN, n), rays, some)
+        def work(_, first, last):
+            ray = new_ray()
+            for k, part in itertools.product(moved, range(first, last)):
+                o, of = k + 1, (part, m.threads)  # shadows lie in few groups, close by: each thread takes every n-th
+                given = m.accelerator.scenes, m.accelerator.boxes[o], at, o, there[k], p.distant, *_lengths(m), groups
+                _block(*given, ray, *of, rays[k], some[k])
 
         run_ranges(work, m.threads, m.threads, 1)
 
@@ -198,8 +203,8 @@ def _misses(start, end, box, pad):
 
 
 @allocating
-def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, last, rays, some):
-    """Write the rays (g, P) that mobile o blocks, and where it does (g,), of groups first .. last - 1.
+def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, step, rays, some):
+    """Write the rays (g, P) that mobile o blocks, and where it does (g,), of groups first, first + step ...
 
     box (2, 3): of the mobile; there (P, 3): places of the points, both in its space.
     """
@@ -207,7 +212,7 @@ def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, las
     for c in range(3):
         middle[c], half[c] = 0.5 * (box[0, c] + box[1, c]), 0.5 * (box[1, c] - box[0, c])
     around = (middle[0], middle[1], middle[2]), (half[0], half[1], half[2])
-    for g in range(first, last):
+    for g in range(first, len(some), step):
         centre = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
         is_local, some[g] = False, False
         for j in range(len(distant)):
