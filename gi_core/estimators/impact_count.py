@@ -67,7 +67,7 @@ class ImpactCount:
         self._static, channels = model.surfaces.receiver_range(0).stop, model.emitters.lamps.channels
         self._background = BackgroundSums(self._static, channels, model.threads)
         self.subsets = self._background.subsets
-        self._frame = FrameSums(len(self.area), channels, self._static, 1)
+        self._frame = FrameSums(len(self.area), channels, self._static, model.threads)
 
     def copied(self, model: Model, setting: Setting) -> ImpactCount:
         """Return a copy of all that was added, for a model of the same static part."""

@@ -114,11 +114,15 @@ class ThreadSums:
             self._parts[thread] = Sums.zeros(*self._shape)
         return self._parts[thread]
 
+    @property
+    def used(self) -> list[Sums]:
+        """The sums of the threads that have some."""
+        return [part for part in self._parts if part is not None]
+
     def move_to(self, total: np.ndarray) -> None:
         """Add all sums to `total` (R, 3 G) int64 and clear them. Integers: the order does not matter."""
-        for part in self._parts:
-            if part is not None:
-                _move(part.touched, part.flux, total, NOWHERE, 0, len(part.touched))
+        for part in self.used:
+            _move(part.touched, part.flux, total, NOWHERE, 0, len(part.touched))
 
 
 @kernel
@@ -156,7 +160,7 @@ class FrameSums:
         """
         changed = np.zeros(chunks_of(len(self._sums)), bool)
         changed[self._static >> CHUNK_BITS :] = len(self._sums) > self._static
-        added, new_suffixes = ([sums[k] for k in range(self._threads)] for sums in (self.added, self.new_suffixes))
+        added, new_suffixes = self.added.used, self.new_suffixes.used
         for part in (*added, *new_suffixes):
             changed |= part.touched
 
