@@ -36,6 +36,7 @@ class StaticFaces(NamedTuple):
 
     face: np.ndarray  # (n,) int64
     corners: np.ndarray  # (n, 9) float64 [m]
+    middle: np.ndarray  # (n, 3) float64 [m]
     normal: np.ndarray  # (n, 3) float64 unit
     area: np.ndarray  # (n,) float64 [m2]
     receiver: np.ndarray  # (n, 3) int32, at the corners
@@ -44,8 +45,10 @@ class StaticFaces(NamedTuple):
     def of(cls, s: Surfaces) -> StaticFaces:
         """Return those of surfaces."""
         corners = s.vertices[0][s.faces[0]]
-        order = hilbert_order(corners.mean(axis=1))
-        return cls(order, corners[order].reshape(-1, 9), s.normals[order], s.areas[order], s.corner_front[order])
+        middle = corners.mean(axis=1)
+        order = hilbert_order(middle)
+        sorted_ = (a[order] for a in (corners.reshape(-1, 9), middle, s.normals, s.areas, s.corner_front))
+        return cls(order, *sorted_)
 
     def luminance(self, E: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
         """Return the luminance (n,) [W/m2] that faces reflect; E (receivers, 3) [W/m2], reflectance (F, 3)."""
@@ -53,21 +56,14 @@ class StaticFaces(NamedTuple):
         _reflect(self.face, self.receiver, E, reflectance, out)
         return out
 
-    def view(self, centre: np.ndarray, radius: float) -> np.ndarray:
-        """Return the parts (n,) that faces take of a mobile's view, whether something hides them or not.
+    def bright(self, luminance: np.ndarray, centre: np.ndarray, radius: float, faces: int) -> BrightFaces:
+        """Return the faces that are bright to a mobile, by their luminance (n,), whether something hides them or not.
 
-        centre (3,) and radius [m]: sphere around the mobile, in the world.
+        centre (3,) and radius [m]: sphere around the mobile, in the world. faces: of all objects.
         """
-        out = np.empty(len(self.face))
-        _look(self.corners, self.normal, self.area, centre, radius, out)
-        return out
-
-    def bright(self, luminance: np.ndarray, view: np.ndarray, faces: int) -> BrightFaces:
-        """Return the faces that are bright in a view (n,), by their luminance (n,); faces: of all objects."""
-        brought = view * luminance
-        total = brought.sum()
-        rows = np.flatnonzero(brought > 0.0)
-        rows = rows[luminance[rows] * view[luminance > 0.0].sum() > BRIGHT * total]
+        brought = np.empty(len(self.face))
+        total, view = _look(self.middle, self.normal, self.area, luminance, centre, radius, brought)
+        rows = np.flatnonzero((luminance * view > BRIGHT * total) & (brought > 0.0))
         share = brought[rows]
         if share.sum() < LEAST * total:
             rows, share = rows[:0], share[:0]
@@ -93,13 +89,18 @@ def _reflect(face, receiver, E, reflectance, out):
 
 
 @kernel
-def _look(corners, normal, area, centre, radius, out):
-    for k in range(len(out)):
-        p = corners[k]
-        middle = (p[0] + p[3] + p[6]) / 3.0, (p[1] + p[4] + p[7]) / 3.0, (p[2] + p[5] + p[8]) / 3.0
-        way = difference((centre[0], centre[1], centre[2]), middle)
-        d2 = dot(way, way)
-        out[k] = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
+def _look(middle, normal, area, luminance, centre, radius, brought):
+    """Write the light that faces bring to a mobile; return its sum, and the sum of what lit faces take of its view."""
+    total = view = 0.0
+    for k in range(len(brought)):
+        brought[k] = 0.0
+        if luminance[k] > 0.0:
+            way = difference((centre[0], centre[1], centre[2]), row(middle, k))
+            d2 = dot(way, way)
+            part = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
+            brought[k] = part * luminance[k]
+            total, view = total + brought[k], view + part
+    return total, view
 
 
 @allocating

@@ -99,7 +99,6 @@ class MobileGather:
         self._light: tuple[Lights | None, np.ndarray | None, np.ndarray | None] = None, None, None
         self._luminance = np.zeros(len(self._faces.face))
         self._aimed: dict[int, tuple[bytes, Lights, BrightFaces]] = {}  # by mobile: cell of its position, lights there
-        self._views: dict[int, tuple[bytes, np.ndarray]] = {}  # by mobile: its cell, and its view of `_faces`
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._near = near_receivers(positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
@@ -134,10 +133,15 @@ class MobileGather:
             self._directions[count] = shared_directions(self._seed, count, KINDS)
         threads, mobiles = self._model.threads, len(self._model.names)
         lamps: list = [None] * mobiles
+        in_world = np.empty((2, n, 3))  # positions [m] and normals of receivers
+        rows = self._rows
 
         def look(_, first, last):
             for o in range(first, last):
                 lamps[o] = self._lamps(world, o + 1, at, static, paths)
+                R, p, own = at.rotation[o + 1, None], at.position[o + 1, None], slice(*rows[o])
+                in_world[0, own] = to_world_at(R, p, self._positions[own])
+                in_world[1, own] = to_world_at(R, 0 * p, self._normals[own])
 
         run_ranges(look, mobiles, threads, 1)
         places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
@@ -148,7 +152,8 @@ class MobileGather:
             for k in waiting:  # each thread takes the next batch, as they take different times
                 batch = kept[k] or self._batch(paths, *places[k])
                 known = PathSums(*(a[batch.rows] for a in light))
-                found[k] = self._gather(world, batch, at, lamps[batch.mobile - 1], static, paths, known, bounced)
+                given = in_world[:, batch.rows], lamps[batch.mobile - 1], static, paths
+                found[k] = self._gather(world, batch, at, *given, known, bounced)
                 if n * paths <= CACHED_PATHS:
                     kept[k] = batch
 
@@ -212,10 +217,8 @@ class MobileGather:
         radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
         centre = steady(centre, radius)
         cell, lights = centre.tobytes(), self._light[0]
-        if self._views.get(o, (None,))[0] != cell:
-            self._views[o] = cell, self._faces.view(centre, radius)
         if self._aimed.get(o, (None,))[0] != cell:
-            bright = self._faces.bright(self._luminance, self._views[o][1], len(world.face_object))
+            bright = self._faces.bright(self._luminance, centre, radius, len(world.face_object))
             self._aimed[o] = cell, lights._replace(area=aimed(lights.area, centre, radius)), bright
         return self._aimed[o][1:]
 
@@ -260,17 +263,16 @@ class MobileGather:
         return ReceiverBatch(mobile, rows, first, directions, rays, shadows(), shadows())
 
     def _gather(
-        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, static, paths, light: PathSums,
-        bounced: np.ndarray,
+        self, world: World, batch: ReceiverBatch, at: Transforms, places: np.ndarray, lamps: LampSamples, static, paths,
+        light: PathSums, bounced: np.ndarray,
     ) -> tuple[Exchange, DirectLight | None]:  # fmt: skip
         """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles.
 
-        Of a glossy mobile, write `bounced`, as in PathLight, and return the direct light too.
+        places (2, n, 3): their positions and normals in the world. Of a glossy mobile, write `bounced`, as in
+        PathLight, and return the direct light too.
         """
         s, (lights, every, in_cells, pick, bright, on_bright, relative) = self._model.surfaces, lamps
-        n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
-        positions = to_world_at(R, p, self._positions[batch.rows])
-        normals = to_world_at(R, 0 * p, self._normals[batch.rows])
+        (positions, normals), n, R = places, places.shape[1], at.rotation[batch.mobile]
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
         ends = starts(np.arange(n), np.arange(n), positions, normals)
@@ -288,7 +290,7 @@ class MobileGather:
         out = Exchange(*np.empty((2, count), np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         glossy, start = batch.mobile in self._glossy, batch.rows.start
         known = Field(s.corner_front, s.corner_back, static)
-        bounces = Bounces(paths, batch.first, normals, R[0], batch.directions, distance, face)
+        bounces = Bounces(paths, batch.first, normals, R, batch.directions, distance, face)
         by_ray = bounced[batch.rows] if glossy else one_bounce.NO_RAYS
         on_faces = Bright(bright.lights.of_face, bright.lights.density)
         met = one_bounce.meet(
@@ -297,7 +299,7 @@ class MobileGather:
         hits = Exchange(*(a[:met].copy() for a in out))
         if not glossy:
             return hits, None
-        return hits, direct_light(batch.rows, R[0], positions, lights.area, in_cells, rays, blocked)
+        return hits, direct_light(batch.rows, R, positions, lights.area, in_cells, rays, blocked)
 
 
 def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
