@@ -10,12 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.vec import rotate, rotate_back
+from gi_core.base.vec import difference, dot, rotate, rotate_back, row
 from gi_core.lights.next_event import Shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import to_object
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
+
+NEAR = 1e-5  # of the world's size: growth of spheres, so that culling loses no hit
 
 
 class BounceRays:
@@ -41,7 +43,9 @@ class BounceRays:
         if len(at.position) == 2:
             return self._cached
         distance, face = (a.copy() for a in self._cached)
-        _nearer(of.scenes, of.boxes, of.first_face, *given, distance, face)
+        world = self._model.world
+        spheres = world.sphere_centre, world.sphere_radius + NEAR * world.size
+        _nearer(of.scenes, of.boxes, *spheres, of.first_face, *given, distance, face)
         return distance, face
 
 
@@ -98,13 +102,23 @@ def _nearest_static(scenes, ray, at, own, origins, directions, distance, face):
 
 
 @kernel
-def _nearer(scenes, boxes, first_face, ray, at, own, origins, directions, distance, face):
-    """Replace distance and face of rays that meet a mobile, other than `own`, before; ties stay."""
-    for k in range(len(origins)):
-        origin, direction = _in_world(at, own, origins[k], directions[k])
-        for o in range(1, len(at.position)):
-            if o == own:
+def _nearer(scenes, boxes, centres, radii, first_face, ray, at, own, origins, directions, distance, face):
+    """Replace distance and face of rays that meet a mobile, other than `own`, before; ties stay.
+
+    centres (objects, 3), radii (objects,) [m]: of spheres around objects, in their spaces. Most rays pass them by.
+    """
+    for o in range(1, len(at.position)):
+        if o == own:
+            continue
+        x, y, z = rotate(at.rotation[o], centres[o])
+        (u, v, w), square = difference(row(at.position, o), row(at.position, own)), radii[o] * radii[o]
+        centre = rotate_back(at.rotation[own], (x + u, y + v, z + w))
+        for k in range(len(origins)):
+            way, unit = difference(centre, row(origins, k)), row(directions, k)  # in float32, it may be a bit longer
+            along, outside = dot(way, unit), dot(way, way) - square
+            if outside > 0.0 and (along < 0.0 or outside * dot(unit, unit) > along * along):
                 continue
+            origin, direction = _in_world(at, own, origins[k], directions[k])
             passes, ox, oy, oz, dx, dy, dz = to_object(at, o, boxes[o], origin, direction, distance[k])
             if passes:
                 t, f = nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, distance[k])

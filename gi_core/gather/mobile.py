@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import itertools
 import operator
+import threading
 from functools import partial
 from typing import NamedTuple
 
@@ -132,18 +133,19 @@ class MobileGather:
         for count in {paths, *np.unique(counts).tolist()} - set(self._directions):
             self._directions[count] = shared_directions(self._seed, count, KINDS)
         threads, mobiles = self._model.threads, len(self._model.names)
-        lamps: list = [None] * mobiles
+        lamps: dict[int, LampSamples] = {}
+        looking = [threading.Lock() for _ in range(mobiles)]
         in_world = np.empty((2, n, 3))  # positions [m] and normals of receivers
-        rows = self._rows
 
-        def look(_, first, last):
-            for o in range(first, last):
-                lamps[o] = self._lamps(world, o + 1, at, static, paths)
-                R, p, own = at.rotation[o + 1, None], at.position[o + 1, None], slice(*rows[o])
-                in_world[0, own] = to_world_at(R, p, self._positions[own])
-                in_world[1, own] = to_world_at(R, 0 * p, self._normals[own])
+        def look(o: int) -> LampSamples:
+            with looking[o - 1]:  # the first thread at a mobile looks for its lamps
+                if o not in lamps:
+                    R, p, own = at.rotation[o, None], at.position[o, None], slice(*self._rows[o - 1])
+                    in_world[0, own] = to_world_at(R, p, self._positions[own])
+                    in_world[1, own] = to_world_at(R, 0 * p, self._normals[own])
+                    lamps[o] = self._lamps(world, o, at, static, paths)
+                return lamps[o]
 
-        run_ranges(look, mobiles, threads, 1)
         places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
         found: list = [None] * len(places)
         waiting = iter(range(len(places)))
@@ -151,8 +153,8 @@ class MobileGather:
         def work(*_):
             for k in waiting:  # each thread takes the next batch, as they take different times
                 batch = kept[k] or self._batch(paths, *places[k])
+                given = look(batch.mobile), in_world[:, batch.rows], static, paths
                 known = PathSums(*(a[batch.rows] for a in light))
-                given = in_world[:, batch.rows], lamps[batch.mobile - 1], static, paths
                 found[k] = self._gather(world, batch, at, *given, known, bounced)
                 if n * paths <= CACHED_PATHS:
                     kept[k] = batch
@@ -234,15 +236,15 @@ class MobileGather:
         return LampSamples(lights, some, for_cells(some), pick, bright, on_bright, relative)
 
     def _places(self, paths: int) -> list[tuple[int, slice]]:
-        """Return mobile and receivers of each batch."""
-        before, places = np.concatenate([[0], np.cumsum(self._bounces(paths))]), []
+        """Return mobile and receivers of each batch, of the mobiles in turn."""
+        before, of = np.concatenate([[0], np.cumsum(self._bounces(paths))]), []
         for o, (first, last) in enumerate(self._rows, 1):
             count = int(before[last] - before[first])
             parts = -(-count // (BATCH_PATHS * self._model.threads)) * self._model.threads  # as many for each thread
             parts = min(parts, -(-count // LEAST_PATHS))
             bounds = np.searchsorted(before, before[first] + count * np.arange(parts + 1) // max(parts, 1)).tolist()
-            places += [(o, slice(*bound)) for bound in itertools.pairwise(bounds)]
-        return places
+            of.append([(o, slice(*bound)) for bound in itertools.pairwise(bounds)])
+        return [place for turn in itertools.zip_longest(*of) for place in turn if place is not None]
 
     def _room(self, paths: int) -> list[ReceiverBatch | None]:
         """Return the cached batches of so many paths, None at first; beyond CACHED_PATHS others are evicted."""
@@ -263,7 +265,7 @@ class MobileGather:
         return ReceiverBatch(mobile, rows, first, directions, rays, shadows(), shadows())
 
     def _gather(
-        self, world: World, batch: ReceiverBatch, at: Transforms, places: np.ndarray, lamps: LampSamples, static, paths,
+        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, places: np.ndarray, static, paths,
         light: PathSums, bounced: np.ndarray,
     ) -> tuple[Exchange, DirectLight | None]:  # fmt: skip
         """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles.

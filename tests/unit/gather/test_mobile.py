@@ -16,11 +16,14 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.frames.frame_light import FrameLight
 from gi_core.gather import hit_cache, one_bounce
 from gi_core.gather import mobile as mobile_gather
+from gi_core.gather.hit_cache import BounceRays
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
+from gi_core.rays.accelerator import FAR
+from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
@@ -236,6 +239,29 @@ def test_cached_hits_equal_those_of_an_empty_cache(history):
         at = model.transforms(poses)
         uncached = MobileGather(Model(scene, 3), 4).irradiance(at, static, paths)
         assert np.array_equal(gather.irradiance(at, static, paths), uncached)
+
+
+@pytest.mark.parametrize("places", [{}, {"of 0.1": (0.62, 0.5, 0.6)}, {"of 0.1": (0.5, 0.5, 9.0)}])
+def test_bounces_meet_what_rays_in_the_world_meet(places):
+    """Near, touching and far mobiles, turned: rays that pass a mobile by are left out, and no other."""
+    scene = three_things()
+    model = Model(scene, 1)
+    turned = [(0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0), (0.0, 0.6, 0.0, 0.8)]
+    own = zip(scene.mobiles, turned, strict=True)
+    at = model.transforms({m.name: Pose(places.get(m.name, m.pose.position), turn) for m, turn in own})
+    rng, far = np.random.default_rng(0), FAR * model.world.size
+    for o in range(1, 4):
+        towards, directions = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, 20_000, 3)))
+        radius = model.world.sphere_radius[o] * 1.01
+        origins = (model.world.sphere_centre[o] + radius * towards).astype(np.float32)
+        directions = directions.astype(np.float32)
+        distance, face = BounceRays(model, o, origins, directions).nearest(at)
+        R, limits = at.rotation[o], np.full(len(origins), far)
+        expected = nearest_in_world(model.accelerator, at, origins @ R.T + at.position[o], directions @ R.T, limits)
+        assert len(np.unique(model.world.face_object[face[face >= 0]])) >= (3 if not places else 1)
+        same = face == expected[1]
+        assert same.mean() > 0.999  # the others graze an edge
+        assert np.allclose(distance[same], expected[0][same], rtol=1e-4, atol=1e-5)
 
 
 def test_batches_beyond_the_cache_limit_are_recomputed_with_equal_bits(monkeypatch):
