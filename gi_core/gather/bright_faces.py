@@ -56,14 +56,20 @@ class StaticFaces(NamedTuple):
         _reflect(self.face, self.receiver, E, reflectance, out)
         return out
 
-    def bright(self, luminance: np.ndarray, centre: np.ndarray, radius: float, faces: int) -> BrightFaces:
-        """Return the faces that are bright to a mobile, by their luminance (n,), whether something hides them or not.
+    def view(self, centre: np.ndarray, radius: float) -> np.ndarray:
+        """Return the parts (n,) that faces take of a mobile's view, whether something hides them or not.
 
-        centre (3,) and radius [m]: sphere around the mobile, in the world. faces: of all objects.
+        centre (3,) and radius [m]: sphere around the mobile, in the world.
         """
+        out = np.empty(len(self.face))
+        _look(self.middle, self.normal, self.area, centre, radius, out)
+        return out
+
+    def bright(self, luminance: np.ndarray, view: np.ndarray, faces: int) -> BrightFaces:
+        """Return the faces that are bright in a view (n,), by their luminance (n,); faces: of all objects."""
         brought = np.empty(len(self.face))
-        total, view = _look(self.middle, self.normal, self.area, luminance, centre, radius, brought)
-        rows = np.flatnonzero((luminance * view > BRIGHT * total) & (brought > 0.0))
+        total, seen = _bring(luminance, view, brought)
+        rows = np.flatnonzero((luminance * seen > BRIGHT * total) & (brought > 0.0))
         share = brought[rows]
         if share.sum() < LEAST * total:
             rows, share = rows[:0], share[:0]
@@ -89,18 +95,22 @@ def _reflect(face, receiver, E, reflectance, out):
 
 
 @kernel
-def _look(middle, normal, area, luminance, centre, radius, brought):
+def _look(middle, normal, area, centre, radius, out):
+    for k in range(len(out)):
+        way = difference((centre[0], centre[1], centre[2]), row(middle, k))
+        d2 = dot(way, way)
+        out[k] = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
+
+
+@kernel
+def _bring(luminance, view, brought):
     """Write the light that faces bring to a mobile; return its sum, and the sum of what lit faces take of its view."""
-    total = view = 0.0
+    total = seen = 0.0
     for k in range(len(brought)):
-        brought[k] = 0.0
-        if luminance[k] > 0.0:
-            way = difference((centre[0], centre[1], centre[2]), row(middle, k))
-            d2 = dot(way, way)
-            part = area[k] * largest_cosine(dot(way, row(normal, k)), d2, radius) / (d2 + radius * radius + area[k])
-            brought[k] = part * luminance[k]
-            total, view = total + brought[k], view + part
-    return total, view
+        brought[k] = luminance[k] * view[k]
+        total += brought[k]
+        seen += view[k] if luminance[k] > 0.0 else 0.0
+    return total, seen
 
 
 @allocating

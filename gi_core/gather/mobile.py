@@ -100,6 +100,7 @@ class MobileGather:
         self._light: tuple[Lights | None, np.ndarray | None, np.ndarray | None] = None, None, None
         self._luminance = np.zeros(len(self._faces.face))
         self._aimed: dict[int, tuple[bytes, Lights, BrightFaces]] = {}  # by mobile: cell of its position, lights there
+        self._views: dict[int, tuple[bytes, np.ndarray]] = {}  # by mobile: its cell, and its view of `_faces`
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._near = near_receivers(positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
@@ -219,8 +220,10 @@ class MobileGather:
         radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
         centre = steady(centre, radius)
         cell, lights = centre.tobytes(), self._light[0]
+        if self._views.get(o, (None,))[0] != cell:
+            self._views[o] = cell, self._faces.view(centre, radius)
         if self._aimed.get(o, (None,))[0] != cell:
-            bright = self._faces.bright(self._luminance, centre, radius, len(world.face_object))
+            bright = self._faces.bright(self._luminance, self._views[o][1], len(world.face_object))
             self._aimed[o] = cell, lights._replace(area=aimed(lights.area, centre, radius)), bright
         return self._aimed[o][1:]
 

@@ -80,8 +80,8 @@ def test_bright_faces_that_bring_little_light_get_no_rays():
     faces = gather._faces
     luminance = faces.luminance(light, model.world.bsdfs.albedo)
     centre, far = np.array([0.3, 0.4, 0.3]), np.array([0.3, 0.4, -5.0])  # a floor is not seen from below
-    assert len(faces.bright(luminance, centre, 0.1, len(model.surfaces.areas)).face) > 0
-    assert len(faces.bright(luminance, far, 0.1, len(model.surfaces.areas)).face) == 0
+    assert len(faces.bright(luminance, faces.view(centre, 0.1), len(model.surfaces.areas)).face) > 0
+    assert len(faces.bright(luminance, faces.view(far, 0.1), len(model.surfaces.areas)).face) == 0
 
 
 def test_light_of_single_bounces_stays_whole_for_gloss():
