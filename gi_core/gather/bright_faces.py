@@ -47,8 +47,8 @@ class StaticFaces(NamedTuple):
         corners = s.vertices[0][s.faces[0]]
         middle = corners.mean(axis=1)
         order = hilbert_order(middle)
-        sorted_ = (a[order] for a in (corners.reshape(-1, 9), middle, s.normals, s.areas, s.corner_front))
-        return cls(order, *sorted_)
+        ordered = (a[order] for a in (corners.reshape(-1, 9), middle, s.normals, s.areas, s.corner_front))
+        return cls(order, *ordered)
 
     def luminance(self, E: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
         """Return the luminance (n,) [W/m2] that faces reflect; E (receivers, 3) [W/m2], reflectance (F, 3)."""
