@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from functools import cache
 
 
@@ -20,7 +21,14 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-_part = threading.local()  # `busy` is set in a thread while it works on a part
+class _State(threading.local):
+    """State of a thread."""
+
+    busy = False  # it works on a part
+    beside: Future | None = None  # work that overlaps with its own
+
+
+_state = _State()
 
 
 @cache
@@ -35,12 +43,19 @@ def split(n: int, parts: int, grain: int) -> list[tuple[int, int]]:
     return list(zip(bounds[:-1], bounds[1:], strict=True))
 
 
+def usable(threads: int) -> int:
+    """Return how many of so many threads a call of run_ranges() uses here and now."""
+    if _state.busy:
+        return 1
+    return threads - (_state.beside is not None and not _state.beside.done())
+
+
 def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, grain: int) -> list:
     """Call work(part, start, stop) on ranges of at least `grain` items of range(n), in parallel; return the results.
 
     Results are in the order of the ranges. Nested calls run in the thread of their part.
     """
-    ranges = split(n, 1 if getattr(_part, "busy", False) else threads, grain)
+    ranges = split(n, usable(threads), grain)
     if len(ranges) == 1:
         return [work(0, *ranges[0])]
     pool = _pool(threads)
@@ -53,8 +68,35 @@ def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, gr
 
 
 def _run_part(work: Callable[[int, int, int], object], k: int, start: int, stop: int):
-    _part.busy = True
+    _state.busy = True
     try:
         return work(k, start, stop)
     finally:
-        _part.busy = False
+        _state.busy = False
+
+
+@contextmanager
+def overlapped(calls: Sequence[Callable[[], object]], threads: int) -> Iterator[None]:
+    """Make calls in turn in another thread while the context runs, which meanwhile uses one of `threads` fewer.
+
+    The context ends with the call that is in progress; calls after it are left out. A single thread makes none.
+    """
+    if not calls or usable(threads) == 1:
+        yield
+        return
+    ended = threading.Event()
+
+    def work(*_):
+        for call in calls:
+            if ended.is_set():
+                return
+            call()
+
+    _state.beside = _pool(threads).submit(_run_part, work, 0, 0, 0)
+    try:
+        yield
+    finally:
+        ended.set()
+        later, _state.beside = _state.beside, None
+        if not later.cancel():
+            later.result()

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import run_ranges, usable
 from gi_core.discs.contact.contact import PoseContacts
 from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.discs.intersection_cache import IntersectionCache
@@ -232,16 +232,17 @@ class TangentPlane:
     def _accumulate_piece(
         self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None
     ) -> None:
-        threads = min(self.model.threads, 1 + sum(batch.segments.size for batch in batches) // LINE_GRAIN)
+        threads = min(usable(self.model.threads), 1 + sum(batch.segments.size for batch in batches) // LINE_GRAIN)
 
-        def work(part, *_):
-            if removed_suffixes is not None:
-                gone = share(len(removed_suffixes.photon), part, threads)
-                sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
-                self._intersections.subtract(removed_suffixes, *gone, sums)
-            for o, segments, sign, to in batches:
-                rows = self.model.surfaces.receiver_range(o)
-                self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)
+        def work(_, first, last):
+            for part in range(first, last):
+                if removed_suffixes is not None:
+                    gone = share(len(removed_suffixes.photon), part, threads)
+                    sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
+                    self._intersections.subtract(removed_suffixes, *gone, sums)
+                for o, segments, sign, to in batches:
+                    rows = self.model.surfaces.receiver_range(o)
+                    self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)
 
         run_ranges(work, threads, threads, 1)
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.threads import overlapped
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
@@ -25,6 +26,7 @@ from gi_core.gloss.light import GlossLight
 from gi_core.lights.mix import irradiance_at
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates, add_fates
+from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
 from gi_core.scene.types import Pose
@@ -163,37 +165,49 @@ def next_frame(
     changes stay in, until the next frame overwrites them; stop: called every few ms. Raises Interrupted where
     `stop` returns True.
     """
-    model, store, estimate, clock = b.model, b.store, b.estimate, StageTimer(stop)
-    at, reach = model.transforms(poses), light.gloss.reach(b.setting.radius, size.paths)
-    bounced = light.knows_direct(b)
-    if shown is not None and shown.has_sums(b, size, reach, not bounced):
-        changed, evaluated = shown.change, shown.evaluated
-    else:
-        b.evaluated = None
-        paths, coarse = store.subset(size.photons)
-        wanted = estimate.wanted(at, mobiles=not size.paths)
-        if reach:
-            wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, reach))
-        clock("contact")
-        changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
-        needed = changed._replace(near_mobiles=()) if size.paths else changed
-        needed = needed.bounced() if bounced else needed
-        evaluated = b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
-        clock("estimate")
-    if size.photons:
-        direct = light.direct_at(at, b)
-        clock("direct")
-        E, unbiased = _controlled(b, light, evaluated, direct, size.photons)
-    else:
-        E = unbiased = np.zeros((len(evaluated.area), 3))
+    clock, at = StageTimer(stop), b.model.transforms(poses)
+    reach = light.gloss.reach(b.setting.radius, size.paths)
+    with overlapped(light.mobiles.rays_ahead(at, size.paths), b.model.threads):
+        changed, evaluated = _sums(b, light, at, size, reach, room, clock, shown)
+        if size.photons:
+            direct = light.direct_at(at, b)
+            clock("direct")
+            E, unbiased = _controlled(b, light, evaluated, direct, size.photons)
+        else:
+            E = unbiased = np.zeros((len(evaluated.area), 3))
     clock("read out")
     if size.paths:
         light.mobiles.replace_in(E, at, unbiased, size.paths, light.mobiles.at_rest(b))
         clock("gather")
     own, E = E, light.at_poses.replaced(E, at, b, size.photons)
-    gloss, facts = light.gloss.light(b, changed, clock, size.paths), estimate.control_facts
+    gloss, facts = light.gloss.light(b, changed, clock, size.paths), b.estimate.control_facts
     parts = changed, evaluated, gloss, size, light.static.is_gathered, facts, clock.seconds
-    return Frame(poses, E, own, light.setting.levels, store, b, *parts)
+    return Frame(poses, E, own, light.setting.levels, b.store, b, *parts)
+
+
+def _sums(
+    b: Background, light: FrameLight, at: Transforms, size: FrameSize, reach: float, room: ScanBuffers,
+    clock: StageTimer, shown: Frame | None,
+) -> tuple[PoseChange, Evaluated]:  # fmt: skip
+    """Return the change of paths and the sums of a frame; arguments as for next_frame().
+
+    reach [m]: gloss needs the segments as near to mobiles, 0: none.
+    """
+    estimate, bounced = b.estimate, light.knows_direct(b)
+    if shown is not None and shown.has_sums(b, size, reach, not bounced):
+        return shown.change, shown.evaluated
+    b.evaluated = None
+    paths, coarse = b.store.subset(size.photons)
+    wanted = estimate.wanted(at, mobiles=not size.paths)
+    if reach:
+        wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, reach))
+    clock("contact")
+    changed = change(b.model, paths, coarse, at, b.store.seed, wanted, room, clock)
+    needed = changed._replace(near_mobiles=()) if size.paths else changed
+    needed = needed.bounced() if bounced else needed
+    b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
+    clock("estimate")
+    return changed, b.evaluated
 
 
 def _controlled(b: Background, light: FrameLight, sums: Evaluated, direct: Direct, photons: int) -> ControlledLight:

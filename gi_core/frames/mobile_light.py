@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import operator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +78,10 @@ class MobileLight:
             filled = self._unreached.filled(light)
             self._reflectance = given, self._coarse[2].reflectance(self._model, filled, levels)
         return AtRest(light, self._reflectance[1])
+
+    def rays_ahead(self, at: Transforms, paths: int) -> list[Callable[[], None]]:
+        """Return calls that trace rays of the next replace_in() at these poses, before its light is known."""
+        return self._gather.rays_ahead(at, paths) if self._gather is not None and paths else []
 
     def replace_in(
         self, irradiance: np.ndarray, at: Transforms, static: np.ndarray, paths: int,

@@ -27,8 +27,8 @@ class BounceRays:
         self._model, self._own, self._origins, self._directions = model, own, origins, directions
         far = np.full(len(origins), FAR * model.world.size, np.float32)
         self._on_own = model.accelerator.nearest(own, origins, directions, far)
-        self._pose = b""
-        self._cached: tuple[np.ndarray, np.ndarray]  # distance and face, on the static part or `own`
+        self._pose, self._traced = b"", 0
+        self._cached: tuple[np.ndarray, np.ndarray]  # distance and face, on the static part or `own`, of `_traced` rays
 
     def nearest(self, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return distance (n,) float32 [m] and global face (n,) int32, -1 for none, over all objects.
@@ -36,10 +36,8 @@ class BounceRays:
         The arrays may belong to the cache: do not write to them.
         """
         of, given = self._model.accelerator, (new_ray(), at, self._own, self._origins, self._directions)
-        if self._pose != pose_bits(at, self._own):
-            self._cached = tuple(a.copy() for a in self._on_own)
-            _nearest_static(of.scenes, *given, *self._cached)
-            self._pose = pose_bits(at, self._own)
+        if left := self.left(at):
+            self.trace(at, left)
         if len(at.position) == 2:
             return self._cached
         distance, face = (a.copy() for a in self._cached)
@@ -47,6 +45,20 @@ class BounceRays:
         spheres = world.sphere_centre, world.sphere_radius + NEAR * world.size
         _nearer(of.scenes, of.boxes, *spheres, of.first_face, *given, distance, face)
         return distance, face
+
+    def left(self, at: Transforms) -> int:
+        """Return the number of rays whose hits on the static part are not cached for these poses."""
+        return len(self._origins) - (self._traced if self._pose == pose_bits(at, self._own) else 0)
+
+    def trace(self, at: Transforms, rays: int) -> None:
+        """Cache the hits of so many more rays on the static part."""
+        if self._pose != pose_bits(at, self._own):
+            self._cached = tuple(a.copy() for a in self._on_own)
+            self._pose, self._traced = pose_bits(at, self._own), 0
+        some = slice(self._traced, self._traced + rays)
+        given = (a[some] for a in (self._origins, self._directions, *self._cached))
+        _nearest_static(self._model.accelerator.scenes, new_ray(), at, self._own, *given)
+        self._traced += rays
 
 
 class ShadowRays:

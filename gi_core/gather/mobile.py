@@ -19,6 +19,7 @@ from __future__ import annotations
 import itertools
 import operator
 import threading
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -49,6 +50,7 @@ BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half tak
 LEAST_PATHS = 1 << 11  # per batch where there are more threads than batches
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
 BRIGHT_STREAM = 1 << 39  # separates points on bright faces from those on lamps
+RAYS_AHEAD = 1 << 11  # bounces per call of rays_ahead(): a quarter of a millisecond
 BOUNCES_PER_BRIGHT = 8  # bounces per ray to a bright face
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
@@ -171,6 +173,15 @@ class MobileGather:
             given = self._near, self._kinds, self._kind_directions(paths), light.close, bounced
             self.path_light = PathLight(self._normals, *given, [d for d in lit if d is not None])
         return direct + average_neighbours(self._near, light.close, counts, E, threads)
+
+    def rays_ahead(self, at: Transforms, paths: int) -> list[Callable[[], None]]:
+        """Return calls that trace bounces of the next irradiance() at these poses, before its light is known.
+
+        Each traces a batch that is cached and has moved.
+        """
+        batches = (batch.bounce for batch in self._batches.get(paths, ()) if batch is not None)
+        parts = ((rays, range(0, rays.left(at), RAYS_AHEAD)) for rays in batches)
+        return [partial(rays.trace, at, min(RAYS_AHEAD, part.stop - k)) for rays, part in parts for k in part]
 
     @property
     def _rows(self) -> list[tuple[int, int]]:

@@ -220,23 +220,32 @@ def three_things() -> Scene:
 @settings(max_examples=15)
 @given(
     st.lists(
-        st.tuples(st.integers(0, 2), st.integers(0, 3), st.sampled_from([1, 4, 6, 8]), st.booleans()),
+        st.tuples(
+            st.integers(0, 2), st.integers(0, 3), st.sampled_from([1, 4, 6, 8]), st.booleans(), st.integers(0, 12)
+        ),
         min_size=2,
         max_size=6,
     )
 )
 def test_cached_hits_equal_those_of_an_empty_cache(history):
-    """Mobiles that rest, return, overlap; alternating numbers of paths; changing static light; other threads."""
+    """Mobiles that rest, return, overlap; alternating numbers of paths; changing static light; other threads.
+
+    Some rays are traced ahead.
+    """
     scene = three_things()
     model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
     gather = MobileGather(model, 4)
     light = np.random.default_rng(0).random((model.first_probe, 3))
-    for thing, step, paths, brighter in history:
+    for thing, step, paths, brighter, ahead in history:
         mobile = scene.mobiles[thing]
         x, y, z = mobile.pose.position
         poses[mobile.name] = Pose((x, y + 0.1 * step, z - 0.05 * step), (0.8, 0.6, 0.0, 0.0))
         static = (2.0 if brighter else 1.0) * light
         at = model.transforms(poses)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(mobile_gather, "RAYS_AHEAD", 100)
+            for call in gather.rays_ahead(at, paths)[:ahead]:
+                call()
         uncached = MobileGather(Model(scene, 3), 4).irradiance(at, static, paths)
         assert np.array_equal(gather.irradiance(at, static, paths), uncached)
 
@@ -285,7 +294,7 @@ def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
     monkeypatch.setattr(hit_cache, "_nearest_static", lambda *a: traced.append((a[3], len(a[4]))) or real(*a))
     monkeypatch.setattr(model.accelerator, "nearest", lambda *_: pytest.fail("traced through the mobile itself"))
     gather.irradiance(model.transforms(poses), static, 8)
-    assert not traced
+    assert not traced and not gather.rays_ahead(model.transforms(poses), 8)
     moved = scene.mobiles[2]
     x, y, z = moved.pose.position
     gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 8)
