@@ -2,8 +2,8 @@
 
 A photon subset is a valid smaller solution with more noise. The noise differs between subsets, so switching between
 them flickers. The size is therefore chosen when a motion begins. It becomes smaller only after several late frames in
-a row, and larger with the next motion. Mobiles that gather their light come first: up to ENOUGH paths in a share of the
-budget, then photons, then more paths in the time that is left.
+a row, and larger with the next motion. Mobiles that gather their light come first: time for ENOUGH paths in a share of
+the budget, then photons, then as many paths as the time that is left has room for.
 """
 
 from __future__ import annotations
@@ -107,8 +107,7 @@ class FrameBudget:
         left = seconds - (self._path_times.expected(paths) or 0.0)
         photons = self._photon_times.largest_within(left, good_enough(subsets))
         if (spent := self._photon_times.expected(photons)) is not None:
-            more = self._path_times.largest_within(seconds - spent, PATHS)
-            paths = max(paths, more)
+            paths = self._path_times.largest_within(max(seconds - spent, (1.0 - GATHERING) * seconds), PATHS)
         return photons, paths
 
     def begin(self) -> None:

@@ -383,8 +383,9 @@ def test_without_photons_there_is_nothing_to_choose():
         (0.016, (16_384, 32)),  # half of the budget would buy 16 paths
         (0.018, (65_536, 32)),  # photons before more paths ...
         (0.026, (65_536, 64)),  # ... and these in the time that is left
-        (0.012, (16_384, 24)),
-        (0.004, (16_384, 8)),  # nothing fits: paths have their share
+        (0.012, (16_384, 16)),  # beside the fewest photons: 24 would fit their share
+        (0.004, (16_384, 4)),  # nothing fits
+        (0.006, (16_384, 6)),  # photons take it all: paths have a part of the budget besides
         (1.0, (1_000_000, 256)),
     ],
 )
