@@ -135,49 +135,21 @@ class MobileGather:
         counts = self._bounces(paths)
         for count in {paths, *np.unique(counts).tolist()} - set(self._directions):
             self._directions[count] = shared_directions(self._seed, count, KINDS)
-        threads, mobiles = self._model.threads, len(self._model.names)
-        lamps: dict[int, LampSamples] = {}
-        looking = [threading.Lock() for _ in range(mobiles)]
-        in_world = np.empty((2, n, 3))  # positions [m] and normals of receivers
-
-        def look(o: int) -> LampSamples:
-            with looking[o - 1]:  # the first thread at a mobile looks for its lamps
-                if o not in lamps:
-                    R, p, own = at.rotation[o, None], at.position[o, None], slice(*self._rows[o - 1])
-                    in_world[0, own] = to_world_at(R, p, self._positions[own])
-                    in_world[1, own] = to_world_at(R, 0 * p, self._normals[own])
-                    lamps[o] = self._lamps(world, o, at, static, paths)
-                return lamps[o]
-
-        places, kept, bounced = self._places(paths), self._room(paths), self._room_by_path(paths)
-        found: list = [None] * len(places)
-        waiting = iter(range(len(places)))
-
-        def work(*_):
-            for k in waiting:  # each thread takes the next batch, as they take different times
-                batch = kept[k] or self._batch(paths, *places[k])
-                given = look(batch.mobile), in_world[:, batch.rows], static, paths
-                known = PathSums(*(a[batch.rows] for a in light))
-                found[k] = self._gather(world, batch, at, *given, known, bounced)
-                if n * paths <= CACHED_PATHS:
-                    kept[k] = batch
-
-        run_ranges(work, len(places), threads, 1)
-        exchanges, lit = zip(*found, strict=True)
-        exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
+        bounced = self._room_by_path(paths)
+        exchange, lit = self._gather_batches(world, at, static, paths, light, bounced)
         direct, known = light.direct / paths, light.bounced / paths
         reached_corners(exchange.corners, direct + known, exchange.share)
         E = _exchanged(direct, known, exchange, paths)
         if len(self._glossy):
             add_exchanged(exchange, direct + E, bounced)
             given = self._near, self._kinds, self._kind_directions(paths), light.close, bounced
-            self.path_light = PathLight(self._normals, *given, [d for d in lit if d is not None])
-        return direct + average_neighbours(self._near, light.close, counts, E, threads)
+            self.path_light = PathLight(self._normals, *given, lit)
+        return direct + average_neighbours(self._near, light.close, counts, E, self._model.threads)
 
     def rays_ahead(self, at: Transforms, paths: int) -> list[Callable[[], None]]:
         """Return calls that trace bounces of the next irradiance() at these poses, before its light is known.
 
-        Each traces a batch that is cached and has moved.
+        Only batches are traced that are cached and have moved.
         """
         batches = (batch.bounce for batch in self._batches.get(paths, ()) if batch is not None)
         parts = ((rays, range(0, rays.left(at), RAYS_AHEAD)) for rays in batches)
@@ -277,6 +249,40 @@ class MobileGather:
         origins = np.repeat(self._positions[rows].astype(np.float32), counts, axis=0)
         rays, shadows = BounceRays(self._model, mobile, origins, directions), partial(ShadowRays, self._model, mobile)
         return ReceiverBatch(mobile, rows, first, directions, rays, shadows(), shadows())
+
+    def _gather_batches(
+        self, world: World, at: Transforms, static: np.ndarray, paths: int, light: PathSums, bounced: np.ndarray
+    ) -> tuple[Exchange, list[DirectLight]]:
+        """Gather at all batches, on all threads; results as for _gather()."""
+        places, kept = self._places(paths), self._room(paths)
+        in_world = np.empty((2, len(self._positions), 3))  # positions [m] and normals of receivers
+        lamps: dict[int, LampSamples] = {}
+        looking = [threading.Lock() for _ in self._model.names]
+        found: list = [None] * len(places)
+        waiting = iter(range(len(places)))
+
+        def look(o: int) -> LampSamples:
+            with looking[o - 1]:  # the first thread at a mobile looks for its lamps
+                if o not in lamps:
+                    R, p, own = at.rotation[o, None], at.position[o, None], slice(*self._rows[o - 1])
+                    in_world[0, own] = to_world_at(R, p, self._positions[own])
+                    in_world[1, own] = to_world_at(R, 0 * p, self._normals[own])
+                    lamps[o] = self._lamps(world, o, at, static, paths)
+                return lamps[o]
+
+        def work(*_):
+            for k in waiting:  # each thread takes the next batch, as they take different times
+                batch = kept[k] or self._batch(paths, *places[k])
+                given = look(batch.mobile), in_world[:, batch.rows], static, paths
+                known = PathSums(*(a[batch.rows] for a in light))
+                found[k] = self._gather(world, batch, at, *given, known, bounced)
+                if len(self._positions) * paths <= CACHED_PATHS:
+                    kept[k] = batch
+
+        run_ranges(work, len(places), self._model.threads, 1)
+        exchanges, lit = zip(*found, strict=True)
+        hits = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
+        return hits, [d for d in lit if d is not None]
 
     def _gather(
         self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, places: np.ndarray, static, paths,
