@@ -20,8 +20,11 @@ from app.measure.chart.run import Run
 from app.measure.chart.settings import Choice
 from app.settings import Settings, open_scene
 from gi_core.estimators import DEFAULT
+from gi_core.frames.frame_size import PATHS
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
 from gi_core.geometry.error import bias_left, luminance, relative_error
+from gi_core.scene.errors import SceneError
+from gi_core.scene.rules import one_of
 from gi_core.solver import Solver
 
 SIZES = ("16384,32", "131072,64", "131072,128", "131072,256")
@@ -37,6 +40,9 @@ def report(
     settings = Settings(scene=name, estimator=DEFAULT)
     with tempfile.TemporaryDirectory() as folder:
         run = Run(open_scene(settings), settings, False, FRAMES, None, Path(folder), lambda stage, fraction: None)
+    for photons, paths in sizes:  # before the truth, which takes minutes
+        one_of(run.effort.photons).check(f"{name}: the photons of a frame", photons)
+        one_of(PATHS).check("the paths per receiver and frame", paths)
     base, frames = run.base, [(2 * k + 1) * FRAMES // (2 * poses) for k in range(poses)]
     areas = base.receivers.areas
     lap, of_mobiles = run.lap, np.arange(base.surfaces.receiver_range(0).stop, len(areas))
@@ -96,7 +102,10 @@ def main() -> None:
     asked = parser.parse_args()
     sizes = [tuple(int(n) for n in size.split(",")) for size in asked.sizes]
     for name in asked.scenes:
-        report(name, sizes, asked.poses, asked.points, asked.noise, asked.only)
+        try:
+            report(name, sizes, asked.poses, asked.points, asked.noise, asked.only)
+        except SceneError as error:
+            parser.error(str(error))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 `next_task` returns one short task at a time; a drag waits for at most one. Results belong to the solver's irradiance
 and are dropped when it changes. A reference belongs to poses, to all or sampled receivers, and to levels of lamps; the
-last REMEMBERED are kept.
+last REMEMBERED are kept. Errors are relative to the light of each place that is brighter than the view, else to that of
+the view (`gi_core.gather.view_level`): all light may be sunlight, beside which a mottled room would count as done.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from app.rest.measured_points import MeasuredPoint
 from app.rest.reference_job import ReferenceJob
 from app.rest.results import ReferencePicture, Report
 from app.worker import Task
-from gi_core.geometry.error import bias_left, noise_from_subset, relative_error, subset_to_compare
+from gi_core.geometry.error import bias_left, luminance, noise_from_subset, relative_error, subset_to_compare
 
 if TYPE_CHECKING:
     from gi_core.scene import Pose
@@ -153,6 +154,7 @@ class LiveError:
     def _gather(self, everywhere: bool) -> None:
         """Trace a step of the reference and update the report."""
         from gi_core.gather.reference_sample import draw_by_area
+        from gi_core.gather.view_level import visual_shares
 
         solver, key = self._solver, self._key(self._solver.poses, everywhere)
         reference = self._references.pop(key, None)
@@ -161,7 +163,8 @@ class LiveError:
             rows, weights = (
                 (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
             )
-            reference = ReferenceJob(solver, solver.poses, rows, weights, even=everywhere and not self._few)
+            shares = visual_shares(solver.model, luminance(self._light), self._areas)[rows]
+            reference = ReferenceJob(solver, solver.poses, rows, weights, shares, even=everywhere and not self._few)
         self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED:])
         before = reference.look
         reference.step()

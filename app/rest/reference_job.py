@@ -20,18 +20,22 @@ class ReferenceJob:
     """The reference of some receivers; only the solver's thread uses it."""
 
     def __init__(
-        self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, even: bool = False
-    ) -> None:
-        """`even`: equal path counts per receiver, for a picture; else counts that minimise the total error."""
+        self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, shares: np.ndarray,
+        even: bool = False,
+    ) -> None:  # fmt: skip
+        """`weights` (n,) of receivers: area, or number of draws. Errors and noise count them times `shares` (n,).
+
+        `even`: equal path counts per receiver, for a picture; else counts that minimise the total error by `weights`.
+        """
         from app.rest.reference_store import ReferenceStore
 
-        self.rows, self.weights = rows, weights  # (n,) receivers and their weights: area, or number of draws
+        self.rows, self.weights = rows, weights * shares  # (n,) receivers, and their weights in errors
         self.picture: ReferencePicture | None = None  # None before the first step
         self._store = ReferenceStore(solver.model, poses, rows, weights=weights, levels=solver.levels)
         self._is_kept = dict(poses) == solver.model.start_poses() and bool((solver.levels == 1).all())
         self._gathered = self._store.rounds(even, self._is_kept)
         self._saved = self.rounds
-        self.noise = self._gathered.state.noise(weights)  # relative, l1
+        self.noise = self._gathered.state.noise(self.weights)  # relative, l1
 
     def step(self) -> None:
         self._gathered.step()

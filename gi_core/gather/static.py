@@ -20,7 +20,7 @@ from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
-from gi_core.gather.view_level import visual_weights
+from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
@@ -143,7 +143,7 @@ class StaticGather:
         else:
             return
         E = self._pooled(luminance(light)[:, None])[:, 0]
-        self._weigh(visual_weights(self._model, E, self._areas))
+        self._weigh(self._areas * visual_shares(self._model, E, self._areas))
         self._is_weighed = True
 
     @property

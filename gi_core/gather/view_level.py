@@ -18,15 +18,18 @@ BACKS = 4  # of one-sided faces, which the camera sees through
 WHITE = 8.0  # times the median in view, which is drawn mid-grey
 
 
-def visual_weights(model: Model, E: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """Return weights (n,) of static receivers of luminance E (n,) [W/m2]: areas (n,), less above the level."""
+def visual_shares(model: Model, E: np.ndarray, areas: np.ndarray) -> np.ndarray:
+    """Return shares (n,) by which noise of receivers of luminance E (n,) [W/m2] counts: 1 up to the level, less above.
+
+    n: all receivers, or those of the static part, which come first. areas (n,) [m2]: find a level without a camera.
+    """
     level = _median_in_view(model, E)
     if not level > 0.0:
         lit = E > 0.0
         level = _median(E[lit], areas[lit])
     if not level > 0.0:
-        return areas
-    return areas * (level / np.maximum(E, level)) * (WHITE * level / np.maximum(E, WHITE * level))
+        return np.ones(len(E))
+    return (level / np.maximum(E, level)) * (WHITE * level / np.maximum(E, WHITE * level))
 
 
 def _median_in_view(model: Model, E: np.ndarray) -> float:

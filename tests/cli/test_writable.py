@@ -97,7 +97,7 @@ def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, t
     assert program.main(["render", *asked]) == 0 and out.exists()
 
     solver = Solver(coloured_room(), photons=100)
-    reference = ReferenceJob(solver, solver.poses, np.arange(3), np.ones(3))
+    reference = ReferenceJob(solver, solver.poses, np.arange(3), *np.ones((2, 3)))
     while reference.rounds < 2:
         reference.step()
     reference.keep()

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from gi_core.scene.types import DirectionalLight, Material, Mesh, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
+from gi_core.scene.types import (
+    Camera,
+    DirectionalLight,
+    Material,
+    Mesh,
+    Mobile,
+    PointLight,
+    Pose,
+    Scene,
+    SkyLight,
+    SpotLight,
+)
 
 BLACK = Material("black", (0.0, 0.0, 0.0))
 
@@ -224,3 +237,11 @@ def sunny_room(spacing: float = 0.15, glow: float = 2.5) -> Scene:
     thing = Mobile("box", box((-0.25, 0, -0.25), (0.25, 0.5, 0.25), 10, 0), Pose((2.2, 0.3, 2.0)))
     sky = SkyLight("sky", (0.8 * glow, glow, 1.3 * glow))
     return Scene(walls, materials, (thing,), (sun, sky), name="sunny room")
+
+
+def sunny_house(spacing: float = 0.8) -> Scene:
+    """Return the sunny room with sunlit ground outside, five times its area, and the camera inside."""
+    scene = sunny_room(spacing)
+    ground = quad((7.0, 0, -5.0), (0, 0, 14.0), (14.0, 0, 0), (10, 10), 1)
+    camera = Camera((0.5, 1.6, 3.7), (3.6, 0.7, 1.0), 65.0)
+    return replace(scene, static=merge(scene.static, ground), camera=camera)

@@ -23,11 +23,13 @@ from app.window import view_content
 from app.worker import Task
 from gi_core.frames.progress import Interrupted
 from gi_core.gather.reference import reference_irradiance
+from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.scene import Mesh, Pose, Scene
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
+from tests.support.scene_builders import sunny_house
 from tests.window.test_session import FRAME, frame, make
 
 NUMBERS = Wants()
@@ -56,6 +58,23 @@ def finish(live_error, wants=NUMBERS, pieces=3000):
     raise AssertionError("no end of work")
 
 
+def shares_of(solver: Solver) -> np.ndarray:
+    return visual_shares(solver.model, luminance(solver.irradiance), solver.receivers.areas)
+
+
+def test_sunlight_outside_does_not_hide_the_error_in_a_room():
+    solver = Solver(sunny_house(), photons=1 << 16, radius=0.6, light="photons")
+    solver.solve()
+    live_error = LiveError(solver, time.perf_counter)
+    finish(live_error)
+    reference, areas = live_error.reference(solver.poses, False), solver.receivers.areas
+    E, T = solver.irradiance[reference.rows], reference.irradiance
+    inside = (solver.receivers.positions[:, 0] < 6.5)[reference.rows]
+    in_room = relative_error(E, T, inside * areas[reference.rows] / np.maximum(luminance(T), 0.3)).l1
+    assert relative_error(E, T, areas[reference.rows]).l1 < 0.3 * live_error.report.total
+    assert 0.4 * in_room < live_error.report.total < 1.6 * in_room
+
+
 def test_live_error_equals_that_against_another_reference(solver):
     live_error = LiveError(solver, time.perf_counter)
     finish(live_error)
@@ -63,7 +82,8 @@ def test_live_error_equals_that_against_another_reference(solver):
     assert r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     reference, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
-    assert r.total == pytest.approx(relative_error(solver.irradiance, reference, solver.receivers.areas).l1, rel=0.1)
+    weights = solver.receivers.areas * shares_of(solver)
+    assert r.total == pytest.approx(relative_error(solver.irradiance, reference, weights).l1, rel=0.1)
     assert r.reference_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
     point = live_error.point
     assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
@@ -149,7 +169,8 @@ def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
     picture = E
     lit = solver.receivers.areas > 0
     assert np.isfinite(picture[lit]).all() and np.isnan(picture[~lit]).all()
-    assert relative_error(solver.irradiance, picture, solver.receivers.areas, lit).l1 == pytest.approx(r.total, rel=0.3)
+    weights = solver.receivers.areas * shares_of(solver)
+    assert relative_error(solver.irradiance, picture, weights, lit).l1 == pytest.approx(r.total, rel=0.3)
     assert live_error.report == r, "the numbers remain those of the choice"
 
 

@@ -27,7 +27,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         "Total",
         _percent(r and r.total),
         "Mean error of irradiance against the unbiased reference, relative to the mean irradiance. Absolute values, in "
-        "luminance, weighted by area.",
+        "luminance, weighted by area. Places brighter than the view count less, by their light.",
     )
     ui.number(
         "   noise",

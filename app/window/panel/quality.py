@@ -45,7 +45,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
               "Time for light per frame while something moves: median of the last moves, and its limit.")  # fmt: skip
     error = status.error_of(facts)
     ui.number("Error at rest", ui.DASH if error is None or facts.moving else f"{100 * error:.1f} %",
-              "Mean error of irradiance against an unbiased reference, relative to the mean irradiance.")  # fmt: skip
+              "Mean error of irradiance against an unbiased reference, relative to the mean irradiance. Places "
+              "brighter than the view count less.")  # fmt: skip
     status.draw(facts)
     return s
 

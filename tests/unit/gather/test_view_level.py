@@ -9,43 +9,33 @@ import pytest
 
 from gi_core.gather import static
 from gi_core.gather.static import PhotonLight, StaticGather
-from gi_core.gather.view_level import BACKS, WHITE, visual_weights
+from gi_core.gather.view_level import BACKS, WHITE, visual_shares
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.origin import translated
 from gi_core.scene.types import Camera
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, grey, merge, quad, sunny_room
-
-INSIDE = Camera((0.5, 1.6, 3.7), (3.6, 0.7, 1.0), 65.0)
-SPACING = 0.8
-
-
-def house():
-    """Return the sunny room with sunlit ground outside, five times its area, and the camera inside."""
-    scene = sunny_room(SPACING)
-    ground = quad((7.0, 0, -5.0), (0, 0, 14.0), (14.0, 0, 0), (10, 10), 1)
-    return replace(scene, static=merge(scene.static, ground), camera=INSIDE)
+from tests.support.scene_builders import box, grey, merge, quad, sunny_house, sunny_room
 
 
 def test_even_light_and_dim_places_count_by_area():
-    model = Model(house(), 1)
+    model = Model(sunny_house(), 1)
     areas = model.object_receivers.areas[: model.first_probe]
     even = np.full(len(areas), 3.0)
-    assert np.allclose(visual_weights(model, even, areas), areas)
+    assert np.allclose(visual_shares(model, even, areas), 1.0)
     dim = np.where(np.arange(len(areas)) % 50, even, 0.3)
-    assert np.allclose(visual_weights(model, dim, areas), areas)
+    assert np.allclose(visual_shares(model, dim, areas), 1.0)
 
 
 def test_light_counts_by_area_up_to_white():
-    model = Model(house(), 1)
+    model = Model(sunny_house(), 1)
     rows = model.surfaces.receiver_range(0)
     points, areas = model.evaluation_points[0][rows], model.object_receivers.areas[rows]
     outside = points[:, 0] > 6.5
     E = np.where(outside, 100.0, 2.0)
-    w = visual_weights(model, E, areas)
-    assert outside.any() and np.allclose(w[~outside], areas[~outside])
-    assert np.allclose(w[outside], 2.0 / 100.0 * WHITE * 2.0 / 100.0 * areas[outside])
+    shares = visual_shares(model, E, areas)
+    assert outside.any() and np.allclose(shares[~outside], 1.0)
+    assert np.allclose(shares[outside], 2.0 / 100.0 * WHITE * 2.0 / 100.0)
 
 
 @pytest.mark.parametrize("walls", range(BACKS + 1))
@@ -59,32 +49,32 @@ def test_a_camera_behind_one_sided_walls_sees_through_them(walls):
     E = np.full(len(areas), 50.0)
     E[np.unique(model.surfaces.corner_front[: len(floor.faces)])] = 1.0
     level = 1.0 if walls < BACKS else 50.0
-    assert (visual_weights(model, E, areas)[E == 50.0] < areas[E == 50.0]).all() == (level == 1.0)
+    assert (visual_shares(model, E, areas)[E == 50.0] < 1.0).all() == (level == 1.0)
 
 
 def test_a_scene_far_from_the_origin_has_the_same_weights():
     """Survey data: geometry and camera are shifted near the origin, once."""
     found = []
     for by in (0.0, 4096.0):
-        model = Model(translated(house(), np.array([by, -by, 0.0])), 1)
+        model = Model(translated(sunny_house(), np.array([by, -by, 0.0])), 1)
         assert model.origins[0].any() == (by > 0)
         rows = model.surfaces.receiver_range(0)
         areas = model.object_receivers.areas[rows]
         E = np.where(model.evaluation_points[0][rows][:, 0] > 6.5 - model.origins[0, 0] + by, 100.0, 2.0)
-        found.append(visual_weights(model, E, areas) / areas)
+        found.append(visual_shares(model, E, areas))
     assert np.allclose(*found)
 
 
 def test_darkness_counts_by_area():
-    model = Model(replace(house(), camera=None), 1)
+    model = Model(replace(sunny_house(), camera=None), 1)
     areas = model.object_receivers.areas[: model.first_probe]
-    assert np.array_equal(visual_weights(model, np.zeros(len(areas)), areas), areas)
+    assert (visual_shares(model, np.zeros(len(areas)), areas) == 1.0).all()
 
 
 @pytest.mark.slow
 def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
     """Weighted by area, it has several times as much: nearly all light is outside."""
-    solver = Solver(house(), photons=1 << 16, radius=0.6, seed=3)
+    solver = Solver(sunny_house(), photons=1 << 16, radius=0.6, seed=3)
     solver.solve()
     model, photons = solver.model, solver.frame.background.irradiance_per_lamp(1 << 16)
     rows = model.surfaces.receiver_range(0)
@@ -101,13 +91,13 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
         return relative_error(*light, areas * inside / np.maximum(light[1][:, 1], 0.3)).l1 / np.sqrt(2)
 
     now = noise_inside()
-    monkeypatch.setattr(static, "visual_weights", lambda model, E, areas: areas)
+    monkeypatch.setattr(static, "visual_shares", lambda model, E, areas: np.ones(len(areas)))
     assert now < 0.015 and noise_inside() > 3 * now
 
 
 def test_light_of_an_earlier_run_is_weighed_by_itself():
     """It is shown before there are photons."""
-    solver = Solver(house(), photons=1 << 14, radius=0.6, seed=3)
+    solver = Solver(sunny_house(), photons=1 << 14, radius=0.6, seed=3)
     solver.solve()
     photons = solver.frame.background.irradiance_per_lamp(1 << 14)
     first = StaticGather(solver.model, 1)
