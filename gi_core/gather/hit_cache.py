@@ -28,7 +28,7 @@ class BounceRays:
         far = np.full(len(origins), FAR * model.world.size, np.float32)
         self._on_own = model.accelerator.nearest(own, origins, directions, far)
         self._pose, self._traced = b"", 0
-        self._cached: tuple[np.ndarray, np.ndarray]  # distance and face, on the static part or `own`, of `_traced` rays
+        self._cached = self._on_own  # distance and face, of the first `_traced` rays on the static part or `own`
 
     def nearest(self, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return distance (n,) float32 [m] and global face (n,) int32, -1 for none, over all objects.

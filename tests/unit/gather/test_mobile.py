@@ -273,6 +273,15 @@ def test_bounces_meet_what_rays_in_the_world_meet(places):
         assert np.allclose(distance[same], expected[0][same], rtol=1e-4, atol=1e-5)
 
 
+def test_a_batch_may_have_no_rays():
+    model, at = at_start(three_things())
+    none = np.empty((0, 3), np.float32)
+    rays = BounceRays(model, 1, none, none)
+    assert rays.left(at) == 0 and [len(a) for a in rays.nearest(at)] == [0, 0]
+    alone, there = at_start(replace(three_things(), mobiles=three_things().mobiles[:1]))
+    assert [len(a) for a in BounceRays(alone, 1, none, none).nearest(there)] == [0, 0]
+
+
 def test_batches_beyond_the_cache_limit_are_recomputed_with_equal_bits(monkeypatch):
     model, at = at_start(three_things())
     static = np.ones((model.first_probe, 3))
