@@ -44,7 +44,7 @@ def split(n: int, parts: int, grain: int) -> list[tuple[int, int]]:
 
 
 def usable(threads: int) -> int:
-    """Return how many of so many threads a call of run_ranges() uses here and now."""
+    """Return how many of so many threads run_ranges() uses here; later in the same part or context, as many or more."""
     if _state.busy:
         return 1
     return threads - (_state.beside is not None and not _state.beside.done())

@@ -234,15 +234,14 @@ class TangentPlane:
     ) -> None:
         threads = min(usable(self.model.threads), 1 + sum(batch.segments.size for batch in batches) // LINE_GRAIN)
 
-        def work(_, first, last):
-            for part in range(first, last):
-                if removed_suffixes is not None:
-                    gone = share(len(removed_suffixes.photon), part, threads)
-                    sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
-                    self._intersections.subtract(removed_suffixes, *gone, sums)
-                for o, segments, sign, to in batches:
-                    rows = self.model.surfaces.receiver_range(o)
-                    self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)
+        def work(part, *_):
+            if removed_suffixes is not None:
+                gone = share(len(removed_suffixes.photon), part, threads)
+                sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
+                self._intersections.subtract(removed_suffixes, *gone, sums)
+            for o, segments, sign, to in batches:
+                rows = self.model.surfaces.receiver_range(o)
+                self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)
 
         run_ranges(work, threads, threads, 1)
 
