@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 
-OK, USAGE, SCENE, NO_GL, STOPPED = 0, 2, 3, 4, 130
+OK, INCOMPLETE, USAGE, SCENE, NO_GL, STOPPED = 0, 1, 2, 3, 4, 130
 UNREAD = 141  # closed pipe: 128 + SIGPIPE, the shell's convention
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from app.cli import cluster, options, values
-from app.cli.exit_codes import OK
+from app.cli.exit_codes import INCOMPLETE, OK, fail
 from app.cli.options import settings_of
 
 
@@ -30,5 +30,8 @@ def run(arguments: argparse.Namespace) -> int:
     from app.measure.chart.command import chart
 
     with cluster.opened(a.workers, a.scheduler) as machines:
-        print(chart(settings_of(a), a.out, a.quick, a.frames, a.points, machines))
-    return OK
+        text, failures = chart(settings_of(a), a.out, a.quick, a.frames, a.points, machines)
+    print(text)
+    for failure in failures:
+        fail(failure, INCOMPLETE)
+    return INCOMPLETE if failures else OK

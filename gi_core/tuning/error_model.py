@@ -3,7 +3,8 @@
 With N photons the squared error of a setting is A / N + B^2: variance, and squared bias. A frame of n of the N photons
 with the static light of all (`control_variate.py`) adds M (1 / n - 1 / N). Its time is s + c n. The five parameters are
 fitted to the trials of each radius. Over radii each is a fitted power law: A should fall as r^-2, B grow as r^2 in
-smooth light and as r at edges of shadows. No parameter is preset for a scene.
+smooth light and as r at edges of shadows. No parameter is preset for a scene. An estimator whose sums are not additive
+has no photon subsets: each of its frames uses all photons.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.fixed_point import MAX_PHOTONS
+from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.tuning.setting_trials import Trial
 
@@ -157,7 +159,8 @@ def within_time(models: Sequence[ErrorModel], seconds: float, photons: int) -> T
 
     def found(model: ErrorModel) -> TunedChoice:
         room = model.photons_within(seconds)
-        return _choice(model, photons, min(max(room, FEWEST), photons), room >= FEWEST)
+        frame = min(max(room, FEWEST), photons)
+        return _choice(model, photons if _is_additive(model) else frame, frame, room >= FEWEST)
 
     return max(map(found, models), key=lambda choice: (choice.met, -choice.moving_error))
 
@@ -172,7 +175,8 @@ def within_error(models: Sequence[ErrorModel], error: float, seconds: float, mos
     def found(model: ErrorModel) -> TunedChoice:
         needed = model.photons_for(error)
         photons = max(math.ceil(min(needed, most)), FEWEST)
-        return _choice(model, photons, min(max(model.photons_within(seconds), FEWEST), photons), needed <= most)
+        frame = min(max(model.photons_within(seconds), FEWEST), photons) if _is_additive(model) else photons
+        return _choice(model, photons, frame, needed <= most)
 
     def order(pair: tuple[ErrorModel, TunedChoice]) -> tuple:
         model, choice = pair
@@ -181,7 +185,7 @@ def within_error(models: Sequence[ErrorModel], error: float, seconds: float, mos
     return max(((model, found(model)) for model in models), key=order)[1]
 
 
-def _choice(model: ErrorModel, photons: int, frame: float, met: bool) -> TunedChoice:
+def _choice(model: ErrorModel, photons: float, frame: float, met: bool) -> TunedChoice:
     return TunedChoice(
         model.setting,
         int(photons),
@@ -191,3 +195,7 @@ def _choice(model: ErrorModel, photons: int, frame: float, met: bool) -> TunedCh
         model.seconds(frame),
         met,
     )
+
+
+def _is_additive(model: ErrorModel) -> bool:
+    return ESTIMATORS[model.setting.estimator].additive

@@ -11,14 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
 from gi_core.geometry.receiver_classes import receiver_classes
+from gi_core.photons.subsets import LOWEST
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 
 PHOTONS = 1 << 17  # per trial: about a second
-COUNTS = 5  # photon subsets per trial: all, one half, ...
+COUNTS = 5  # numbers of photons per trial: all, one half, ...
 RECEIVERS = 300  # per pose
 NOISE = 0.02  # of the truth, relative l1; it is subtracted
 MOST_PATHS = 2048  # per receiver
@@ -66,22 +68,34 @@ def reference_samples(
 def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, **setting) -> Trial:
     """Return error and time of frames with a setting, on a twin of a solver, which shares its photons.
 
+    An estimator without photon subsets, whose sums are not additive, is solved for each number of photons.
     paths: per receiver of a mobile, as in Solver.move_all(). setting: fields of Setting.
     """
     twin = solver.twin(fresh=True)
     twin.configure(photons=min(PHOTONS, solver.photons), subset_only=True, **setting)
-    twin.solve()
-    counts = np.array(twin.frame.subsets[-COUNTS:], np.int64)
+    additive = ESTIMATORS[twin.setting.estimator].additive
+    if additive:
+        twin.solve()
+    counts = twin.frame.subsets[-COUNTS:] if additive else _halved(twin.photons)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(samples), 2, len(counts)))
     for kind, subset_only in enumerate((True, False)):
         twin.configure(subset_only=subset_only)
         for n, count in enumerate(counts):
+            if not additive:
+                twin.configure(photons=count)
+                twin.solve()
             for p, (poses, sample) in enumerate(samples):  # innermost: mobiles move in each frame
-                twin.move_all(poses, int(count), paths)
+                twin.move_all(poses, count, paths)
                 errors[kind, n] += sample.squared_error(twin.irradiance) / len(samples)
                 seconds[p, kind, n] = sum(twin.frame.timings.values())
     # Other load can only add time, so the minimum is taken.
-    return Trial(twin.setting, counts, *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
+    return Trial(twin.setting, np.array(counts, np.int64), *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
+
+
+def _halved(photons: int) -> list[int]:
+    """Return a number of photons, its half, quarter, ... of at least LOWEST, ascending; at most COUNTS."""
+    smaller = (photons >> k for k in range(COUNTS - 1, 0, -1))
+    return [*(n for n in smaller if n >= LOWEST), photons]
 
 
 def errors_of(

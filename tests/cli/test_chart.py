@@ -132,6 +132,38 @@ def test_tuned_choice_is_plotted_beside_the_best_others(measured, tmp_path, monk
     assert "tune's choice for 16 ms" in tuned.summary(rows)
 
 
+def test_the_choice_of_tune_may_have_no_photon_subsets(measured, tmp_path, monkeypatch):
+    """photon_map keeps none when solved at once; a subset of another estimator's photons was asked of it."""
+    k = {"estimator": "photon_map", "neighbours": 80}
+    monkeypatch.setattr("app.measure.tuning.candidates", lambda solver: [k])
+    run = run_of(shutil.copytree(measured[0], tmp_path / "chart"))
+    walk = run._walk()
+    [row] = run.measurer.tuned(8192, walk)
+    assert (row["curve"], row["estimator"], row["neighbours"]) == (TUNED, "photon_map", 80)
+    assert row["photons"] == row["traced"] and row["total all"] > 0
+
+
+def test_a_setting_that_fails_costs_no_other(small, tmp_path, monkeypatch, capsys):
+    """All others are in the table and drawn; one sentence names the setting, and the exit code tells."""
+    pytest.importorskip("matplotlib")
+    row = Measurer._row
+
+    def broken(self, choice, *others):
+        if choice.estimator == "photon_map" and choice.photons == 4096:
+            raise ArithmeticError("no light")
+        return row(self, choice, *others)
+
+    monkeypatch.setattr(Measurer, "_row", broken)
+    assert command(tmp_path, "--estimator", "photon_map") == 1
+    assert (
+        "photon_map, 4,096 photons, k 50 could not be measured: ArithmeticError('no light')" in capsys.readouterr().err
+    )
+    assert [(r["curve"], r["photons"]) for r in table(tmp_path)] == [
+        ("photon_map", "8192"), ("path gather", "1"), ("path gather", "4"),
+    ]  # fmt: skip
+    assert (tmp_path / "index.html").stat().st_size > 0
+
+
 def test_nearness_compares_with_settings_at_most_as_slow():
     def row(curve, ms, all_, affected, mobile) -> dict:
         return {"curve": curve, "frame_ms": ms, "total all": all_, "total affected": affected, "total mobile": mobile}

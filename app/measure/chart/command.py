@@ -10,15 +10,17 @@ from app.settings import Settings, open_moving_scene
 
 if TYPE_CHECKING:
     from app.cli.cluster import Machines
+    from app.measure.chart.rows import Failure
 
 
 def chart(
     settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None,
     machines: Machines | None = None,
-) -> str:  # fmt: skip
+) -> tuple[str, list[Failure]]:  # fmt: skip
     """Measure the settings missing in `out`/results.csv, draw all of them; return a summary with the files.
 
-    machines: measure the settings in their processes.
+    Settings that could not be measured are returned beside it; the others are drawn without them. machines: measure
+    the settings in their processes.
 
     Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
     """
@@ -47,6 +49,5 @@ def chart(
         least = min(soon, key=lambda r: r["total all"])
         said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
     near = [words] if (words := summary(rows)) else []
-    return "\n".join(
-        [said, *near, *(str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))]
-    )
+    files = (str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))
+    return "\n".join([said, *near, *files]), run.failures

@@ -5,20 +5,42 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 from app.measure.chart import measure
 from app.measure.chart import rival as chart_rival
 from app.measure.chart.measure import Walk
-from app.measure.chart.settings import Choice, Effort
-from app.measure.chart.tuned import tuned_choice
-from app.settings import Settings, make_solver
+from app.measure.chart.settings import TUNED, Choice, Effort
+from app.measure.chart.tuned import choice_of
+from app.measure.tuning import tune
+from app.settings import BUDGET, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
-from gi_core.scene import Scene
+from gi_core.scene import Scene, SceneError
 from gi_core.solver import Solver
 
 LIMIT_SEED = 1000  # added to the seed: the limit must not share photons with the rows
+
+
+class Failure(NamedTuple):
+    """A row that could not be measured."""
+
+    curve: str
+    setting: str  # in words
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{', '.join(filter(None, (self.curve, self.setting)))} could not be measured: {self.reason}"
+
+
+def _attempted(curve: str, setting: str, row: Callable[[], dict]) -> dict | Failure:
+    """Return the columns of a row, or why it failed: no error of one row, whichever it is, may cost the others."""
+    try:
+        return row()
+    except Exception as error:
+        return Failure(curve, setting, str(error) if isinstance(error, SceneError) else repr(error))
 
 
 class Measurer:
@@ -39,27 +61,41 @@ class Measurer:
         """Columns of the process that has timed a row."""
         return {"process": f"{platform.node()}:{os.getpid()}", "threads": self.base.model.threads}
 
-    def family(self, choices: Iterable[Choice], walk: Walk) -> Iterator[dict]:
+    def family(self, choices: Iterable[Choice], walk: Walk) -> Iterator[dict | Failure]:
         """Yield the row of each setting of one family: they share the limit at very many photons."""
-        limit = None
+        limits: list = []
+
+        def row(choice: Choice) -> dict:
+            if choice.light == "best":  # gathered light has no limit at many photons
+                return self._row(choice, None, walk)
+            if not limits:
+                limits.append(measure.at_cases(self.limit(choice), walk))
+            return self._row(choice, limits[0], walk)
+
         for choice in choices:
-            limit = measure.at_cases(self.limit(choice), walk) if limit is None else limit
-            # Gathered light has no limit at many photons.
-            yield self._row(choice, None if choice.light == "best" else limit, walk)
+            yield _attempted(choice.curve, choice.summary(), partial(row, choice))
 
-    def rival(self, choice: Choice, walk: Walk) -> Iterator[dict]:
+    def rival(self, choice: Choice, walk: Walk) -> Iterator[dict | Failure]:
         """Yield the row of the rival."""
-        seen = chart_rival.seen(self.base, walk, choice.photons, self.settings.seed)
-        yield {
-            **choice._asdict(), "curve": choice.curve, **chart_rival.times(self.base, walk, choice.photons),
-            **measure.errors(seen, None, walk.cases), **self._process,
-        }  # fmt: skip
 
-    def tuned(self, most: int, walk: Walk) -> Iterator[dict]:
+        def row() -> dict:
+            seen = chart_rival.seen(self.base, walk, choice.photons, self.settings.seed)
+            times = chart_rival.times(self.base, walk, choice.photons)
+            named = choice._asdict() | {"curve": choice.curve}
+            return named | times | measure.errors(seen, None, walk.cases) | self._process
+
+        yield _attempted(choice.curve, f"{choice.photons} paths", row)
+
+    def tuned(self, most: int, walk: Walk) -> Iterator[dict | Failure]:
         """Yield the row of the choice of `tune` on this scene and machine; most: photons."""
-        s = self.base.setting
-        solver, _ = self.solved(Choice(DEFAULT, most, most, s.radius, s.neighbours, True, "best", paths=64))
-        yield self._row(tuned_choice(solver, most, self.bar), None, walk)
+
+        def row() -> dict:
+            s = self.base.setting
+            solver, _ = self.solved(Choice(DEFAULT, most, most, s.radius, s.neighbours, True, "best", paths=64))
+            found = tune(solver, 1e-3 * BUDGET, self.bar)
+            return self._row(choice_of(found, self._traced, solver.frame.subsets), None, walk)
+
+        yield _attempted(TUNED, "", row)
 
     def solved(self, choice: Choice):
         """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""

@@ -20,7 +20,7 @@ from app.measure.chart import rival as chart_rival
 from app.measure.chart.measure import Walk
 from app.measure.chart.report import choices_like_the_report
 from app.measure.chart.results import KEY, Results
-from app.measure.chart.rows import Measurer
+from app.measure.chart.rows import Failure, Measurer
 from app.measure.chart.settings import Choice, Effort, choices, effort
 from app.measure.chart.tuned import nearness
 from app.measure.machine import load, processor
@@ -60,6 +60,7 @@ class Run:
         self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields)
         self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
         poses = min(self.effort.poses, self.frames)
+        self.failures: list[Failure] = []
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
 
     def about(self) -> dict[str, object]:
@@ -76,7 +77,7 @@ class Run:
         }
 
     def measure(self) -> None:
-        """Measure every setting that is missing, and the rival."""
+        """Measure every setting that is missing, the rival, and tune's choice; failed ones go to `failures`."""
         todo = [c for c in self.choices if not self.results.has(c._asdict())]
         rival = [c for c in rival_choices(self.effort.paths) if not self.results.has(c._asdict())]
         tuned = not self.quick and self.settings.estimator is None and not nearness(self.results.rows)
@@ -94,6 +95,9 @@ class Run:
         total, done, started = FIXED + sum(FIXED + c.photons for c in (*todo, *rival)), 0, time.monotonic()
         for rows in found:
             for row in rows:
+                if isinstance(row, Failure):
+                    self.failures.append(row)
+                    continue
                 self.results.add(row)
                 done += FIXED + row["photons"]
                 left = time_left((time.monotonic() - started) * max(total - done, 0) / done)
@@ -138,7 +142,7 @@ def _silent(stage: str, fraction: float | None) -> None:
     pass
 
 
-def _measured(ready: tuple[Measurer, Walk], run: Callable, what) -> list[dict]:
+def _measured(ready: tuple[Measurer, Walk], run: Callable, what) -> list[dict | Failure]:
     measurer, walk = ready
     return list(run(measurer, what, walk))
 

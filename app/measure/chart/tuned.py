@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from app.measure.chart.settings import RESTED, TUNED, Choice
-from app.measure.tuning import tune
+from app.measure.tuning import Tuned
 from app.settings import BUDGET
-
-if TYPE_CHECKING:
-    from gi_core.solver import Solver
+from gi_core.estimators import ESTIMATORS
 
 LATE = 1.1  # of the budget: a frame of this length still keeps it
 JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
 
 
-def tuned_choice(solver: Solver, traced: int, bar) -> Choice:
-    """Return the choice of tune for a solver with `traced` photons and gathered light.
+def choice_of(found: Tuned, traced: Iterable[int], subsets: Iterable[int]) -> Choice:
+    """Return the setting of the chart that is like a choice of tune: the most photons predicted to keep the budget.
 
-    Its frame uses the largest photon subset that is predicted to keep the budget.
+    traced: numbers of photons traced before; subsets: photons that a frame of an estimator with additive sums may use.
     """
-    found = tune(solver, 1e-3 * BUDGET, bar)
-    setting = found.choice.setting
-    subsets = [n for n in solver.frame.subsets if n <= max(found.choice.frame, solver.frame.subsets[0])]
+    setting, most = found.choice.setting, max(traced)
+    additive = ESTIMATORS[setting.estimator].additive
+    counts = sorted(subsets if additive else traced)
+    frame = max((n for n in counts if n <= found.choice.frame), default=counts[0])
     return Choice(
-        setting.estimator, subsets[-1], traced, setting.radius, setting.neighbours, setting.control, "best",
-        setting.border_correction, setting.textbook, found.paths or 0, True,
+        setting.estimator, frame, most if additive else frame, setting.radius, setting.neighbours, setting.control,
+        "best", setting.border_correction, setting.textbook, found.paths or 0, True,
     )  # fmt: skip
 
 

@@ -174,6 +174,24 @@ def test_trial_predicts_the_error_of_more_photons(solver, monkeypatch):
     assert np.array_equal(solver.irradiance, before)
 
 
+def test_an_estimator_without_subsets_is_tried_at_each_number_of_photons(solver, monkeypatch):
+    """One number alone gave a model without bias and without a start, which won every comparison of fast frames."""
+    monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 32_768)
+    judge = solver.twin()
+    samples = reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}], lambda done: None)
+    tried = trial(judge, samples, estimator="photon_map", neighbours=80)
+    assert tried.photons.tolist() == [4096, 8192, 16_384, 32_768]
+    assert tried.alone[-1] < tried.alone[0] and (tried.moving == tried.alone).all()
+
+
+def test_an_estimator_without_subsets_uses_all_photons_in_motion():
+    model = like_photons(0.1)._replace(setting=Setting("photon_map", 0.1, 50))
+    choice = within_time([model], 5e-3, photons=1_000_000)
+    assert choice.photons == choice.frame < 1_000_000 and choice.seconds == pytest.approx(5e-3, rel=1e-3)
+    choice = within_error([model], 0.1, 1e-3, most=1_000_000)
+    assert choice.photons == choice.frame and choice.moving_error == choice.error <= 0.1
+
+
 @pytest.mark.slow
 def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
     """Squared errors, summed over four seeds: at one seed the ratio of few receivers scatters from 0.8 to 1.5."""
