@@ -83,8 +83,8 @@ def photometric(values: Mapping[str, Any], room: Room) -> Values:
 
 
 def in_place_of(light: Light, photometric_units: bool) -> dict[str, Any]:
-    """Return the values that a photometric file put in place of a light takes over."""
-    kept = {key: getattr(light, key) for key in ("position", "direction", "c0", "size") if key in light._fields}
+    """Return the values that a photometric file put in place of a light takes over; the file gives the size."""
+    kept = {key: getattr(light, key) for key in ("position", "direction", "c0") if key in light._fields}
     if not photometric_units and isinstance(light, PointLight | PhotometricLight):
         kept["flux"] = light.flux
     return kept

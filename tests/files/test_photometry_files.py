@@ -102,6 +102,9 @@ def test_keys_of_a_scene_file(tmp_path):
     file = read(write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2)))
     light = photometric(tmp_path, "direction = [0, -1, 0]")
     assert light.flux == (file.flux,) * 3 and light.c0 == (1, 0, 0) and light.size == (0, 0)
+    write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2), opening="2 0.1 0.6 0")
+    assert photometric(tmp_path, "direction = [0, -1, 0]").size == (0.6, 0.1)
+    assert photometric(tmp_path, "direction = [0, -1, 0]\nsize = [0, 0]").size == (0, 0)  # a point after all
     assert np.array_equal(light.intensity, file.intensity)
     more = "direction = [0, -2, 0]\nc0 = [0, 0, 1]\nflux = [1, 2, 3]\nsize = [0.1, 0.2]"
     light = photometric(tmp_path, more, units="radiometric")
@@ -148,8 +151,9 @@ def test_files_outside_of_the_scene_are_refused(tmp_path):
             "TILT must be NONE or INCLUDE, got 'LAMP.TLT'; include the file that it names",
         ),
         (("TILT=NONE", "NONE"), "must have a line TILT=NONE or TILT=INCLUDE"),
-        (("4 1 1 2", "4 1 2 2"), "photometry must be of type C, got type B; convert the file to type C"),
-        (("4 1 1 2", "4 1 3 2"), "photometry must be of type C, got type A"),
+        (("4 1 1 2", "4 1 2 2"), "photometry of type B must have two or more horizontal angles, got 1"),
+        (("4 1 1 2", "4 1 3 2"), "photometry must be of type C or B, got type A; convert the file to type C"),
+        (("4 1 1 2", "4 1 1 3"), "the unit of length must be a number from 1 to 2, got '3'"),
         (("4 1 1 2", "4 1 9 2"), "the photometric type must be a number from 1 to 3, got '9'"),
         (("4 1 1 2", "9000 1 1 2"), "9,000 numbers are needed, but the file ends after"),
         (("4 1 1 2", "1e30 1 1 2"), "the number of vertical angles must be a number from 2 to 10000"),
@@ -159,6 +163,12 @@ def test_files_outside_of_the_scene_are_refused(tmp_path):
             ("100 80 30 0", "100 banana 30"),
             "a.ies: line 8: candela values must be a number from 0 to 1e+12, got 'banana'",
         ),
+        (
+            ("100 80 30 0", "100 80 30 0 7 8"),
+            "a.ies: 2 numbers follow the 1 x 4 candela values that the file announces, the first one in line 8;",
+        ),
+        (("100 80 30 0", "1,100.5 80 30 0"), "1 numbers follow the 1 x 4 candela values"),  # a comma for thousands
+        (("100 80 30 0", "100,5 80,25 30"), "4 numbers are needed, but the file ends after 3"),
         (("100 80 30 0", "100 80 nan 0"), "candela values must be a number from 0 to 1e+12, got 'nan'"),
         (("100 80 30 0", "0 0 0 0"), "the flux of the table must be from 1e-09 to 1e+12 lm, got 0 lm"),
     ],
@@ -168,6 +178,113 @@ def test_mistakes_in_ies_files(tmp_path, change, expected):
     assert change[0] in path.read_text()
     path.write_text(path.read_text().replace(*change))
     assert expected in sentence(path)
+
+
+def test_decimal_commas_are_decimal_points(tmp_path):
+    path = write_ies(tmp_path / "a.ies", [0.0, 30.5, 60.0], [0, 90.5, 180], rows(1, 2, 3)[:, :3] / 8, "Acme, 1986")
+    expected = read(path)
+    head, _, table = path.read_text().partition("TILT=NONE")
+    path.write_text(f"{head}TILT=NONE{table.replace('.', ',')}\x1a")
+    file = read(path)
+    assert file.notes == ["a.ies: its commas are read as decimal points"] and expected.notes == []
+    assert all(np.array_equal(a, b) for a, b in zip(file[:4], expected[:4], strict=True))
+
+
+def test_a_little_below_zero_is_zero(tmp_path):
+    table = rows(1, 2)
+    table[1, 2:] = -0.05, -0.01
+    file = read(write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], table))
+    assert file.notes == ["a.ies: values below 0 count as 0: 2 of its candela values, the lowest -0.05"]
+    assert file.intensity[1].tolist() == [200, 160, 0, 0]
+    file = read(write_ldt(tmp_path / "a.ldt", 1, GAMMAS, EVERY, table[1], ratio=100 * file.flux / 2000))
+    assert file.notes[0] == "a.ldt: values below 0 count as 0: 2 of its luminous intensities, the lowest -0.05"
+    table[1, 2] = -3
+    assert "must be a number from 0 to 1e+12, got '-3'" in sentence(
+        write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], table)
+    )
+
+
+ROUND = math.sqrt(math.pi) / 2
+
+
+@pytest.mark.parametrize(
+    ("opening", "first", "size"),
+    [
+        ("2 0 0 0", "IESNA:LM-63-2002", (0, 0)),
+        ("1 0.5 4 0", "IESNA:LM-63-2002", (4 * 0.3048, 0.5 * 0.3048)),  # width lies along C90
+        ("2 0 1.2 0", "IESNA:LM-63-2002", (1.2, 0.001)),  # a line
+        ("2 -0.3 0 0", "IESNA:LM-63-1995", (ROUND * 0.3, ROUND * 0.3)),  # a circle, as a square of its area
+        ("2 -0.3 0 0", "IES:LM-63-2019", (ROUND * 0.3, ROUND * 0.3)),
+        ("2 -0.3 -0.3 0", "IES:LM-63-2019", (ROUND * 0.3, ROUND * 0.3)),
+        ("2 -0.3 -0.6 0", "IES:LM-63-2019", (ROUND * 0.6, ROUND * 0.3)),
+        ("2 -0.3 0.6 0", "IESNA91", (ROUND * 0.6, ROUND * 0.3)),
+        ("2 0.2 0.6 0.1", "IES:LM-63-2019", (0.6, 0.2)),  # luminous sides
+        ("2 -0.3 0 -0.3", "IESNA91", (ROUND * 0.3, ROUND * 0.3)),  # a sphere
+        ("2 -0.3 -0.3 -0.3", "IES:LM-63-2019", (ROUND * 0.3, ROUND * 0.3)),
+        ("2 0 1.2 -0.1", "IESNA91", (1.2, 0.1)),  # a tube
+        ("2 1.2 0 -0.1", "IESNA91", (0.1, 1.2)),
+        ("2 -0.1 1.2 -0.1", "IES:LM-63-2019", (1.2, 0.1)),
+        ("2 -0.3 0 -0.3", "IES:LM-63-2019", (0.001, 0.3)),  # a disc that stands
+        ("2 600 600 0", "IES:LM-63-2019", (0, 0)),  # millimetres
+    ],
+)
+def test_luminous_openings_of_ies(tmp_path, opening, first, size):
+    file = read(write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1), first, opening=opening))
+    assert file.size == pytest.approx(size)
+    high = float(opening.split()[-1]) != 0
+    assert any("m high; the light comes from the flat opening alone" in note for note in file.notes) == high
+    assert any("write its size in the scene file" in note for note in file.notes) == ("600" in opening)
+
+
+@pytest.mark.parametrize(
+    ("opening", "size", "high"),
+    [
+        ((0, 0, 0, 0, 0, 0), (0, 0), False),
+        ((1200, 100, 0, 0, 0, 0), (0.1, 1.2), False),  # the length lies along C90
+        ((300, 0, 0, 0, 0, 0), (ROUND * 0.3, ROUND * 0.3), False),
+        ((300, 0, 40, 40, 40, 40), (ROUND * 0.3, ROUND * 0.3), True),
+    ],
+)
+def test_luminous_areas_of_eulumdat(tmp_path, opening, size, high):
+    file = read(write_ldt(tmp_path / "a.ldt", 1, GAMMAS, EVERY, rows(1), opening=opening))
+    assert file.size == pytest.approx(size)
+    assert any("0.04 m high" in note for note in file.notes) == high
+
+
+def type_b(h, v):
+    """Return an uneven distribution [cd] over angles of type B [degrees]."""
+    return 100 * np.cos(np.radians(h)) * (1 + 0.5 * np.sin(np.radians(v))) * np.cos(np.radians(v)) ** 2
+
+
+def test_type_b_becomes_type_c(tmp_path):
+    """Type B: V turns about the horizontal axis C90, H is the latitude; 0, 0 is the axis of the luminaire."""
+    h, v = np.arange(-90.0, 91.0, 2), np.arange(-90.0, 91.0, 2)
+    table = type_b(h[:, None], v)
+    file = read(write_ies(tmp_path / "a.ies", v, h, table, kind=2))
+    area = np.cos(np.radians(h))[:, None] * np.radians(2) ** 2
+    assert file.flux == pytest.approx(float((table * area).sum()), rel=1e-3)
+    gamma, plane = np.radians(file.gammas), np.radians(file.planes)[:, None]
+    x, y, z = np.sin(gamma) * np.cos(plane), np.sin(gamma) * np.sin(plane), np.cos(gamma)
+    expected = type_b(np.degrees(np.arcsin(y)), np.degrees(np.arctan2(x, z)))
+    assert file.intensity == pytest.approx(expected, abs=0.1)
+    assert file.intensity[0, 20] > 1.2 * file.intensity[len(plane) // 2, 20]  # V > 0 lies towards C0
+
+
+def test_type_b_that_begins_at_0_is_symmetric(tmp_path):
+    h, v = np.arange(0.0, 46.0, 5), np.arange(0.0, 31.0, 5)
+    quarter = np.cos(np.radians(2 * h))[:, None] * np.cos(np.radians(3 * v))
+    part = read(write_ies(tmp_path / "a.ies", v, h, quarter, kind=2))
+    full = read(
+        write_ies(
+            tmp_path / "b.ies",
+            [*-v[:0:-1], *v],
+            [*-h[:0:-1], *h],
+            np.block([[quarter[:0:-1, :0:-1], quarter[:0:-1]], [quarter[:, :0:-1], quarter]]),
+            kind=2,
+        )
+    )
+    assert np.array_equal(part.intensity, full.intensity) and part.flux == full.flux
+    assert part.intensity[:, part.gammas > 50].max() == 0 < part.intensity[:, 0].min()  # nothing beyond the table
 
 
 def test_odd_planes_are_refused(tmp_path):

@@ -46,10 +46,10 @@ def candela(light: PhotometricLight, directions: np.ndarray) -> np.ndarray:
 
 def write_ies(
     path: Path, gammas: Sequence[float], planes: Sequence[float], candela: np.ndarray, first="IESNA:LM-63-2002",
-    tilt="TILT=NONE", numbers="1 -1 1.0", kind=1, factors="1.0 1.0 50",
+    tilt="TILT=NONE", numbers="1 -1 1.0", kind=1, factors="1.0 1.0 50", opening="2 0 0 0",
 ) -> Path:  # fmt: skip
-    """Write an IES file of a table (P, T) [cd]."""
-    head = f"{numbers} {len(gammas)} {len(planes)} {kind} 2 0.1 0.6 0"
+    """Write an IES file of a table (P, T) [cd]; opening: unit, width, length and height."""
+    head = f"{numbers} {len(gammas)} {len(planes)} {kind} {opening}"
     rows = [" ".join(f"{v:.6g}" for v in values) for values in (gammas, planes, *candela)]
     path.write_text("\r\n".join([first, "[TEST] a test", tilt, head, factors, *rows, ""]))
     return path
@@ -57,11 +57,11 @@ def write_ies(
 
 def write_ldt(
     path: Path, symmetry: int, gammas: Sequence[float], planes: Sequence[float], table: np.ndarray, lumens=2000.0,
-    ratio=50.0, factor=1.0, sets=1,
+    ratio=50.0, factor=1.0, sets=1, opening=(0, 0, 0, 0, 0, 0),
 ) -> Path:  # fmt: skip
-    """Write a EULUMDAT file; planes: all of them; table (stored planes, T) [cd/klm]."""
+    """Write a EULUMDAT file; planes: all; table (stored planes, T) [cd/klm]; opening: length, width, heights [mm]."""
     head = ["maker", 1, symmetry, len(planes), 0, len(gammas), 0, "report", "name", "number", "file", "date"]
-    sizes = [600, 300, 50, 580, 280, 0, 0, 0, 0, 100, ratio, factor, 0]
+    sizes = [600, 300, 50, *opening, 100, ratio, factor, 0]
     lamps = [1, "LED", lumens, "3000", "80", 40] * sets
     lines = [*head, *sizes, sets, *lamps, *[0.5] * 10, *planes, *gammas, *np.ravel(table)]
     path.write_text("\r\n".join(map(str, lines)) + "\r\n", encoding="latin-1")

@@ -87,7 +87,7 @@ def _photometric(t: Table, name: str, luminaires: Luminaires) -> PhotometricLigh
             f"{t.where}: flux is missing; write flux = [r, g, b] in watts, or units = "
             f'"photometric" at the top of the file for the {file.flux:.0f} lm of {t.text("file")}'
         )
-    at, size = t.vector("position"), t.vector("size", 2, (0.0, 0.0), least=0)
+    at, size = t.vector("position"), t.vector("size", 2, file.size, least=0)
     axes = t.direction("direction"), _c0(t)
     return PhotometricLight(name, at, *axes, flux, file.gammas, file.planes, file.intensity, size)
 
