@@ -27,7 +27,7 @@ import numpy as np
 from gi_core.base.spiral import DIRECTIONS, directions
 from gi_core.base.vectors import dot, length
 from gi_core.gather.hit_cache import pose_bits
-from gi_core.gather.one_bounce import BLACK
+from gi_core.gather.path_ends import BLACK
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model

@@ -18,8 +18,8 @@ import numpy as np
 
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
-from gi_core.gather.one_bounce import NO_RAYS, NOTHING_BRIGHT, Bounces, Exchange, Field, meet
-from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter, starts
+from gi_core.gather.path_ends import BounceHits, OneBounce, arrive, starts
+from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
 from gi_core.lights.mix import sum_of_lamps
@@ -144,8 +144,7 @@ class FinalGather:
         scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
         limits = np.full(count, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        none = Exchange(*np.empty((2, 0), np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile
-        known = Field(s.corner_front, s.corner_back, field)
-        bounces = Bounces(1 << m, np.arange(n + 1) << m, normals, at.rotation[0], direction, distance, face)
-        meet(world, at, lights.area, lights.sky, NOTHING_BRIGHT, known, bounces, 0, 0, total, NO_RAYS, none)
+        bounces = BounceHits(1 << m, np.arange(n + 1) << m, normals, at.rotation[0], direction, distance, face)
+        ending = OneBounce(s.corner_front, s.corner_back, field)
+        arrive(world, at, lights.area, lights.sky, bounces, ending, total)
         return total

@@ -20,17 +20,8 @@ from gi_core.base.pace import STEP, Pace
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
-from gi_core.gather.path_tracer import (
-    SCATTER_U,
-    SCATTER_V,
-    SHADOW_GAP,
-    KnownLight,
-    PathEnds,
-    arrive,
-    follow,
-    known_light,
-    starts,
-)
+from gi_core.gather.path_ends import InKnownLight, in_known_light, starts
+from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, SHADOW_GAP, PathTracer
 from gi_core.gather.pose_gather import KEPT, key_of
 from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.discs import GlossDiscs
@@ -40,7 +31,7 @@ from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import join_area, join_delta, picks, points_on_lamps, room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
-from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
+from gi_core.rays.all_objects import occluded_in_world
 from gi_core.scene.pose import to_world_at
 
 STREAM = 0x6105  # separates these random numbers from those of photons and reference with the same seed
@@ -61,11 +52,11 @@ class GlossGather:
     weight times direction (3) in the object's space, and weight, as in GlossCells. rounds: complete ones, of `most`.
     """
 
-    def __init__(self, model: Model, seed: int, rows: np.ndarray, at: Transforms, lights: Lights, known: KnownLight):
-        """lights: of one lamp; known: of all objects at the poses `at`."""
+    def __init__(self, model: Model, seed: int, rows: np.ndarray, at: Transforms, lights: Lights, ending: InKnownLight):
+        """lights: of one lamp; ending: in the light of all objects at the poses `at`."""
         self.rows, self.rounds, self.mean = rows, 0, np.zeros((len(rows), CELLS, SUMS))
-        self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
-        self._at, self._lights, self._known = at, lights, known
+        seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._tracer = PathTracer(model, at, lights, seed, LOG2_RAYS, ending)
         receivers = model.object_receivers
         self.most = ROUNDS if len(at.position) == 1 else ROUNDS_AT_POSES
         self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
@@ -79,7 +70,7 @@ class GlossGather:
     def copied(self, model: Model) -> GlossGather:
         """Return a copy that goes on from here; model: of the same static part and lamps, for light without mobiles."""
         other = copy.copy(self)
-        other._model = model
+        other._tracer = self._tracer._replace(model=model)
         return other
 
     @property
@@ -102,7 +93,7 @@ class GlossGather:
                         part = slice(i, min(i + PART, first + b))
                         found[part] = self._round(part)
 
-                run_ranges(work, last - first, self._model.threads, GRAIN)
+                run_ranges(work, last - first, self._tracer.model.threads, GRAIN)
                 self._pace.took(last - first, time.perf_counter() - began)
                 first = last
                 yield False
@@ -112,7 +103,7 @@ class GlossGather:
 
     def _round(self, part: slice) -> np.ndarray:
         """Return the light (k, CELLS, SUMS) of the next round at some receivers."""
-        model, lights, at, seed = self._model, self._lights, self._at, self._seed
+        model, at, lights, seed, *_ = self._tracer
         world, size, k = model.world, model.world.size, part.stop - part.start
         far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
         own = self._normals[part], at.rotation[self._object[part]]
@@ -132,16 +123,10 @@ class GlossGather:
             self._join(room, n, 1 / delta, own, out)
 
         # Send rays through the cells, and on from glossy surfaces.
-        total, origin, direction = np.zeros((k * RAYS, 3)), rays.origin, rays.direction
-        _aim(seed, ends, *own, origin, direction)
-        sent, distance, face = direction.copy(), *nearest_in_world(
-            model.accelerator, at, origin, direction, np.full(k * RAYS, far, np.float32)
-        )  # fmt: skip
-        hits = direction, distance, face
-        n = arrive(world, at, lights.area, lights.sky, self._known, seed, LOG2_RAYS, 0, ends, *hits, total)
-        rest = PathEnds(*(a[:n] for a in ends))
-        follow(model, at, lights, seed, LOG2_RAYS, rest, self._known, total, 1)
-        _add_rays(sent, total, *own, out)
+        total, direction = np.zeros((k * RAYS, 3)), np.empty((k * RAYS, 3), np.float32)
+        _aim(seed, ends, *own, direction)
+        self._tracer.follow(ends, total, direction)
+        _add_rays(direction, total, *own, out)
         return out
 
     def _starts(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -150,9 +135,9 @@ class GlossGather:
     def _join(self, rays, n: int, share: float, own, out: np.ndarray) -> None:
         """Add the light of the first n shadow rays that are not blocked, `share` of it, to cells."""
         if n:
-            given = self._at, rays.origin[:n], rays.direction[:n], rays.limit[:n]
-            _add_lit(rays.row, rays.direction, rays.value, occluded_in_world(self._model.accelerator, *given), share,
-                     *own, out)  # fmt: skip
+            of, at = self._tracer.model.accelerator, self._tracer.at
+            blocked = occluded_in_world(of, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
+            _add_lit(rays.row, rays.direction, rays.value, blocked, share, *own, out)
 
 
 class GlossGathers:
@@ -180,18 +165,18 @@ class GlossGathers:
     ) -> GlossGather:  # fmt: skip
         """Return the light at poses and levels, begun now if necessary, at receivers rows (n,) int64, ascending.
 
-        irradiance: of the objects in `at` [W/m2]; disc_area [m2]: of the frame's estimator, see known_light().
+        irradiance: of the objects in `at` [W/m2]; disc_area [m2]: of the frame's estimator, see in_known_light().
         """
         of, found = self._kept.pop(key := key_of(at, levels), (None, None))
         if of is not discs or found is None:
-            lights, known = self._model.lights_at(levels), known_light(self._model, at, irradiance, disc_area)
-            found = GlossGather(self._model, self._seed, rows, at, lights, known)
+            lights, ending = self._model.lights_at(levels), in_known_light(self._model, at, irradiance, disc_area)
+            found = GlossGather(self._model, self._seed, rows, at, lights, ending)
         self._kept = dict([*self._kept.items(), (key, (discs, found))][-KEPT - 1 :])
         return found
 
 
 @kernel
-def _aim(seed, ends, normals, rotations, origin, direction):
+def _aim(seed, ends, normals, rotations, direction):
     """Write the rays of receivers through their cells; ends: RAYS paths per receiver, with their throughput set."""
     along = int(math.sqrt(RAYS // CELLS))  # rays along a side of a cell
     solid = 2.0 * math.pi / CELLS
@@ -209,7 +194,6 @@ def _aim(seed, ends, normals, rotations, origin, direction):
         direction[j, 0], direction[j, 1], direction[j, 2] = d[0], d[1], d[2]
         ends.row[j] = j
         for c in range(3):
-            origin[j, c] = ends.position[j, c]
             ends.throughput[j, c] = z * solid / math.pi  # the mean of pi L over the rays of a cell is its irradiance
 
 

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.threads import run_ranges
-from gi_core.gather.path_tracer import BLOCK, NOTHING_KNOWN, PathEnds, arrive, follow, starts
+from gi_core.gather.path_ends import starts
+from gi_core.gather.path_tracer import BLOCK, PathTracer
 from gi_core.gloss.highlights import arriving, highlights, without_surface
 from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, Transforms
-from gi_core.rays.all_objects import nearest_in_world
+from gi_core.rays.accelerator import Transforms
 
 AT_ONCE = 1 << 18  # rays, which bounds memory
 
@@ -81,7 +81,7 @@ def _by_rays(model: Model, at: Transforms, lights: Lights, views: GlossViews, ra
     d, factors, _ = draw_lobe(s.lobe[face], s.tables, to_eye, normal, tangent, numbers)
     factors = np.where(((d * flat).sum(axis=1) > 0)[:, None], factors, 0.0)  # none from below the face
     path = np.int64(first) * rays + np.arange(n * rays)
-    total = np.zeros((n * rays, lights.channels))
+    total, tracer = np.zeros((n * rays, lights.channels)), PathTracer(model, at, lights, seed)
 
     def work(_, a, b):
         for begin in range(a, b, BLOCK):
@@ -91,18 +91,7 @@ def _by_rays(model: Model, at: Transforms, lights: Lights, views: GlossViews, ra
             ends = ends._replace(
                 throughput=factors[k].copy(), face=face[k].astype(np.int32), density=-np.ones(len(ends.row))
             )
-            _go_on(model, at, lights, seed, ends, d[k], total[k])
+            tracer.follow(ends, total[k], d[k].astype(np.float32))
 
     run_ranges(work, n * rays, model.threads, BLOCK // 2)
     return total.reshape(n, rays, -1)[..., :3] / math.pi
-
-
-def _go_on(model: Model, at: Transforms, lights: Lights, seed: int, ends: PathEnds, d: np.ndarray, total) -> None:
-    """Follow rays of directions (n, 3) from the ends of paths; overwrites these."""
-    direction = d.astype(np.float32)
-    limits = np.full(len(d), np.float32(FAR * model.world.size), np.float32)
-    hits = nearest_in_world(model.accelerator, at, ends.position.astype(np.float32), direction, limits)
-    given = at, lights.area, lights.sky, NOTHING_KNOWN, seed, 0, 0
-    n = arrive(model.world, *given, ends, direction, *hits, total)
-    if n:
-        follow(model, at, lights, seed, 0, PathEnds(*(a[:n] for a in ends)), NOTHING_KNOWN, total, 1)

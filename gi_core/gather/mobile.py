@@ -27,13 +27,13 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.gather import one_bounce
+from gi_core.gather import path_ends
 from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, bounce_shares, closeness, kinds, near_receivers
 from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, for_cells
-from gi_core.gather.one_bounce import Bounces, Bright, Exchange, Field, reached_corners, reflected
-from gi_core.gather.path_tracer import SHADOW_GAP, starts
+from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
+from gi_core.gather.path_tracer import SHADOW_GAP
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
@@ -308,17 +308,15 @@ class MobileGather:
             add_reflected(*of_bright, relative, light.bounced)
         distance, face = batch.bounce.nearest(at)
         closeness(batch.first, distance, light.close)
-        count = int(np.count_nonzero(face >= world.first_face[1]))
-        out = Exchange(*np.empty((2, count), np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         glossy, start = batch.mobile in self._glossy, batch.rows.start
-        known = Field(s.corner_front, s.corner_back, static)
-        bounces = Bounces(paths, batch.first, normals, R, batch.directions, distance, face)
-        by_ray = bounced[batch.rows] if glossy else one_bounce.NO_RAYS
+        by_ray = bounced[batch.rows if glossy else slice(0)]
+        by_ray[:] = 0.0
+        exchange = Exchange.of(int(np.count_nonzero(face >= world.first_face[1])))
         on_faces = Bright(bright.lights.of_face, bright.lights.density)
-        met = one_bounce.meet(
-            world, at, lights.area, lights.sky, on_faces, known, bounces, self.first, start, light.bounced, by_ray, out
-        )
-        hits = Exchange(*(a[:met].copy() for a in out))
+        ending = OneBounce(s.corner_front, s.corner_back, static, on_faces, by_ray, exchange, start, self.first)
+        bounces = path_ends.BounceHits(paths, batch.first, normals, R, batch.directions, distance, face)
+        met = path_ends.arrive(world, at, lights.area, lights.sky, bounces, ending, light.bounced)
+        hits = Exchange(*(a[:met].copy() for a in exchange))
         if not glossy:
             return hits, None
         return hits, direct_light(batch.rows, R, positions, lights.area, in_cells, rays, blocked)

@@ -18,7 +18,7 @@ from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
-from gi_core.gather.one_bounce import reflected
+from gi_core.gather.path_ends import reflected
 from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import GRAZING

@@ -26,7 +26,8 @@ import numpy as np
 
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
-from gi_core.gather.path_tracer import NOTHING_KNOWN, KnownLight, gather, known_light
+from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
+from gi_core.gather.path_tracer import gather
 from gi_core.gather.point_gather import PATHS_PER_POINT
 from gi_core.gather.reference import ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
@@ -151,12 +152,12 @@ class PosePaths:
         """lights: of one lamp; rows (n,): receivers; disc_area [m2]: paths do not end on larger faces."""
         self._points, self._at, self._lights, self._rows = points, at, lights, rows
         self.mobile, self.near = rows >= points.static, points.near_rows(rows)
-        self._disc_area, self._known = disc_area, NOTHING_KNOWN
+        self._disc_area, self._ending = disc_area, WHOLE
 
     def end_in(self, static: np.ndarray) -> None:
         """Let paths from mobiles end in this irradiance (n, 3) [W/m2] of the static part, mobiles in place."""
         model = self._points.model
-        self._known = known_light(model, model.static, static, self._disc_area, self._points.face_lengths)
+        self._ending = in_known_light(model, model.static, static, self._disc_area, self._points.face_lengths)
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
@@ -164,13 +165,13 @@ class PosePaths:
         path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
         positions, normals = p.at(receivers, self._at)
 
-        def irradiance(of: np.ndarray, at: Transforms, known: KnownLight = NOTHING_KNOWN) -> np.ndarray:
+        def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight = WHOLE) -> np.ndarray:
             start = (np.repeat(a[of], count, axis=0) for a in (positions, normals))
             given = p.seed ^ (stream << 24), path[of].reshape(-1), *start
-            return gather(p.model, at, self._lights, *given, m=m, known=known).reshape(-1, count, 3)
+            return gather(p.model, at, self._lights, *given, m=m, ending=ending).reshape(-1, count, 3)
 
         out, mobile = np.zeros((len(rows), count, 6)), self.mobile[rows]
-        out[mobile, :, :3] = irradiance(mobile, self._at, self._known)
+        out[mobile, :, :3] = irradiance(mobile, self._at, self._ending)
         out[~mobile, :, :3] = irradiance(~mobile, self._at)
         out[~mobile, :, 3:] = out[~mobile, :, :3] - irradiance(~mobile, p.model.static)
         return out

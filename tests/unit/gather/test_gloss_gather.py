@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.frames.gathered_gloss import STAGE
 from gi_core.gather.gloss_gather import RAYS, ROUNDS, GlossGather
-from gi_core.gather.path_tracer import known_light
+from gi_core.gather.path_ends import in_known_light
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, centres, direction_of, even_light
@@ -33,7 +33,7 @@ def gathered(model: Model, irradiance: np.ndarray, rounds: int = ROUNDS, seed: i
     at = model.transforms(model.start_poses())
     rows = np.unique(model.surfaces.corner_front[~np.isnan(model.surfaces.lobe[:, 4])])
     lights = model.lights_at(model.emitters.lamps.full())
-    g = GlossGather(model, seed, rows, at, lights, known_light(model, at, irradiance, 1.0))
+    g = GlossGather(model, seed, rows, at, lights, in_known_light(model, at, irradiance, 1.0))
     for _ in g.steps():
         if g.rounds == rounds:
             break

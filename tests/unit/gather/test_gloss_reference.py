@@ -9,7 +9,8 @@ import pytest
 
 from gi_core.bsdf.models import lobe
 from gi_core.gather.gloss_reference import gloss_views, reference_gloss
-from gi_core.gather.path_tracer import NOTHING_KNOWN, follow, starts
+from gi_core.gather.path_ends import starts
+from gi_core.gather.path_tracer import PathTracer
 from gi_core.gather.reference import reference_irradiance
 from gi_core.gloss.sharp import sharp_lobe
 from gi_core.model import Model
@@ -86,7 +87,7 @@ def test_gloss_and_diffuse_light_together_are_the_light_of_whole_paths():
     )
     ends = ends._replace(face=face.astype(np.int32), arrival=to_eye.copy())
     total = np.zeros((n * paths, lights.channels))
-    follow(model, at, lights, 7, 0, ends, NOTHING_KNOWN, total)
+    PathTracer(model, at, lights, 7).follow(ends, total)
     L = total.reshape(n, paths, -1)[..., :3] / math.pi
     mean, error_L = L.mean(axis=1), L.std(axis=1) / math.sqrt(paths)
     off = (together - mean) / np.hypot(noise, error_L)

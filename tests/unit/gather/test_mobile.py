@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames.frame_light import FrameLight
-from gi_core.gather import hit_cache, one_bounce
+from gi_core.gather import hit_cache, path_ends
 from gi_core.gather import mobile as mobile_gather
 from gi_core.gather.hit_cache import BounceRays
 from gi_core.gather.mobile import MobileGather
@@ -194,15 +194,15 @@ def test_unknown_light_and_path_counts_are_refused():
 
 
 def test_comparison_detects_an_omitted_path(monkeypatch):
-    real = one_bounce.meet
+    real = path_ends.arrive
 
     def mutated(*arguments):
-        face = np.array(arguments[6].face)  # a copy: hits are cached
+        face = np.array(arguments[4].face)  # a copy: hits are cached
         face[len(face) // 2] = -1
-        return real(*arguments[:6], arguments[6]._replace(face=face), *arguments[7:])
+        return real(*arguments[:4], arguments[4]._replace(face=face), *arguments[5:])
 
     right = gathering(threads=1)
-    monkeypatch.setattr(one_bounce, "meet", mutated)
+    monkeypatch.setattr(path_ends, "arrive", mutated)
     assert not np.array_equal(gathering(threads=1).irradiance, right.irradiance)
 
 
@@ -328,7 +328,7 @@ NOTHING_IS_COMPILED = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from gi_core.gather import bright_faces, one_bounce, hit_cache, mobile, interleaved_mean, shared_samples
+from gi_core.gather import bright_faces, path_ends, hit_cache, mobile, interleaved_mean, shared_samples
 from gi_core.lights import candidates, light_sampling, next_event
 from gi_core.instruments import compile_ahead
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -338,7 +338,7 @@ from gi_core.model import Model
 from tests.unit.gather.test_mobile import three_things
 
 compile_ahead._gather(compile_ahead._tiny_scene(), None)
-modules = bright_faces, candidates, one_bounce, hit_cache, light_sampling, mobile
+modules = bright_faces, candidates, path_ends, hit_cache, light_sampling, mobile
 modules += interleaved_mean, next_event, shared_samples
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]

@@ -253,13 +253,13 @@ def test_a_step_at_rest_takes_all_threads(monkeypatch):
     """A core traces some 5,000 paths in the 10 ms of a step."""
     model, taken = Model(build.plane_scene(PointLight("p", (0, 0, 0.7), (1.0, 2.0, 4.0))), threads=4), set()
     gatherer = Gatherer(model.scene, *ALONG_X, seed=0, model=model)
-    traced = path_tracer.follow
+    traced = path_tracer.PathTracer.follow
 
-    def follow(*given):
+    def follow(*arguments):
         taken.add(threading.get_ident())
         time.sleep(0.05)  # so that no thread can take two parts
-        return traced(*given)
+        return traced(*arguments)
 
-    monkeypatch.setattr(path_tracer, "follow", follow)
+    monkeypatch.setattr(path_tracer.PathTracer, "follow", follow)
     gatherer.paths(np.arange(4), 0, 1 << 10)
     assert len(taken) == 4

@@ -32,7 +32,7 @@ HELPED = """
 import numpy as np
 from gi_core.base import strata
 from gi_core.display.first_look import first_looks
-from gi_core.gather import denoise, path_tracer, reference
+from gi_core.gather import denoise, path_ends, path_tracer, reference
 from gi_core.geometry import mesh_neighbours
 from gi_core.instruments import compile_ahead
 from gi_core.lights import next_event
@@ -40,7 +40,7 @@ from gi_core.model import Model
 from gi_core.rays import all_objects
 from tests.support.viewer_support import room
 
-kernels = [strata.uniform, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_tracer.arrive]
+kernels = [strata.uniform, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_ends.arrive]
 kernels += [path_tracer.scatter, next_event.add_lit, all_objects._occluded_by_any, denoise._average]
 kernels += [denoise._pass]
 compile_ahead._light_backwards(compile_ahead._tiny_scene(), None)
@@ -70,7 +70,7 @@ def test_background_compiler_ends_with_its_parent(option):
 SHONE = """
 import numpy as np
 from app.draw.bare_lights import bare_lights
-from gi_core.gather import gloss_gather, mobile_gloss, path_tracer
+from gi_core.gather import gloss_gather, mobile_gloss, path_ends, path_tracer
 from gi_core.gloss import highlights
 from gi_core.instruments import compile_ahead
 from gi_core.model import Model
@@ -79,7 +79,7 @@ from tests.physics.test_gloss import GIVEN, ROOM
 from tests.unit.gather.test_gloss_gather import gathered
 from tests.window.test_highlights import LIGHTS, scene, shot_of
 
-kernels = [gloss_gather._aim, gloss_gather._add_lit, gloss_gather._add_rays, path_tracer.arrive, path_tracer.scatter]
+kernels = [gloss_gather._aim, gloss_gather._add_lit, gloss_gather._add_rays, path_ends.arrive, path_tracer.scatter]
 kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.add_exchanged]
 kernels += [highlights._aim, highlights._add]
 compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(compile_ahead.TABLES), None))

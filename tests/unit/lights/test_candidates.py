@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.gather.path_tracer import starts
+from gi_core.gather.path_ends import starts
 from gi_core.geometry.error import luminance
 from gi_core.lights.candidates import CANDIDATES, PATHS_PER_SHADOW, candidates, join_candidates, sets_by_chance
 from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
