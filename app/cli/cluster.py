@@ -5,14 +5,16 @@ A task is a function of its arguments, so any process returns the same bits. Tas
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import logging
 import pickle
+import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NoReturn
 
 from app.cli import values
 from app.cli.extras import need
@@ -20,6 +22,7 @@ from app.settings import UsageError
 
 LOSSES = 20  # of processes, in which a task may run before it counts as the cause
 PATIENCE = 10  # s until a scheduler must have answered, and a worker joined it
+TLS = "DASK_DISTRIBUTED__COMM__TLS__"  # variables of dask's settings
 AHEAD = 4  # tasks per process that are not waited for
 
 
@@ -78,31 +81,72 @@ def opened(workers: int | None, scheduler: str | None) -> Iterator[Machines | No
     if workers is not None and scheduler is not None:
         raise UsageError("--workers starts processes here, --scheduler has its own: give one of them")
     need("distributed", "runs several processes")
+    if scheduler is not None:
+        with _remote(scheduler) as machines:
+            yield machines
+        return
+    need("cryptography", "keeps other users of this machine out of the processes")
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, Security
+
+    from gi_core.base.threads import available_cores
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with dask.config.set({"distributed.scheduler.allowed-failures": LOSSES}):
-        if scheduler is not None:
-            try:
-                client = Client(scheduler, timeout=PATIENCE)
-            except (OSError, ValueError) as error:
-                said = str(error) or type(error).__name__
-                raise UsageError(f"--scheduler {scheduler}: no dask scheduler answers ({said})") from None
-            with client:
-                try:
-                    client.wait_for_workers(1, timeout=PATIENCE)
-                except TimeoutError:
-                    said = f"no worker has joined; start `dask worker {scheduler}` on a machine"
-                    raise UsageError(f"--scheduler {scheduler}: {said}") from None
-                yield Machines(client, None)
-            return
-        from gi_core.base.threads import available_cores
+    # A process of dask runs any function that reaches its port, imports modules from its temporary directory, and
+    # tells its state by HTTP: certificates of this run alone, a directory of mode 700, no pages.
+    with tempfile.TemporaryDirectory(prefix="gi-viewer-") as private:
+        private_only = {
+            "temporary-directory": private,
+            "distributed.scheduler.http.routes": [],
+            "distributed.worker.http.routes": [],
+            "distributed.scheduler.allowed-failures": LOSSES,
+        }
+        started = {
+            "n_workers": workers,
+            "threads_per_worker": 1,
+            "memory_limit": 0,
+            "security": Security.temporary(),
+            "host": "127.0.0.1",
+            "dashboard_address": "127.0.0.1:0",
+            "scheduler_kwargs": {"dashboard": False},
+            "silence_logs": logging.CRITICAL,
+        }
+        with dask.config.set(private_only), LocalCluster(**started) as cluster, Client(cluster) as client:
+            yield Machines(client, max(available_cores() // workers, 1))
 
-        threads = max(available_cores() // workers, 1)
-        given = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "memory_limit": 0}
-        with LocalCluster(**given, silence_logs=logging.CRITICAL) as cluster, Client(cluster) as client:
-            yield Machines(client, threads)
+
+@contextmanager
+def _remote(scheduler: str) -> Iterator[Machines]:
+    from distributed import Client, Security
+    from distributed.core import rpc
+
+    def fail(said: str) -> NoReturn:
+        raise UsageError(f"--scheduler {scheduler}: {said}") from None
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+
+    async def identify(arguments: dict) -> None:
+        async with asyncio.timeout(PATIENCE), rpc(scheduler, timeout=PATIENCE, connection_args=arguments) as asked:
+            await asked.identity(n_workers=0)
+
+    try:
+        arguments = Security().get_connection_args("client")
+        if scheduler.startswith("tls://") and arguments["ssl_context"] is None:
+            fail(f"tls:// needs certificates: set {TLS}CA_FILE, {TLS}CLIENT__CERT and {TLS}CLIENT__KEY")
+        asyncio.run(identify(arguments))  # Client has no deadline for a scheduler that accepts and is silent
+        client = Client(scheduler, timeout=PATIENCE)
+    except UsageError:
+        raise
+    except TimeoutError:
+        fail(f"no dask scheduler answers (not within {PATIENCE} s)")
+    except Exception as error:  # of the address, the network, the certificates: dask raises anything
+        fail(f"no dask scheduler answers ({str(error) or type(error).__name__})")
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            fail(f"no worker has joined; start `dask worker {scheduler}` on a machine")
+        yield Machines(client, None)
 
 
 _one_at_a_time = threading.Lock()

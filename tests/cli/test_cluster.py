@@ -1,12 +1,18 @@
-"""Frames, references and baked light by several processes, one of them killed half way: the same files."""
+"""Frames, references, baked light by several processes, one killed half way: the same files; who may enter them."""
 
 from __future__ import annotations
 
 import functools
 import os
 import signal
+import socket
+import stat
+import subprocess
 import sys
+import time
+import urllib.request
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -157,6 +163,7 @@ def _divide(one: int, by: int) -> float:
         ("--workers 2 --scheduler tcp://127.0.0.1:9", "--workers starts processes here, --scheduler has its own"),
         ("--scheduler tcp://127.0.0.1:9", "--scheduler tcp://127.0.0.1:9: no dask scheduler answers ("),
         ("--scheduler nonsense://x", "--scheduler nonsense://x: no dask scheduler answers ("),
+        ("--scheduler tls://127.0.0.1:9", "--scheduler tls://127.0.0.1:9: tls:// needs certificates: set DASK_"),
     ],
 )
 def test_bad_clusters_get_a_sentence(words, message, capsys, monkeypatch):
@@ -165,15 +172,117 @@ def test_bad_clusters_get_a_sentence(words, message, capsys, monkeypatch):
     assert message in one_line(capsys.readouterr().err)
 
 
+def refusal(address, capsys, monkeypatch) -> str:
+    """Return the sentence that render says about --scheduler address."""
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    assert cli.main(["render", "no such scene.glb", "--frames", "2", "--scheduler", address]) == 2
+    return one_line(capsys.readouterr().err)
+
+
 def test_a_scheduler_without_workers_gets_a_sentence(capsys, monkeypatch):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
     with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as empty:
-        words = ["render", "no such scene.glb", "--frames", "2", "--scheduler", empty.scheduler_address]
-        assert cli.main(words) == 2
-    said = f"no worker has joined; start `dask worker {words[-1]}` on a machine"
-    assert one_line(capsys.readouterr().err) == f"gi-viewer: --scheduler {words[-1]}: {said}\n"
+        address = empty.scheduler_address
+        said = f"no worker has joined; start `dask worker {address}` on a machine"
+        assert refusal(address, capsys, monkeypatch) == f"gi-viewer: --scheduler {address}: {said}\n"
+
+
+def test_certificates_of_dasks_settings_open_a_scheduler_of_tls(capsys, monkeypatch, tmp_path):
+    import dask
+    from distributed import LocalCluster, Security
+
+    own = Security.temporary()
+    files = {}
+    for name, text in (
+        ("ca-file", own.tls_ca_file),
+        ("client.cert", own.tls_client_cert),
+        ("client.key", own.tls_client_key),
+    ):
+        (tmp_path / name).write_text(text)
+        files[f"distributed.comm.tls.{name}"] = str(tmp_path / name)
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", security=own) as empty:
+        address = empty.scheduler_address
+        with dask.config.set(files):
+            assert "no worker has joined" in refusal(address, capsys, monkeypatch)
+        with dask.config.set(files | {"distributed.comm.tls.ca-file": str(tmp_path / "none")}):
+            assert "no dask scheduler answers (" in refusal(address, capsys, monkeypatch)
+
+
+def test_a_silent_scheduler_gets_a_sentence_in_time(capsys, monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address, started = f"tcp://127.0.0.1:{silent.getsockname()[1]}", time.monotonic()
+        assert f"{address}: no dask scheduler answers (not within 0.5 s)" in refusal(address, capsys, monkeypatch)
+        assert time.monotonic() - started < 5
+
+
+INTRUDER = """
+import asyncio, os, pickle, sys
+from distributed import Security
+from distributed.core import rpc
+
+forged = Security.temporary().get_connection_args("client")
+if os.geteuid() == 0:
+    os.setuid(65534)
+
+async def enter(port, scheme, arguments, operation):
+    try:
+        address = f"{scheme}://127.0.0.1:{port}"
+        async with asyncio.timeout(5), rpc(address, timeout=5, connection_args=arguments) as process:
+            await getattr(process, operation)(function=pickle.dumps(os.geteuid))
+    except Exception:
+        return "refused"
+    return "ran"
+
+async def main():
+    ways = [(port, *way) for port in sys.argv[1:] for way in (("tcp", {}), ("tls", forged))]
+    tried = [enter(*way, operation) for way in ways for operation in ("run", "run_function")]
+    print(await asyncio.gather(*tried))
+
+asyncio.run(main())
+"""
+
+
+def ports() -> list[int]:
+    """Return the ports on which this process and its children listen."""
+    import psutil
+
+    this = psutil.Process()
+    sockets = [c for process in (this, *this.children(recursive=True)) for c in process.net_connections("tcp")]
+    return [socket.laddr.port for socket in sockets if socket.status == psutil.CONN_LISTEN]
+
+
+def intruder(ports) -> str:
+    """Return what another user could run at these ports; the same user, without certificates, if this is not root."""
+    words = [sys.executable, "-c", INTRUDER, *map(str, ports)]
+    return subprocess.run(words, capture_output=True, text=True, check=True, timeout=200).stdout
+
+
+def test_other_users_cannot_enter_the_processes(machines):
+    from distributed import LocalCluster
+
+    answers = intruder(ports())
+    assert answers.count("refused") == 4 * len(ports()) >= 16 and "ran" not in answers
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as open_to_all:
+        assert "ran" in intruder([open_to_all.scheduler_address.rpartition(":")[2]])  # the intruder knows the way
+
+
+def test_other_users_can_neither_read_their_state_nor_place_modules(machines):
+    for port in ports():
+        for page in ("health", "info/main/workers.html", "metrics", "json/counts.json", "status"):
+            with pytest.raises(OSError):
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/{page}", timeout=5)
+    searched = {folder for paths in machines.ask(_search_path) for folder in (*paths, *sys.path) if "dask" in folder}
+    assert searched
+    for folder in searched:
+        above = [folder, *map(str, Path(folder).parents)]
+        assert any(
+            stat.S_IMODE(os.stat(path).st_mode) == 0o700 and os.stat(path).st_uid == os.geteuid() for path in above
+        )
+
+
+def _search_path() -> list[str]:
+    return sys.path
 
 
 def test_without_options_nothing_is_started(monkeypatch):
