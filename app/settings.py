@@ -260,11 +260,14 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
 def _place_of(settings: Settings, table: str, name: str, otherwise: str = "") -> str:
     """Return the table of the saved scene that has a name; `otherwise` where it stands on the command line."""
-    import tomllib
+    from gi_core.files.formats.boundary import Boundary
+    from gi_core.files.formats.toml_fields import read_toml
+    from gi_core.scene import SceneError
 
-    with suppress(OSError, ValueError):
-        if settings.document and name in tomllib.loads(Path(settings.document).read_text("utf-8")).get(table, {}):
-            return f"{settings.document}: [{table}]"
+    if document := settings.document:
+        with suppress(SceneError):
+            if name in read_toml(Path(document), document, Boundary(Path(document).parent)).get(table, {}):
+                return f"{document}: [{table}]"
     return otherwise
 
 

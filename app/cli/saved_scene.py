@@ -7,17 +7,20 @@ from its default. Numbers keep all digits, so that a saved scene opens with the 
 from __future__ import annotations
 
 import argparse
+import filecmp
+import itertools
 import os
 import shlex
-import tomllib
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.cli.option_tables import ALL, flag_of
-from app.cli.writable import write_whole
-from app.settings import LampSetting, MeasuringPlane, Pin, Settings
+from app.cli.writable import replacing, write_whole
+from app.settings import LampSetting, MeasuringPlane, Pin, Settings, open_scene
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
@@ -30,7 +33,6 @@ KEYS = ("scene", "mobiles", "edits", "poses", "camera", "lamps", "light_scenes",
 ELSEWHERE = ("mobiles", "poses", "camera", "lamps", "plane")  # not under [settings]
 WITHOUT_OPTION = ("edits", "light_scenes", "pins", "cameras")
 VALUES = "material", "light"  # fields of edits that are tables of a scene file
-MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
 SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
 
@@ -71,32 +73,45 @@ def _word(field: str, value: Any) -> str:
 # Files ------------------------------------------------------------------------------------------------
 
 
-def is_saved(path: str | Path) -> bool:
-    """Return whether a file is a saved scene, not a scene file."""
-    if Path(path).suffix.lower() != ".toml" or not os.path.isfile(path):
-        return False
-    try:
-        if os.path.getsize(path) > MOST_BYTES:
-            return False
-        return "scene" in tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return False  # the loader gives the reason
-
-
 def opened(settings: Settings, allow_outside: bool = False) -> Settings:
-    """Return the settings of the saved scene that `settings` name, else `settings`. Raises SceneError."""
-    return read(settings.scene, allow_outside) if is_saved(settings.scene) else settings
+    """Return the settings of the saved scene that `settings` name, else `settings`. Raises SceneError.
+
+    The loader reads any other file, and gives the reason if it is no TOML.
+    """
+    from gi_core.scene.errors import SceneError
+
+    path = settings.scene
+    if Path(path).suffix.lower() != ".toml" or not os.path.isfile(path):
+        return settings
+    try:
+        values = _toml_of(path)
+    except SceneError:
+        return settings
+    return _settings_of(values, path, allow_outside) if "scene" in values else settings
 
 
 def read(path: str, allow_outside: bool = False) -> Settings:
     """Return the settings of a saved scene. Raises SceneError: file, rule, value found."""
+    return _settings_of(_toml_of(path), path, allow_outside)
+
+
+def _toml_of(path: str) -> dict[str, Any]:
+    """Return the tables of a file. Raises SceneError."""
     from gi_core.files.formats.boundary import Boundary
-    from gi_core.files.formats.toml_fields import Table, read_toml
+    from gi_core.files.formats.toml_fields import read_toml
+
+    return read_toml(Path(path), path, Boundary(Path(path).parent))
+
+
+def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Settings:
+    """Return the settings of the tables of a saved scene. Raises SceneError."""
+    from gi_core.files.formats.boundary import Boundary
+    from gi_core.files.formats.toml_fields import Table
     from gi_core.files.formats.toml_file import lamp_level, read_light_scenes
 
-    file = Path(path)
+    file = Path(os.path.realpath(path))  # of a link: files are named relative to what it leads to
     boundary = Boundary(file.parent, allow_outside)
-    root = Table(read_toml(file, path, boundary), path, KEYS)
+    root = Table(tables, path, KEYS)
     mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
     table = Table(root.values.get("settings", {}), f"{path}: [settings]", SAVED)
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
@@ -155,19 +170,34 @@ def _plane(root: Table) -> MeasuringPlane | None:
     return _checked("plane", numbers, t.where)
 
 
-def write(path: Path, settings: Settings) -> None:
-    """Save settings, as of with_view(). Raises UsageError if the file may not name the scene's files; OSError."""
+def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | None = None) -> None:
+    """Save settings, as of with_view(), and beside them copies of the files that lie outside their folder.
+
+    files: as of Scene, those that the scene was read from; None: it is read to find out. Raises OSError; the copies of
+    a scene that cannot be saved are removed.
+    """
+    made: list[Path] = []
+    try:
+        names = _names_of_files(Path(os.path.realpath(path)), settings, files, made)
+        write_whole(path, _text_of(settings, names))
+    except BaseException:
+        for copy in reversed(made):
+            with suppress(OSError):
+                copy.rmdir() if copy.is_dir() else copy.unlink()
+        raise
+
+
+def _text_of(settings: Settings, names: Mapping[str, str]) -> str:
+    """Return a saved scene; names: how it names the files of the settings."""
     import tomli_w
 
-    _check_place(path, settings)
-
-    scene, *mobiles = (_relative(name, path) for name in (settings.scene, *settings.mobiles))
+    scene, *mobiles = (names[name] for name in (settings.scene, *settings.mobiles))
     saved = {field: getattr(settings, field) for field in SAVED}
     changed = {field: v for field, v in saved.items() if v != getattr(Settings, field)}
     document: dict[str, Any] = {"scene": scene, "mobiles": mobiles} if mobiles else {"scene": scene}
     document["settings"] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
     if settings.edits:
-        document["edits"] = [_table_of(edit, path) for edit in settings.edits]
+        document["edits"] = [_table_of(edit, names) for edit in settings.edits]
     if settings.camera is not None:
         document["camera"] = _camera_table(settings.camera)
     if settings.poses:
@@ -180,7 +210,7 @@ def write(path: Path, settings: Settings) -> None:
         document["measuring_plane"] = {key: v for key, v in plane._asdict().items() if v is not None}
     lamps = _lamps_table("lamps", settings.lamps) if settings.lamps else ""
     scenes = "".join(_lamps_table(f"light_scenes.{_key(name)}", kept) for name, kept in settings.light_scenes)
-    write_whole(path, HEADER + tomli_w.dumps(document) + lamps + scenes)
+    return HEADER + tomli_w.dumps(document) + lamps + scenes
 
 
 def _lamps_table(header: str, lamps: tuple[LampSetting, ...]) -> str:
@@ -208,7 +238,7 @@ def _key(name: str) -> str:
     return tomli_w.dumps({name: 0}).removesuffix(" = 0\n")
 
 
-def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
+def _table_of(edit: Edit, names: Mapping[str, str]) -> dict[str, Any]:
     """Return an edit of the scene as a table of a saved scene."""
     from gi_core.files.formats.toml_fields import as_table
 
@@ -217,7 +247,7 @@ def _table_of(edit: Edit, document: Path) -> dict[str, Any]:
         if field in edit._field_defaults and value == edit._field_defaults[field]:
             continue
         if field == "file":
-            table[field] = _relative(value, document)
+            table[field] = names[value]
         elif field in VALUES:
             table[field] = as_table(value)
         elif field == "pose" and value is not None:
@@ -302,35 +332,74 @@ def _found(name: str, file: Path, boundary, where: str) -> str:
     return os.path.normpath(path)
 
 
-def home_of(settings: Settings) -> Path | None:
-    """Return the folder, in which or above which a saved scene may lie; None for any."""
+def _names_of_files(
+    document: Path, settings: Settings, files: Iterable[tuple[str, ...]] | None, made: list[Path]
+) -> dict[str, str]:
+    """Return how a saved scene names the files of its settings, relative to its folder; copy those outside it.
+
+    made: receives the folders and files that are new. Raises OSError.
+    """
     from gi_core.files.edits import files_of_edits
+    from gi_core.files.find import shipped_scenes
+    from gi_core.scene.errors import SceneError
 
-    files = filter(os.path.isfile, (settings.scene, *settings.mobiles, *files_of_edits(settings.edits)))
-    folders = [Path(name).resolve().parent for name in files]
-    try:
-        return Path(os.path.commonpath(folders)) if folders else None
-    except ValueError:  # several drives
-        return folders[0]
+    named = dict.fromkeys((settings.scene, *settings.mobiles, *files_of_edits(settings.edits)))
+    places = {name: name for name in named}
+    outside: dict[str, list[str]] = {}  # by folder
+    for name in named:
+        if not os.path.isfile(name) and name in shipped_scenes():
+            continue
+        real = Path(os.path.realpath(name))
+        if settings.allow_outside or real.is_relative_to(document.parent):
+            places[name] = _relative(real, document.parent)
+        else:
+            outside.setdefault(os.path.dirname(os.path.abspath(name)), []).append(name)
+    if outside and files is None:
+        files = ()
+        with suppress(SceneError):  # the files that are named are copied all the same
+            files = open_scene(settings).files
+    of = {names[0]: names for names in files or ()}
+    for folder, names in outside.items():
+        parts = dict.fromkeys(part for name in map(os.path.abspath, names) for part in of.get(name, (name,)))
+        beneath = [os.path.relpath(part, folder) for part in parts if Path(part).is_relative_to(folder)]
+        target = _copied(Path(folder), beneath, document, made)
+        places |= {name: (target / os.path.basename(name)).relative_to(document.parent).as_posix() for name in names}
+    return places
 
 
-def _check_place(document: Path, settings: Settings) -> None:
-    """Raise UsageError for a place from which the scene's files lie outside of the saved scene's folder."""
-    from app.settings import UsageError
+def _copied(folder: Path, parts: list[str], document: Path, made: list[Path]) -> Path:
+    """Copy files of a folder, by their paths in it, beside a saved scene; return the folder of the copies.
 
-    home, folder = home_of(settings), document.resolve().parent
-    if home is not None and not settings.allow_outside and not home.is_relative_to(folder):
-        raise UsageError(
-            f"{document.name} must be saved in {home} or above, where the scene's files are; with --allow-outside, "
-            "anywhere"
-        )
+    It is NAME-files/FOLDER, with a number if other files are there: those of the scene saved before stay whole.
+    """
+    beside = document.with_name(f"{document.stem[:60]}-files")  # names have at most 255 bytes
+    for k in itertools.count(1):
+        target = beside / f"{folder.name or 'files'}{f'-{k}' if k > 1 else ''}"
+        pairs = [(folder / part, target / part) for part in parts]
+        if all(_may_copy(source, copy) for source, copy in pairs):
+            break
+    for source, copy in pairs:
+        if os.path.lexists(copy) or not source.is_file():
+            continue
+        for parent in reversed(copy.parents):
+            if parent.is_relative_to(beside) and not parent.exists():
+                parent.mkdir()
+                made.append(parent)
+        with replacing(copy) as part:
+            shutil.copyfile(source, part)
+        made.append(copy)
+    return target
 
 
-def _relative(name: str, document: Path) -> str:
-    """Return how a saved scene names a file: relative to its own folder."""
-    if not os.path.isfile(name):
-        return name  # a shipped scene
-    folder, real = document.resolve().parent, Path(name).resolve()
+def _may_copy(source: Path, copy: Path) -> bool:
+    """Return whether a file may be copied: there is no copy, or this one, or what it was a copy of has gone."""
+    if not os.path.lexists(copy):
+        return True
+    return copy.is_file() and (not source.is_file() or filecmp.cmp(source, copy, shallow=False))
+
+
+def _relative(real: Path, folder: Path) -> str:
+    """Return the path of a file relative to a folder."""
     try:
         return Path(os.path.relpath(real, folder)).as_posix()
     except ValueError:  # another drive

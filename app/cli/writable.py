@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from app.settings import UsageError
+from app.settings import Settings, UsageError
+
+if TYPE_CHECKING:
+    from gi_core.scene import Scene
 
 
 def check_writable(option: str, file: Path) -> None:
@@ -17,18 +25,17 @@ def check_writable(option: str, file: Path) -> None:
     if os.path.exists(file) and os.access(file, os.W_OK):
         return
     try:
-        _try(file.resolve().with_name(f"{file.name}.{os.getpid()}.part"))
+        _try(_part_of(file.resolve()))
     except OSError as error:
         raise UsageError(
             f"{option} {file} cannot be written ({error.strerror or error}); name a file elsewhere"
         ) from None
 
 
-def check_no_input(option: str, file: Path) -> None:
-    """Raise UsageError, one sentence naming the option, if a file belongs to a scene that has been read."""
-    from gi_core.files.formats.boundary import files_read
-
-    if os.path.realpath(file) in files_read:
+def check_no_input(option: str, file: Path, settings: Settings, scene: Scene) -> None:
+    """Raise UsageError, one sentence naming the option, if a scene or its settings were read from a file."""
+    inputs = (settings.document, *(name for names in scene.files for name in names))
+    if os.path.realpath(file) in map(os.path.realpath, filter(None, inputs)):
         raise UsageError(f"{option} {file} is a file of the scene, which stays as it is; name another file")
 
 
@@ -50,13 +57,34 @@ def _try(file: Path) -> None:
 
 
 def write_whole(file: Path, content: str | bytes) -> None:
-    """Replace a file at once: readers and interrupts find the old file or the new one. Raises OSError."""
-    part = file.with_name(f"{file.name}.{os.getpid()}.part")  # not a tempfile, which only its owner could read
-    try:
+    """Replace a file at once by text (UTF-8) or bytes. Raises OSError."""
+    with replacing(file) as part:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
-        os.replace(part, file)
+
+
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """Yield the path of a new file that replaces `file` at the end: others find the old file or the new one.
+
+    The mode of the old file stays, and so does a link to it. Raises OSError.
+    """
+    real = Path(os.path.realpath(file))
+    part = _part_of(real)
+    try:
+        yield part
+        if real.is_file():
+            shutil.copymode(real, part)
+        os.replace(part, real)
     except BaseException as problem:
         part.unlink(missing_ok=True)
         if isinstance(problem, OSError) and problem.filename is None:  # a full disk
             problem.filename = str(file)
         raise
+
+
+def _part_of(file: Path) -> Path:
+    """Return where a file is written first: beside it, by a short name, as its own may be as long as names can be.
+
+    It is no tempfile, which only its owner could read.
+    """
+    return file.with_name(f"{zlib.crc32(os.fsencode(file.name)):08x}.{os.getpid()}.part")

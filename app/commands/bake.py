@@ -76,7 +76,7 @@ def bake(
         check_writable("--out", image)
     with opened(settings, open_scene) as (bar, scene):
         for file in (out, image):
-            check_no_input("--out", file)
+            check_no_input("--out", file, settings, scene)
         solver = make_solver(scene, settings)
         solve(solver, bar)
         if error is None:

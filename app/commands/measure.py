@@ -46,7 +46,7 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         check_writable("--csv", file)
     with opened(settings, open_scene) as (bar, scene):
         if file is not None:
-            check_no_input("--csv", file)
+            check_no_input("--csv", file, settings, scene)
         solver = make_solver(scene, settings)
         level, units = level_of(solver.chosen.low, solver.chosen.high, scene.up), units_of(scene.units)
         plane, started = settings.plane or default_plane(level), time.monotonic()

@@ -69,7 +69,7 @@ def render(
     linear = out.suffix.lower() == ".exr"
     _check(settings, out, frames)
     with opened(settings, open_scene) as (bar, scene):
-        check_no_input("--out", out)
+        check_no_input("--out", out, settings, scene)
         solver = make_solver(scene, settings)
         solve(solver, bar)
         gather(solver, seconds, bar, at_poses=frames is None)

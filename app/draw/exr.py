@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.cli.writable import replacing
 from app.draw.layers import Layers
 
 
@@ -31,14 +32,9 @@ def write_channels(path: Path, channels: Mapping[str, np.ndarray], parameters: M
     path = path.resolve()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     header |= {f"gi-viewer {key}": str(value) for key, value in parameters.items()}
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        with OpenEXR.File(header, dict(channels)) as file:
+        with replacing(path) as part, OpenEXR.File(header, dict(channels)) as file:
             file.write(os.fspath(part))
-        os.replace(part, path)
-    except BaseException as problem:
-        part.unlink(missing_ok=True)
-        if isinstance(problem, RuntimeError):  # of the library
-            raise OSError(f"{path} cannot be written: {problem}") from None
-        raise
+    except RuntimeError as problem:  # of the library
+        raise OSError(f"{path} cannot be written: {problem}") from None
     return path

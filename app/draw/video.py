@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from app.cli.writable import replacing
+
 PILLOW = {".gif": "GIF", ".webp": "WEBP"}
 SUFFIXES = (".mp4", *PILLOW)
 QUALITY = 18  # of H.264, constant rate factor: hardly visible losses
@@ -21,16 +23,11 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], rate: int) -> Path:
     appears whole or not at all. Raises OSError.
     """
     path = path.resolve()
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
+    with replacing(path) as part:
         if path.suffix.lower() == ".mp4":
             _write_mp4(part, pictures, rate)
         else:
             _write_pillow(part, pictures, rate, PILLOW[path.suffix.lower()])
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
     return path
 
 

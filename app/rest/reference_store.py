@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
+from app.cli.writable import replacing
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -61,15 +62,8 @@ class StateFile:
     def save(self, state: ReferenceState) -> None:
         """Replace the file by a state. Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        aside = self.path.with_name(f"{self.path.stem}.{os.getpid()}.part")
-        try:
-            with open(aside, "wb") as file:
-                np.savez(file, **state._asdict())
-            os.replace(aside, self.path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                aside.unlink(missing_ok=True)
-            raise
+        with replacing(self.path) as part, open(part, "wb") as file:
+            np.savez(file, **state._asdict())
 
     def keep(self, state: ReferenceState) -> None:
         """Save a state if possible; without a file the next run starts again."""

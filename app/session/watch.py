@@ -2,33 +2,12 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Iterable
 from pathlib import Path
-
-from app.settings import Settings
 
 PERIOD = 1.0  # s between two looks at the disk
 
 State = dict[str, tuple[int, int]]  # path -> time of the last change [ns], size
-
-
-def files_of(settings: Settings) -> list[str]:
-    """Return the scene file, the meshes that it names, and the mobiles; those that exist."""
-    from gi_core.files.edits import files_of_edits
-    from gi_core.files.find import find_scene
-    from gi_core.files.formats.toml_file import read_scene_file
-    from gi_core.scene.errors import SceneError
-
-    found = [*settings.mobiles, *files_of_edits(settings.edits)]
-    try:
-        scene = find_scene(settings.scene)
-        found.append(str(scene))
-        if scene.suffix.lower() == ".toml":
-            described = read_scene_file(scene, settings.scene)
-            found += map(str, (*described.static.meshes, *(m.mesh for m in described.mobiles), *described.photometry))
-    except (SceneError, OSError):
-        pass  # the opening gives the reason
-    return [name for name in dict.fromkeys(found) if os.path.isfile(name)]
 
 
 class Watch:
@@ -40,9 +19,10 @@ class Watch:
         self._last: State = {}  # at the last look
         self._due = 0.0
 
-    def follow(self, files: list[str]) -> None:
-        """Watch files from their present state on."""
-        self._files, self._known = files, _state(files)
+    def follow(self, files: Iterable[str]) -> None:
+        """Watch files that exist, from their present state on."""
+        self._known = _state(files)
+        self._files = list(self._known)
         self._last = self._known
 
     def changed(self, now: float) -> bool:
@@ -57,7 +37,7 @@ class Watch:
         return True
 
 
-def _state(files: list[str]) -> State:
+def _state(files: Iterable[str]) -> State:
     state = {}
     for name in files:
         try:

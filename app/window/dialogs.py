@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as native
 
+from app.window import theme
+
 NATIVE_LINUX = ("zenity", "kdialog", "matedialog", "qarma")  # programs that portable-file-dialogs runs
 SCENES = ["Scenes", "*.toml *.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 SAVED = ["Saved scenes", "*.toml"]
@@ -32,7 +34,8 @@ class FileDialog:
 
     def __init__(self) -> None:
         self._native: native.open_file | native.save_file | None = None
-        self._then: Callable[[str], None] | None = None
+        self._then: Callable[[str], str | None] | None = None
+        self._problem = ""  # why the last answer will not do
         self._title, self._path, self._appears = "", "", False
         self._suffix = ""  # that `then` appends to a path without it; "": the file is read
         self._sure = ""  # path of a file that may be replaced
@@ -47,21 +50,28 @@ class FileDialog:
         if has_native():
             self._native = native.open_file(title, folder, list(filters))
 
-    def save(self, title: str, path: str, filters: Sequence[str], then: Callable[[str], None]) -> None:
-        """Ask for a file to write, and again where it exists; `then` receives its path."""
+    def save(
+        self, title: str, path: str, filters: Sequence[str], then: Callable[[str], str | None], problem: str = ""
+    ) -> None:
+        """Ask for a file to write, and again where it exists.
+
+        `then` receives its path. What it returns is the problem with that path, and the dialog stays; problem: of the
+        path that it begins with.
+        """
         self._begin(title, path, then)
         self._suffix = filters[1].removeprefix("*")
-        if has_native():
+        self._problem = problem
+        if has_native() and not problem:
             self._native = native.save_file(title, path, list(filters))
 
-    def _begin(self, title: str, path: str, then: Callable[[str], None]) -> None:
+    def _begin(self, title: str, path: str, then: Callable[[str], str | None]) -> None:
         self._native, self._then, self._title, self._path, self._appears = None, then, title, path, True
-        self._suffix = self._sure = ""
+        self._suffix = self._sure = self._problem = ""
 
     def _end(self, path: str) -> None:
         then, self._then, self._native = self._then, None, None
-        if path and then is not None:
-            then(path)
+        if path and then is not None and (problem := then(path)):
+            self._then, self._path, self._problem, self._appears = then, path, problem, True
 
     def poll(self) -> None:
         """Take the system's answer, if there is one."""
@@ -82,7 +92,12 @@ class FileDialog:
             if not self._appears:
                 self._end("")  # Esc
             return
-        imgui.text_disabled("No file dialog is installed (zenity or kdialog): write a path.")
+        if self._problem:
+            imgui.push_text_wrap_pos(FIELD_EM * imgui.get_font_size())
+            imgui.text_colored((*theme.WARNING, 1.0), self._problem)
+            imgui.pop_text_wrap_pos()
+        else:
+            imgui.text_disabled("No file dialog is installed (zenity or kdialog): write a path.")
         imgui.set_next_item_width(FIELD_EM * imgui.get_font_size())
         if self._appears:
             imgui.set_keyboard_focus_here()

@@ -10,7 +10,7 @@ from imgui_bundle import hello_imgui
 
 from app.cli import saved_scene
 from app.session.session import Session
-from app.session.watch import Watch, files_of
+from app.session.watch import Watch
 from app.window import dialogs
 from app.window.viewport import Viewport
 
@@ -44,7 +44,7 @@ class Files:
     def adopt(self, session: Session, same: bool) -> None:
         """Follow the files of an opened scene; `same`: it was reloaded."""
         s = session.settings
-        self._watch.follow(files_of(s))
+        self._watch.follow(name for names in session.scene.files for name in names)
         if not same:
             self._clean = _state(session)
         if os.path.isfile(name := s.document or s.scene):
@@ -66,7 +66,7 @@ class Files:
     # Saving -----------------------------------------------------------------------------------------
 
     def save(self, session: Session, viewport: Viewport, path: str) -> Path:
-        """Save the scene. Raises UsageError for a place that cannot be used, OSError."""
+        """Save the scene. Raises UsageError for the name of the scene itself, OSError."""
         file = Path(path)
         file = file if file.suffix.lower() == ".toml" else file.with_name(file.name + ".toml")
         scene = session.settings.scene
@@ -74,7 +74,8 @@ class Files:
             from app.settings import UsageError
 
             raise UsageError(f"{file.name} is the scene itself, which stays as it is; choose another name")
-        saved_scene.write(file, self.settings_now(session, viewport))
+        files = None if session.is_editing else session.scene.files
+        saved_scene.write(file, self.settings_now(session, viewport), files)
         session.want(replace(session.settings, document=str(file)))
         self._clean = _state(session)
         self.remember(str(file))
@@ -85,11 +86,9 @@ class Files:
         s = session.settings
         if s.document:
             return s.document
-        home = saved_scene.home_of(replace(s, edits=session.edits))
-        folder = Path.cwd() if home is None else Path(s.scene).parent
-        if home is not None and not (s.allow_outside or home.is_relative_to(folder.resolve())):
-            folder = home
-        return str(folder / f"{Path(s.scene).stem}-saved.toml")
+        folders = ([Path(s.scene).parent] if os.path.isfile(s.scene) else []) + [Path.cwd(), Path.home()]
+        usable = (f for f in folders if f.resolve() != f.resolve().parent and os.access(f, os.W_OK))
+        return str(next(usable, folders[-1]) / f"{Path(s.scene).stem}-saved.toml")
 
     def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:
         """Return settings that open the scene as it is on show, with edits that are still being prepared."""

@@ -14,7 +14,6 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.lights_table import Luminaires, changed_light, read_light
 from gi_core.files.formats.mesh_file import part_of
 from gi_core.files.formats.toml_fields import Table, as_table
-from gi_core.scene import types
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.types import LightScene, Mesh, Scene
 from gi_core.scene.validate import check_lamp, lamps_of
@@ -52,7 +51,14 @@ def lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
     values = as_table(edit.light)
     place = place_of(scene, edit.name, edit.number)
     if "type" in values:
-        light, notes = _new(scene, edit, values, where, allow_outside)
+        file = Path(edit.file)
+        boundary = Boundary(file.parent, allow_outside)
+        luminaires = Luminaires(file.parent, boundary, scene.units, scene.up)
+        named = {"file": file.name} if edit.file else {}
+        light = read_light({**values, **named, "name": edit.name}, where, edit.name, luminaires)
+        notes = [note for found in luminaires.files.values() for note in found.notes]
+        if boundary.files:
+            scene = replace(scene, files=(*scene.files, tuple(boundary.files)))
     else:
         of = place if not edit.of else place_of(scene, edit.of, edit.number)
         place = None if edit.of else place
@@ -62,16 +68,6 @@ def lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
         light, notes = changed_light(scene.lights[of]._replace(name=edit.name), Table(values, where, None)), []
     lights = (*scene.lights, light) if place is None else (*scene.lights[:place], light, *scene.lights[place + 1 :])
     return replace(scene, lights=lights, notes=(*scene.notes, *notes))
-
-
-def _new(scene: Scene, edit: Light, values: dict, where: str, allow_outside: bool) -> tuple[types.Light, list[str]]:
-    """Return the light of a whole table, and notes of its file."""
-    file = Path(edit.file)
-    if edit.file:
-        values = {**values, "file": file.name}
-    luminaires = Luminaires(file.parent, Boundary(file.parent, allow_outside), scene.units, scene.up)
-    light = read_light({**values, "name": edit.name}, where, edit.name, luminaires)
-    return light, [note for found in luminaires.files.values() for note in found.notes]
 
 
 def darkened(scene: Scene, name: str, number: int | None) -> Scene:

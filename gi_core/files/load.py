@@ -78,7 +78,7 @@ def load_scene(
         with named(where, *map(str, mobiles)):
             scene = builder.build(mobiles, max_edge)
             check_scene(scene)
-            return scene
+            return replace(scene, files=(tuple(boundary.files), *scene.files))
     except MemoryError:
         raise SceneError(f"{where}: the scene does not fit into memory; simplify its meshes") from None
 
@@ -231,7 +231,8 @@ def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: 
 
     name: None: that of the file, with a number if it is taken. Raises SceneError.
     """
-    r = read_mesh_file(path, str(path), Boundary(path.parent, allow_outside))
+    boundary = Boundary(path.parent, allow_outside)
+    r = read_mesh_file(path, str(path), boundary)
     name = free_name((m.name for m in scene.mobiles), name or path.stem)
     check_size(f"{path}: a mobile", r.mesh)
     _check_dark(r.mesh, r.materials, str(path))
@@ -241,6 +242,7 @@ def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: 
         materials=(*scene.materials, *r.materials),
         mobiles=(*scene.mobiles, Mobile(name, mesh)),
         notes=(*scene.notes, *(f'mobile "{name}": {n}' for n in r.notes)),
+        files=(*scene.files, tuple(boundary.files)),
     )
     return scene, UP[r.up]
 

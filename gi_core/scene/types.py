@@ -241,6 +241,7 @@ class Scene:
     defaults: Defaults = Defaults()
     notes: tuple[str, ...] = field(default=())  # one line per change or assumption of loading
     light_scenes: tuple[LightScene, ...] = ()
+    files: tuple[tuple[str, ...], ...] = ()  # absolute paths: a file that was named, and those that it names
 
     def __repr__(self) -> str:
         lamps = len(self.lights) + sum(any(m.emission) for m in self.materials)

@@ -7,43 +7,20 @@ import json
 import struct
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from app import __main__ as cli
 from tests.support.cli_support import one_line
-from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
 
 QUICK = ["--photons", "2000", "--seconds", "0"]
-ROOM = """mtllib room.mtl
-v -1 0 -1
-v 1 0 -1
-v 1 0 1
-v -1 0 1
-v -0.3 2 -0.3
-v 0.3 2 -0.3
-v 0.3 2 0.3
-v -0.3 2 0.3
-vt 0 0
-vt 1 0
-vt 1 1
-vt 0 1
-usemtl floor
-f 4/4 3/3 2/2 1/1
-usemtl lamp
-f 5 6 7 8
-"""
-LIBRARY = "newmtl floor\nKd 0.5 0.5 0.5\nmap_Kd wood.png\nnewmtl lamp\nKe 9 9 9\n"
 
 
 @pytest.fixture
 def room(tmp_path, monkeypatch) -> Path:
     """A floor with a texture under a lamp, in the working folder."""
     monkeypatch.chdir(tmp_path)
-    Path("room.obj").write_text(ROOM)
-    Path("room.mtl").write_text(LIBRARY)
-    Image.fromarray(np.full((4, 4, 3), 180, np.uint8)).save("wood.png")
+    write_textured_room(tmp_path)
     write_glb(Path("block.glb"), BOX * 0.1, BOX_FACES)
     return Path("room.obj")
 
@@ -75,7 +52,7 @@ def test_commands_say_what_they_added_and_missed(room, capsys):
 
 
 def test_faces_inside_out_are_named(room, capsys):
-    turned = ROOM.replace("f 4/4 3/3 2/2 1/1", "f 1/1 2/2 3/3 4/4")
+    turned = Path("room.obj").read_text().replace("f 4/4 3/3 2/2 1/1", "f 1/1 2/2 3/3 4/4")
     for corner in ("-1 0 -1", "1 0 -1", "1 0 1", "-1 0 1"):
         turned = turned.replace(f"v {corner}\n", f"v {corner.replace('1', '9')}\n")
     Path("room.obj").write_text(turned)

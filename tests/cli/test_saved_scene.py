@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import shutil
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +15,14 @@ from app import __main__ as cli
 from app.cli import saved_scene
 from app.cli.option_tables import ALL
 from app.cli.options import settings_of
-from app.settings import LampSetting, MeasuringPlane, Pin, Settings, UsageError, make_solver, open_scene
+from app.settings import LampSetting, MeasuringPlane, Pin, Settings, make_solver, open_scene
+from gi_core.files.edits import Insert, Light
 from gi_core.files.find import shipped_scenes
 from gi_core.scene import Camera, Pose, SceneError
 from gi_core.scene.pose import as_pose, axis_angle
 from tests.support.document_examples import bring
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
+from tests.support.photometry import write_ies
 
 TURNED = as_pose(Pose((0.21, 0.1, 0.13), axis_angle((0.3, 1.0, -0.2), 37.0)))
 CAMERA = Camera((1.1, 1.3, 0.123456789012345), (0.2, 0.1, 0.3), 41.7)
@@ -260,13 +265,110 @@ def test_an_unknown_name_of_an_option_is_told_as_such(tmp_path):
         open_scene(parsed(str(tmp_path / "a.toml"), "--pose", "nobody=1,2,3"))
 
 
-def test_a_scene_may_not_be_saved_where_it_could_not_name_its_files(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    bring("room.glb")
-    (tmp_path / "below").mkdir()
-    with pytest.raises(UsageError, match="a.toml must be saved in .* or above, where the scene's files are; with"):
-        saved_scene.write(tmp_path / "below" / "a.toml", Settings(scene="room.glb"))
-    assert not list((tmp_path / "below").iterdir())
+def spread(tmp_path) -> tuple[Path, Settings]:
+    """Return an empty folder for saved scenes, and settings of a scene whose files lie in three other folders."""
+    folders = [tmp_path / name for name in ("rooms", "a/chairs", "b/chairs", "saved")]
+    for folder in folders:
+        folder.mkdir(parents=True)
+    room, a, b, saved = folders
+    write_textured_room(room)
+    write_glb(a / "chair.glb", BOX * 0.1, BOX_FACES)
+    write_glb(b / "chair.glb", BOX * 0.2, BOX_FACES)
+    write_ies(a / "spot.ies", (0.0, 45.0, 90.0), (0.0,), np.array([[100.0, 60.0, 0.0]]))
+    placed = (("type", "photometric"), ("position", (0.0, 1.5, 0.0)), ("direction", (0.0, -1.0, 0.0)))
+    lamp = Light("spot", placed, str(a / "spot.ies"))
+    edits = Insert("other chair", str(b / "chair.glb"), Pose((0.5, 0.0, 0.5))), lamp
+    return saved, replace(
+        SETTINGS, scene=str(room / "room.obj"), mobiles=(str(a / "chair.glb"),), edits=edits, units="photometric"
+    )
+
+
+def test_a_scene_is_saved_anywhere_with_copies_of_its_files(tmp_path, monkeypatch):
+    """Room and luminaire lay in different folders, and the only folder that would do was the root of the disk."""
+    saved, settings = spread(tmp_path)
+    before = open_scene(settings)
+    assert len(before.files) == 4 and len(before.files[0]) == 3, "the room with its library and texture"
+    settings = saved_scene.with_view(settings, {m.name: m.pose for m in before.mobiles}, CAMERA)
+    light = light_of(settings)
+    saved_scene.write(saved / "kit.toml", settings, before.files)
+    copies = sorted(str(file.relative_to(saved)) for file in saved.rglob("*") if file.is_file())
+    chairs, other = "kit-files/chairs", "kit-files/chairs-2"
+    rooms = [f"kit-files/rooms/{name}" for name in ("room.mtl", "room.obj", "wood.png")]
+    assert copies == [f"{other}/chair.glb", f"{chairs}/chair.glb", f"{chairs}/spot.ies", *rooms, "kit.toml"]
+    shutil.move(saved, tmp_path / "moved")
+    for gone in ("rooms", "a", "b"):
+        shutil.rmtree(tmp_path / gone)
+    again = parsed(str(tmp_path / "moved" / "kit.toml"))
+    assert not again.allow_outside and np.array_equal(light_of(again), light)
+    assert open_scene(again).notes == before.notes
+
+    # Files read again to save once more, and beside it under another name: no second copy, and one of its own.
+    saved_scene.write(tmp_path / "moved" / "kit.toml", again)
+    assert len(list((tmp_path / "moved").rglob("*"))) == 4 + len(copies)
+    (tmp_path / "else").mkdir()
+    saved_scene.write(tmp_path / "else" / "a.toml", again)
+    assert np.array_equal(light_of(parsed(str(tmp_path / "else" / "a.toml"))), light)
+
+
+def test_copies_of_the_scene_saved_before_stay_whole(tmp_path):
+    """A file that has changed gets a copy of its own; one that has gone keeps its copy."""
+    saved, settings = spread(tmp_path)
+    saved_scene.write(saved / "kit.toml", settings)
+    first = (saved / "kit.toml").read_text()
+    write_glb(tmp_path / "b/chairs/chair.glb", BOX * 0.3, BOX_FACES)
+    (tmp_path / "rooms/room.obj").unlink()
+    saved_scene.write(saved / "kit.toml", settings)
+    second = (saved / "kit.toml").read_text()
+    assert [line for line in second.splitlines() if line not in first] == ['file = "kit-files/chairs-3/chair.glb"']
+    (saved / "old.toml").write_text(first)
+    for name, size in (("old", 0.2), ("kit", 0.3)):
+        mobile = next(m for m in open_scene(parsed(str(saved / f"{name}.toml"))).mobiles if m.name == "other chair")
+        assert np.ptp(mobile.mesh.vertices, axis=0).max() == pytest.approx(size * np.ptp(BOX, axis=0).max())
+
+
+def test_a_scene_that_cannot_be_saved_leaves_no_copies(tmp_path, monkeypatch):
+    saved, settings = spread(tmp_path)
+    (saved / "folder.toml").mkdir()
+    for name in ("folder.toml", "not/there.toml"):
+        with pytest.raises(OSError):
+            saved_scene.write(saved / name, settings)
+    assert [file.name for file in saved.rglob("*")] == ["folder.toml"]
+
+
+def test_with_outside_files_allowed_nothing_is_copied(tmp_path):
+    saved, settings = spread(tmp_path)
+    saved_scene.write(saved / "kit.toml", replace(settings, allow_outside=True))
+    assert [file.name for file in saved.iterdir()] == ["kit.toml"]
+    with pytest.raises(SceneError, match="lies outside the folder of the saved scene; give --allow-outside"):
+        parsed(str(saved / "kit.toml"))
+    assert open_scene(parsed(str(saved / "kit.toml"), "--allow-outside")).mobiles
+
+
+def test_a_save_keeps_mode_and_link_and_takes_the_longest_name(tmp_path):
+    """A file of mode 640 became 644, a link a file beside its old target; 250 bytes were "File name too long"."""
+    saved, settings = spread(tmp_path)
+    kept = saved / "kept.toml"
+    kept.write_text("old")
+    kept.chmod(0o640)
+    (tmp_path / "link.toml").symlink_to(kept)
+    saved_scene.write(tmp_path / "link.toml", settings)
+    assert (tmp_path / "link.toml").is_symlink() and kept.stat().st_mode & 0o777 == 0o640
+    for name in (kept, tmp_path / "link.toml"):
+        assert len(open_scene(parsed(str(name))).mobiles) == 2
+    for name in ("a" * 245 + ".toml", "\u00e4" * 122 + "a.toml"):
+        saved_scene.write(saved / name, settings)
+        assert open_scene(parsed(str(saved / name))).mobiles
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_a_file_of_deep_keys_is_refused_before_it_is_parsed(tmp_path, capsys):
+    """20 kB took 0.5 GB, as commands asked first whether it is a saved scene."""
+    (tmp_path / "deep.toml").write_text(".".join(["a"] * 10_000) + " = 1")
+    tracemalloc.start()
+    assert cli.main(["info", str(tmp_path / "deep.toml")]) == 3
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 50e6 and "nest" in capsys.readouterr().err
 
 
 def test_a_checked_pose_is_checked_without_change():

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 QUAD = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 QUAD_FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -16,6 +18,33 @@ BOX_FACES = np.array(
         [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
     ]
 )  # fmt: skip
+
+ROOM = """mtllib room.mtl
+v -1 0 -1
+v 1 0 -1
+v 1 0 1
+v -1 0 1
+v -0.3 2 -0.3
+v 0.3 2 -0.3
+v 0.3 2 0.3
+v -0.3 2 0.3
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl floor
+f 4/4 3/3 2/2 1/1
+usemtl lamp
+f 5 6 7 8
+"""
+LIBRARY = "newmtl floor\nKd 0.5 0.5 0.5\nmap_Kd wood.png\nnewmtl lamp\nKe 9 9 9\n"
+
+
+def write_textured_room(folder: Path) -> None:
+    """Write room.obj, room.mtl and wood.png: a floor with a texture under a lamp."""
+    (folder / "room.obj").write_text(ROOM)
+    (folder / "room.mtl").write_text(LIBRARY)
+    Image.fromarray(np.full((4, 4, 3), 180, np.uint8)).save(folder / "wood.png")
 
 
 def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=None, uv1=None, colours=None, **extra):

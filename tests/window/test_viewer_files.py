@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from app import __main__ as cli
@@ -16,10 +19,14 @@ from app.cli import saved_scene
 from app.cli.options import settings_of
 from app.session import watch
 from app.session.opening import Opening
-from app.settings import Settings
+from app.settings import Settings, open_scene
 from app.window import dialogs
+from app.window.actions.lamps import use_file
+from app.window.files import Files
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
+from tests.support.photometry import write_ies
 from tests.support.viewer_hand import errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
@@ -41,7 +48,7 @@ class Loader:
 
     def __call__(self, settings):
         self.asked.append(settings)
-        return Opening(settings, load=lambda settings: support.room())
+        return Opening(settings, load=lambda settings: replace(support.room(), files=((settings.scene,),)))
 
 
 def enter(hand, title: str, path) -> None:
@@ -82,7 +89,7 @@ def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(play, fo
         hand.ctx.yield_(5)
         hand.ctx.item_click("OK")
         hand.wait(lambda: not viewer.files.dialog.is_open)
-        assert saved_scene.is_saved(other)
+        assert Path(saved_scene.read(str(other)).scene).name == "room"
 
     assert errors(play(script)) == []
 
@@ -204,8 +211,15 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
         assert viewer.session is now and viewer.reload.coming is None
         assert viewer.reload.problem == "bad.toml: [settings]: photons must be over 0, got -3"
         hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
-        enter(hand, "Save the scene", "not/there/a.toml")
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.set_ref("//Save the scene###File")
+        hand.ctx.item_input_value("##path", "not/there/a.toml")
+        hand.ctx.yield_(5)
+        assert viewer.files.dialog.is_open, "with the reason, until the path is another"
+        assert viewer.files.dialog._problem == viewer.log.last.text
         assert viewer.log.last.text.startswith("not saved: No such file or directory")
+        hand.press(K.escape)
+        assert not viewer.files.dialog.is_open
         assert viewer.session.settings.document == str(folder / "mine.toml")
 
         # The menu: shipped and recent scenes.
@@ -218,6 +232,71 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
 
     viewer = play(script, open_with=loader)
     assert [e for e in errors(viewer) if "photons must be over 0" not in e] == []
+
+
+def test_a_room_with_a_luminaire_from_another_folder_is_saved_and_opened_again(play, folder, monkeypatch):
+    """The dialog proposed the root of the disk, and refused all but folders above both files."""
+    K = keys()
+    for name in ("rooms", "downloads", "out"):
+        (folder / name).mkdir()
+    write_textured_room(folder / "rooms")
+    write_ies(folder / "downloads/spot.ies", (0.0, 45.0, 90.0), (0.0,), np.array([[100.0, 60.0, 0.0]]))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        use_file(viewer, None, str(folder / "downloads/spot.ies"))
+        hand.press(int(K.mod_ctrl) | int(K.s))  # while the edit is being opened
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.yield_(3)
+        assert viewer.files.dialog._path == str(folder / "rooms/room-saved.toml")
+        (folder / "out/taken.toml").mkdir()
+        hand.ctx.set_ref("//Save the scene###File")
+        hand.ctx.item_input_value("##path", str(folder / "out/taken.toml"))
+        hand.ctx.yield_(5)
+        assert viewer.files.dialog.is_open and "Is a directory" in viewer.files.dialog._problem
+        hand.ctx.item_input_value("##path", str(folder / "out/kit.toml"))
+        hand.wait(lambda: not viewer.files.dialog.is_open)
+        hand.wait(lambda: viewer.session is not first)
+        assert not viewer.files.has_changed(viewer.session) and viewer.session.settings.document
+        lights, second = list(viewer.session.lights), viewer.session
+        assert {Path(f).name for names in second.scene.files for f in names} >= {"room.obj", "wood.png", "spot.ies"}
+
+        # A save that fails later asks for another place.
+        (folder / "out/kit.toml").unlink()
+        (folder / "out/kit.toml").mkdir()
+        hand.press(int(K.mod_ctrl) | int(K.s))
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.yield_(3)
+        hand.ctx.set_ref("//Save the scene###File")
+        hand.ctx.item_input_value("##path", str(folder / "out/kit2.toml"))
+        hand.wait(lambda: not viewer.files.dialog.is_open)
+
+        for name in ("rooms", "downloads"):
+            shutil.rmtree(folder / name)
+        hand.press(int(K.mod_ctrl) | int(K.o))
+        enter(hand, "Open a scene", folder / "out/kit2.toml")
+        hand.wait(lambda: viewer.session is not second)
+        hand.wait_for_light()
+        assert list(viewer.session.lights) == lights and viewer.reload.problem == ""
+
+    settings = replace(support.SETTINGS, scene=str(folder / "rooms/room.obj"))
+    assert errors(play(script, settings, Opening)) == []
+
+
+def test_the_place_proposed_is_a_folder_that_can_be_written_and_no_root(tmp_path, monkeypatch):
+    files, session = Files(), SimpleNamespace(settings=Settings(scene="cornell"))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir("/")
+    assert files.suggestion(session) == str(tmp_path / "cornell-saved.toml")
+    monkeypatch.chdir(tmp_path)
+    assert files.suggestion(session) == str(tmp_path / "cornell-saved.toml")
+    (tmp_path / "read only").mkdir()
+    (tmp_path / "read only/room.glb").write_bytes(b"")
+    session.settings = Settings(scene=str(tmp_path / "read only/room.glb"))
+    assert files.suggestion(session) == str(tmp_path / "read only/room-saved.toml")
+    monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path / "read only")
+    assert files.suggestion(session) == str(tmp_path / "room-saved.toml")
 
 
 def test_the_copied_command_and_reset_settings(play, monkeypatch):
@@ -288,14 +367,30 @@ def test_a_file_counts_as_changed_once_it_rests(tmp_path):
     assert [seen.changed(float(t)) for t in range(18, 21)] == [False, True, False]
 
 
-def test_a_scene_file_and_all_its_meshes_are_watched(tmp_path):
-    (tmp_path / "a.toml").write_text('static = { mesh = "a.obj" }\nmobile = [{ name = "m", mesh = "m.obj" }]\n')
-    for name in ("a.obj", "m.obj", "x.glb"):
-        (tmp_path / name).write_bytes(b"")
-    files = watch.files_of(Settings(scene=str(tmp_path / "a.toml"), mobiles=(str(tmp_path / "x.glb"),)))
-    assert sorted(os.path.basename(f) for f in files) == ["a.obj", "a.toml", "m.obj", "x.glb"]
-    (tmp_path / "a.toml").write_text("nonsense")
-    assert [os.path.basename(f) for f in watch.files_of(Settings(scene=str(tmp_path / "a.toml")))] == ["a.toml"]
+def test_all_files_of_a_scene_are_watched(tmp_path):
+    """Also where a luminaire lies outside its folder, and textures; files that are gone are not."""
+    (tmp_path / "room").mkdir()
+    write_textured_room(tmp_path / "room")
+    for name in ("room/m.glb", "x.glb"):
+        write_glb(tmp_path / name, BOX * 0.1, BOX_FACES)
+    write_ies(tmp_path / "spot.ies", (0.0, 45.0, 90.0), (0.0,), np.array([[100.0, 60.0, 0.0]]))
+    light = (
+        '{ type = "photometric", name = "spot", position = [0, 1, 0], direction = [0, -1, 0], file = "../spot.ies" }'
+    )
+    mobile = '{ name = "m", mesh = "m.glb" }'
+    (tmp_path / "room/a.toml").write_text(
+        f'units = "photometric"\nstatic = {{ mesh = "room.obj" }}\nmobile = [{mobile}]\nlight = [{light}]\n'
+    )
+    settings = Settings(scene=str(tmp_path / "room/a.toml"), mobiles=(str(tmp_path / "x.glb"),), allow_outside=True)
+    files = [name for names in open_scene(settings).files for name in names]
+    names = ["a.toml", "m.glb", "room.mtl", "room.obj", "spot.ies", "wood.png", "x.glb"]
+    assert sorted(map(os.path.basename, files)) == names
+    for name in names:
+        seen = watch.Watch()
+        seen.follow([*files, str(tmp_path / "gone")])
+        (file,) = tmp_path.rglob(name)
+        os.utime(file, (1.0, 1.0))
+        assert [seen.changed(10.0), seen.changed(20.0)] == [False, True], name
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a shell script stands for the system's dialog")

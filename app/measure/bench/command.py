@@ -10,7 +10,7 @@ from pathlib import Path
 
 from app.cli.progress import opened
 from app.cli.terminal import say
-from app.cli.writable import check_writable
+from app.cli.writable import check_writable, write_whole
 from app.measure.bench.measure import measure, warm_up
 from app.settings import STEP, Settings, open_moving_scene
 
@@ -27,7 +27,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None, step: 
         numbers = measure(scene, settings, frames, bar, step)
     say(table(numbers))
     if json_file is not None:
-        json_file.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
+        write_whole(json_file, json.dumps(numbers, indent=2) + "\n")
     return numbers
 
 

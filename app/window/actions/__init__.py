@@ -26,7 +26,7 @@ Request = Select | Move | Refinish | ChoosePart | Edit | SelectLamp | ChangeLigh
 class Action(NamedTuple):
     """A function of the window and the keys that call it."""
 
-    run: Callable[[Window], None]
+    run: Callable[[Window], object]
     chords: tuple[int, ...] = ()  # any of them
     keys: str = ""  # as the help shows them; "": not in the help
     help: str = ""

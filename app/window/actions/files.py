@@ -51,29 +51,35 @@ def drop(window: Window, names: list[str]) -> None:
 
 
 def save(window: Window) -> None:
-    if document := window.session.settings.document:
-        _write(window, document)
-    else:
-        save_as(window)
+    document = window.session.settings.document
+    problem = _write(window, document) if document else ""
+    if problem or not document:
+        save_as(window, problem)
 
 
-def save_as(window: Window) -> None:
+def save_as(window: Window, problem: str = "") -> None:
+    """Ask for a file and save the scene; problem: why it could not be saved where it was."""
     suggestion = window.files.suggestion(window.session)
-    window.files.dialog.save("Save the scene", suggestion, dialogs.SAVED, partial(_write, window))
+    window.files.dialog.save("Save the scene", suggestion, dialogs.SAVED, partial(_write, window), problem)
 
 
-def _write(window: Window, path: str) -> None:
+def _write(window: Window, path: str) -> str:
+    """Save the scene; return the problem, "" without one."""
     try:
         pending = ", with an edit that is still being prepared" if window.session.is_editing else ""
         file = window.files.save(window.session, window.viewport, path)
         window.log(f"saved {file}{pending}")
         rename(str(file))
+        return ""
     except (UsageError, OSError) as problem:
-        _not_saved(window, problem, path)
+        return _not_saved(window, problem, path)
 
 
-def _not_saved(window: Window, problem: Exception, path: str | Path) -> None:
-    window.log(f"not saved: {getattr(problem, 'strerror', None) or problem}; {path}", WARNING)
+def _not_saved(window: Window, problem: Exception, path: str | Path) -> str:
+    """Log a problem with a file, and return it as a sentence."""
+    sentence = f"not saved: {getattr(problem, 'strerror', None) or problem}; {path}"
+    window.log(sentence, WARNING)
+    return sentence
 
 
 def copy_command(window: Window) -> None:
@@ -86,20 +92,24 @@ def copy_command(window: Window) -> None:
 def export(window: Window) -> None:
     """Write the read-outs into a table."""
 
-    def write(path: str) -> None:
+    def write(path: str) -> str:
         file = _with_suffix(path, ".csv")
         try:
             write_whole(file, view_content.readouts_csv(window.session, window.viewport.pins.shown))
             window.log(f"saved {file}")
+            return ""
         except OSError as problem:
-            _not_saved(window, problem, file)
+            return _not_saved(window, problem, file)
 
     suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".csv"))
     window.files.dialog.save("Export the read-outs", suggestion, dialogs.TABLES, write)
 
 
-def save_picture(window: Window, path: Path | None = None) -> None:
-    """Save the picture with its parameters; path: None for the next free name in the working folder."""
+def save_picture(window: Window, path: Path | None = None) -> str:
+    """Save the picture with its parameters; return the problem, "" without one.
+
+    path: None for the next free name in the working folder.
+    """
     path = path or screenshot.next_free(Path.cwd())
     viewport, renderer = window.viewport, window.painter.renderer
     metadata = viewport.picture.metadata(window.session.light.snapshot)
@@ -109,14 +119,16 @@ def save_picture(window: Window, path: Path | None = None) -> None:
         marks, pixels = readout_marks.marks(viewport), renderer.size[1] / viewport.view.size[1]
         screenshot.save(renderer, look, viewport.legend, metadata, path, scale, marks, pixels)
         window.log(f"saved {path}")
+        return ""
     except OSError as problem:
-        _not_saved(window, problem, path)
-    viewport.redraw()
+        return _not_saved(window, problem, path)
+    finally:
+        viewport.redraw()
 
 
 def save_picture_as(window: Window) -> None:
-    def write(path: str) -> None:
-        save_picture(window, _with_suffix(path, ".png"))
+    def write(path: str) -> str:
+        return save_picture(window, _with_suffix(path, ".png"))
 
     window.files.dialog.save("Save the picture", str(screenshot.next_free(Path.cwd())), dialogs.PICTURES, write)
 

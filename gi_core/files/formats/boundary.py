@@ -31,7 +31,6 @@ LIMITS = {  # of one scene with all its files
     "numbers": 250_000_000,  # of glTF accessors, each time one is read
     "pixels": 1 << 28,
 }
-files_read: set[str] = set()  # real paths of all files of scenes that this process has read
 MOST_PIXELS = 1 << 26  # of one image: 8192 x 8192
 DEEPEST = 64  # parts of a TOML key
 MOST_AT_VERTEX = 10_000  # triangles: the rays of a fan of more meet the boxes of all
@@ -43,6 +42,7 @@ class Boundary:
     def __init__(self, folder: str | Path, open: bool = False) -> None:
         self.folder, self.open = os.path.realpath(folder), open
         self.taken: Counter[str] = Counter()
+        self.files: list[str] = []  # read so far, absolute paths: the file that the user named first
         self.images: set[bytes] = set()  # digests of the images whose pixels are counted
 
     def holds(self, path: str | Path) -> bool:
@@ -65,7 +65,7 @@ class Boundary:
             raise FileNotFoundError(errno.ENOENT, "there is no such file")
         self.take(where, "files")
         self.take(where, "bytes in files", os.path.getsize(path))
-        files_read.add(os.path.realpath(path))
+        self.files.append(os.path.abspath(path))
         return Path(path).read_bytes()
 
     def take(self, where: str, what: str, amount: int = 1) -> None:
