@@ -39,7 +39,7 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
-LINE_GRAIN = 256  # segments per thread
+LINE_GRAIN = 1024  # segments per thread
 PIECE = 1 << 15  # segments between two pauses of evaluate()
 
 

@@ -122,22 +122,19 @@ def _noise_of_stale(sums, background, levels, flux_per_cut, factor, own, r):
 
 
 @kernel
-def _read_own(changed, sums, background, levels, scale, area, first, last, out):
-    """Write irradiance of chunks first .. last - 1, by the background's sums where nothing changes."""
-    for chunk in range(first, last):
-        begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
-        read_out(sums if changed[chunk] else background, levels, scale, area, begin, end, out)
+def _read_chunks(chunks, sums, levels, scale, area, out):
+    """Write irradiance of the receivers in chunks."""
+    for chunk in chunks:
+        read_out(sums, levels, scale, area, chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out)), out)
 
 
 @kernel
 def _measure(
-    changed, background, own, better, direct, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first,
-    last, change, unbiased,
+    chunks, background, own, better, direct, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, change,
+    unbiased,
 ):  # fmt: skip
-    """Write change, its variance and unbiased light of static receivers in changed chunks among first .. last - 1."""
-    for chunk in range(first, last):
-        if not changed[chunk]:
-            continue
+    """Write change, its variance and unbiased light of static receivers in chunks."""
+    for chunk in chunks:
         for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))):
             factor = scale / area[r] if area[r] > 0.0 else 0.0
             frame, before, after = 0.0, 0.0, 0.0
@@ -193,16 +190,20 @@ def _add(changed, better, change, direct, near, first, last, out, unbiased):
                 unbiased[r, c] -= blocked
 
 
-def own_irradiance(
-    frame: Evaluated, flux_unit: float, background: np.ndarray, levels: np.ndarray, threads: int
-) -> np.ndarray:
-    """Return E (R, 3) [W/m2] of a frame's own photons; arguments as for frame_irradiance()."""
+def own_irradiance(frame: Evaluated, flux_unit: float, own: np.ndarray, levels: np.ndarray, threads: int) -> np.ndarray:
+    """Return E (R, 3) [W/m2] of a frame's own photons at levels (G, 3) of its lamps; flux_unit [W] of its sums.
+
+    own: irradiance (n, 3) [W/m2] of static receivers without mobiles, of the frame's photons.
+    """
     out = np.empty((len(frame.sums), 3))
+    out[: len(own)] = own
+
+    chunks = np.flatnonzero(frame.changed)
 
     def read(_, first, last):
-        _read_own(frame.changed, frame.sums, background, levels, flux_unit, frame.area, first, last, out)
+        _read_chunks(chunks[first:last], frame.sums, levels, flux_unit, frame.area, out)
 
-    run_ranges(read, len(frame.changed), threads, CHUNK_GRAIN)
+    run_ranges(read, len(chunks), threads, CHUNK_GRAIN)
     return out
 
 
@@ -233,18 +234,18 @@ def frame_irradiance(
     mean_levels = levels.mean(axis=1)
     flux_per_cut = frame.cut.per_photon(mean_levels)
     change = np.zeros((static, 4))  # and its variance
-    unbiased = better.copy()
+    unbiased, chunks = better.copy(), np.flatnonzero(frame.changed)
 
     def measure(_, first, last):
         _measure(
-            frame.changed, background, own, better, direct, frame.sums, frame.new_flux, levels, mean_levels,
-            flux_per_cut, flux_unit, frame.area, first, last, change, unbiased,
+            chunks[first:last], background, own, better, direct, frame.sums, frame.new_flux, levels, mean_levels,
+            flux_per_cut, flux_unit, frame.area, change, unbiased,
         )  # fmt: skip
 
     def add(_, first, last):
         _add(frame.changed, better, change, direct, near, first, last, out, unbiased)
 
-    run_ranges(measure, len(frame.changed), threads, CHUNK_GRAIN)
+    run_ranges(measure, len(chunks), threads, CHUNK_GRAIN)
     smooth(change, REACH, near, threads)
     run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
     return ControlledLight(out, unbiased)

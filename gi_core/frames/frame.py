@@ -18,7 +18,7 @@ from gi_core.base.threads import overlapped
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.control_variate import AROUND, ControlledLight, Direct, frame_irradiance, own_irradiance
+from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.frame_size import FrameSize
 from gi_core.frames.progress import break_off_at
@@ -170,9 +170,7 @@ def next_frame(
     with overlapped(light.mobiles.rays_ahead(at, size.paths), b.model.threads):
         changed, evaluated = _sums(b, light, at, size, reach, room, clock, shown)
         if size.photons:
-            direct = light.direct_at(at, b)
-            clock("direct")
-            E, unbiased = _controlled(b, light, evaluated, direct, size.photons)
+            E, unbiased = _controlled(b, light, evaluated, at, size.photons, clock)
         else:
             E = unbiased = np.zeros((len(evaluated.area), 3))
     clock("read out")
@@ -210,16 +208,22 @@ def _sums(
     return changed, b.evaluated
 
 
-def _controlled(b: Background, light: FrameLight, sums: Evaluated, direct: Direct, photons: int) -> ControlledLight:
-    """Return the light of a frame's sums, with its static light as control variate."""
+def _controlled(
+    b: Background, light: FrameLight, sums: Evaluated, at: Transforms, photons: int,
+    clock: Callable[[str], None] = lambda stage: None,
+) -> ControlledLight:  # fmt: skip
+    """Return the light of a frame's sums, with its static light as control variate where that is a better source."""
     model, levels, static = b.model, light.setting.levels, light.static
-    given = sums, model.emitters.unit_flux / photons, b.estimate.background(photons, sums.direct)[0]
+    unit, own = model.emitters.unit_flux / photons, b.irradiance(photons, levels, sums.direct)
     if static.is_own(b, photons):
-        own = own_irradiance(*given, b.store.weights(levels), model.threads)
-        return ControlledLight(own, own)
-    both = b.irradiance(photons, levels, sums.direct), static.irradiance(b, photons)
-    near = static.around(AROUND * b.setting.radius)
-    return frame_irradiance(*given, *both, direct, b.store.weights(levels), near, model.threads)
+        E = own_irradiance(sums, unit, own, b.store.weights(levels), model.threads)
+        return ControlledLight(E, E)
+    direct = light.direct_at(at, b)
+    clock("direct")
+    background, _ = b.estimate.background(photons, sums.direct)
+    better, near = static.irradiance(b, photons), static.around(AROUND * b.setting.radius)
+    weights = b.store.weights(levels)
+    return frame_irradiance(sums, unit, background, own, better, direct, weights, near, model.threads)
 
 
 def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:
@@ -237,7 +241,7 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     if shown.background is None:
         weights = b.store.weights(light.setting.levels)
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
-    E, unbiased = _controlled(b, light, every, light.direct_at(at, b), n)
+    E, unbiased = _controlled(b, light, every, at, n)
     if shown.paths:
         light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.at_rest(b), fresh=True)
     return light.at_poses.replaced(E, at, b, n)
