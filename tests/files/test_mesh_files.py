@@ -268,3 +268,86 @@ def test_a_gltf_camera_of_no_view(tmp_path, yfov):
     file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[{"camera": 0}], cameras=[camera])
     with pytest.raises(SceneError, match="a.glb: .* yfov of a camera must be > 0 and < pi, got"):
         read_mesh_file(file)
+
+
+SHEET = {  # two faces of the unit square, each of its material, wound to its front
+    "the same triangles": (QUAD_FACES, QUAD_FACES[:, ::-1]),
+    "another diagonal": (QUAD_FACES, np.array([[3, 1, 0], [3, 2, 1]])),
+    "a fan from the middle": (np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]), QUAD_FACES[:, ::-1]),
+}
+
+
+@pytest.mark.parametrize("suffix", ["obj", "obj with normals", "gltf"])
+@pytest.mark.parametrize("kind", SHEET)
+def test_sheets_of_two_materials_stay_a_pair(tmp_path, kind, suffix):
+    """The first face that a ray meets from either side is the front of that side's material."""
+    vertices, (fronts, backs) = np.vstack([QUAD, [[0.5, 0.5, 0]]]), SHEET[kind]
+    path = write_sheet(tmp_path, suffix, vertices, fronts, backs)
+    read = read_mesh_file(path)
+    mesh, names = read.mesh, [read.materials[i].name for i in read.mesh.face_material]
+    normals, areas = face_normals(mesh)
+    assert not any(read.materials[i].two_sided for i in mesh.face_material)
+    height = mesh.vertices[mesh.faces][:, :, 2] * normals[:, 2:]
+    assert (height > 1e-6).all() and (height < 1e-4).all() and areas.sum() == pytest.approx(2)
+    assert [n for n, z in zip(names, normals[:, 2], strict=True) if z > 0] == ["white"] * len(fronts)
+    assert [n for n, z in zip(names, normals[:, 2], strict=True) if z < 0] == ["black"] * len(backs)
+    assert any(f"{len(mesh.faces)} triangles back to back are apart by" in note for note in read.notes)
+
+
+def write_sheet(folder, suffix, vertices, fronts, backs):
+    if suffix == "gltf":
+        document = {
+            "asset": {"version": "2.0"},
+            "nodes": [{"mesh": 0}],
+            "materials": [
+                {"name": n, "pbrMetallicRoughness": {"baseColorFactor": [0.5] * 4}} for n in ("white", "black")
+            ],
+            "meshes": [
+                {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1 + k, "material": k} for k in (0, 1)]}
+            ],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 12 * len(vertices)}],
+        }
+        data = np.asarray(vertices, "<f4").tobytes()
+        for k, faces in enumerate((fronts, backs)):
+            document["accessors"].append(
+                {"bufferView": 1 + k, "componentType": 5125, "count": faces.size, "type": "SCALAR"}
+            )
+            document["bufferViews"].append({"buffer": 0, "byteOffset": len(data), "byteLength": 4 * faces.size})
+            data += np.asarray(faces, "<u4").tobytes()
+        document["buffers"] = [{"byteLength": len(data), "uri": "a.bin"}]
+        (folder / "a.bin").write_bytes(data)
+        (folder / "a.gltf").write_text(json.dumps(document))
+        return folder / "a.gltf"
+    (folder / "a.mtl").write_text("newmtl white\nKd 0.9 0.9 0.9\nnewmtl black\nKd 0.02 0.02 0.02\n")
+    lines = ["mtllib a.mtl", *("v " + " ".join(map(str, v)) for v in vertices), "vn 0 0 1", "vn 0 0 -1"]
+    for name, faces, normal in (("white", fronts, 1), ("black", backs, 2)):
+        end = f"//{normal}" if "normals" in suffix else ""
+        lines += [f"usemtl {name}", *("f " + " ".join(f"{i + 1}{end}" for i in face) for face in faces)]
+    (folder / "a.obj").write_text("\n".join(lines) + "\n")
+    return folder / "a.obj"
+
+
+def test_copies_of_another_material_still_drop(tmp_path):
+    """Wound the same way, with and without normals: one face, the first."""
+    for suffix in ("obj", "gltf"):
+        read = read_mesh_file(write_sheet(tmp_path, suffix, QUAD, QUAD_FACES, QUAD_FACES[:, [1, 2, 0]]))
+        assert [read.materials[i].name for i in read.mesh.face_material] == ["white"] * 2
+        assert read.notes == ["left out 2 duplicates of 4"]
+
+
+def test_sheets_of_two_colours_stay_a_pair(tmp_path):
+    """Colours at vertices, and places in one texture."""
+    square = [*(" ".join(map(str, v)) for v in np.vstack([QUAD, QUAD]))]
+    rows = [f"{v} {c} {c} {c}" for v, c in zip(square, [200] * 4 + [20] * 4, strict=True)]
+    kinds = "".join(f"\nproperty float {k}" for k in "xyz") + "".join(
+        f"\nproperty uchar {k}" for k in ("red", "green", "blue")
+    )
+    faces = ["3 0 1 2", "3 0 2 3", "3 6 5 4", "3 7 6 4"]
+    head = f"ply\nformat ascii 1.0\nelement vertex 8{kinds}\nelement face 4\n"
+    head += "property list uchar int vertex_indices\nend_header"
+    (tmp_path / "a.ply").write_text("\n".join([head, *rows, *faces, ""]))
+    mesh = read_mesh_file(tmp_path / "a.ply").mesh
+    front = face_normals(mesh)[0][:, 2] > 0
+    bright = mesh.paint.corner_colour.mean(axis=(1, 2)) > 0.3
+    assert len(mesh.faces) == 4 and (front == bright).all() and front.sum() == 2

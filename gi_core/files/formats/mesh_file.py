@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.grouping import order_of
+from gi_core.base.grouping import group_of, order_of
 from gi_core.base.vectors import box, cross, dot, every, greatest, length
 from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
 from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
@@ -20,7 +20,7 @@ from gi_core.files.formats.obj_file import read_obj
 from gi_core.files.formats.trimesh_file import read_with_trimesh
 from gi_core.files.formats.winding import faces_to_turn, with_turned
 from gi_core.geometry.paint import each_layer, rows_of
-from gi_core.geometry.receivers import build_receivers, weld
+from gi_core.geometry.receivers import STEPS, build_receivers, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line, shown
@@ -29,6 +29,9 @@ from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
+APART = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
+ALIKE = 1e-4  # colours and places in a texture that differ by less are the same
+FLAT = 1 - 1e-6  # cosine between normals of faces that lie in one plane
 BRIGHTEST = FARTHEST = LARGEST  # radiance, coordinates: as in scene files
 FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
 OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
@@ -102,13 +105,15 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     ends = np.cumsum([len(p.faces) for p in parts])
     parts = [with_turned(p, rows) for p, rows in zip(parts, np.split(turn, ends), strict=False)]
     faces[turn] = faces[turn][:, ::-1]
-    keep, sided = _repair(vertices, faces, material, materials, notes)
+    look = _looks(material, parts)
+    keep, sided = _repair(vertices, faces, material, look, materials, notes)
     if turn[keep].any():
         notes.append(f"{int(turn[keep].sum()):,} triangles were wound against their neighbours or normals: turned")
-    sided |= torn
     if not len(keep):
         raise SceneError(f"{where}: every triangle of the mesh has zero area; is it compressed or flattened?")
-    material = _two_sided_copies(material, sided, materials)
+    material = _with_sides(material, sided | torn, True, materials)
+    vertices, faces[keep], apart = _moved_apart(vertices, faces[keep], look[keep], notes)
+    material = _with_sides(material, np.isin(np.arange(len(faces)), keep[apart]), False, materials)
     paint = _paint(read, parts, materials)
     mesh = Mesh(vertices, faces[keep].astype(np.int32), material[keep].astype(np.int32))
     mesh = mesh._replace(
@@ -182,7 +187,22 @@ def _clamped(materials: list[Material], plain: set[int], notes: list[str], where
     return result
 
 
-def _repair(vertices, faces, material, materials, notes):
+def _looks(material: np.ndarray, parts: list[Part]) -> np.ndarray:
+    """Return a number (F,) int64 for each look of faces: material, texture, mean place in it, mean colour."""
+    if all(p.corner_colour is None and not _textured(p).any() for p in parts):
+        return material
+    columns = []
+    for p in parts:
+        textured = _textured(p)
+        uv = np.zeros((len(p.faces), 2)) if p.corner_uv is None else p.corner_uv.mean(axis=1) * textured[:, None]
+        colour = np.zeros((len(p.faces), 3)) if p.corner_colour is None else p.corner_colour.mean(axis=1)
+        texture = np.where(textured, p.face_texture, -1) if textured.any() else np.full(len(p.faces), -1)
+        values = np.clip(np.nan_to_num(np.concatenate([uv, colour], axis=1)), -FARTHEST_UV, FARTHEST_UV)
+        columns.append(np.column_stack([texture, np.round(values / ALIKE)]))
+    return group_of((material, *np.concatenate(columns).astype(np.int64).T))
+
+
+def _repair(vertices, faces, material, look, materials, notes):
     """Return the faces to keep, and which of them must become two-sided."""
     p = vertices[faces]
     double = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
@@ -191,7 +211,7 @@ def _repair(vertices, faces, material, materials, notes):
     height = length(double) / np.where(longest > 0, longest, 1)
     solid = np.flatnonzero(height > DEGENERATE * extent)
 
-    # Faces on the same three places: keep the emissive one, else the first.
+    # Faces on the same three places: keep the emissive one, else the first, and one back to back that looks different.
     ids = weld(vertices)[faces[solid]]
     key = np.sort(ids, axis=1)
     emissive = np.array([any(m.emission) for m in materials])[material[solid]]
@@ -200,26 +220,69 @@ def _repair(vertices, faces, material, materials, notes):
     first = np.ones(len(k), bool)
     first[1:] = (k[1:] != k[:-1]).any(axis=1)
     leader = order[np.maximum.accumulate(np.where(first, np.arange(len(k)), 0))]
-    # A one-sided pair back to back stands for a sheet that is seen from both sides.
-    turned = dot(double[solid[order]], double[solid[leader]]) < 0
+    back = np.flatnonzero(dot(double[solid[order]], double[solid[leader]]) < 0)
+    back = back[np.unique(leader[back], return_index=True)[1]]  # one for each leader
+    same = look[solid[order[back]]] == look[solid[leader[back]]]
+    # A pair of one look stands for a sheet that is seen from both sides.
     sided = np.zeros(len(faces), bool)
-    sided[solid[leader[turned]]] = True
+    sided[solid[leader[back[same]]]] = True
+    first[back[~same]] = True
     keep = np.sort(solid[order[first]])
     zero, double = len(faces) - len(solid), len(solid) - len(keep)
     if zero or double:
-        found = (zero, "triangle", " of zero area"), (double, "duplicate", "")
-        parts = [f"{n:,} {what}{'s' * (n != 1)}{kind}" for n, what, kind in found if n]
+        counts = (zero, "triangle", " of zero area"), (double, "duplicate", "")
+        parts = [f"{n:,} {what}{'s' * (n != 1)}{kind}" for n, what, kind in counts if n]
         notes.append(f"left out {' and '.join(parts)} of {len(faces):,}")
     return keep, sided
 
 
-def _two_sided_copies(material, sided, materials):
+def _moved_apart(vertices, faces, look, notes):
+    """Return vertices, faces (F, 3) and which of these are back to back, each moved to its front by a hair.
+
+    Rays end on the first face that they meet, and of two in one place it may be the one that they meet from behind. Two
+    faces of two looks lie back to back where they share an edge, run it in opposite directions and have opposite
+    normals, however the sheet is triangulated.
+    """
+    normals, _ = face_normals(Mesh(vertices, faces, look))
+    places = weld(vertices)[faces]
+    start, end = places.reshape(-1), places[:, [1, 2, 0]].reshape(-1)
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    order = order_of((low, high))
+    apart = np.zeros(len(faces), bool)
+    for ahead in range(1, STEPS + 1):
+        a, b = order[:-ahead], order[ahead:]
+        facing = (low[a] == low[b]) & (high[a] == high[b]) & (start[a] == end[b])
+        a, b = a[facing] // 3, b[facing] // 3
+        facing = (look[a] != look[b]) & (dot(normals[a], normals[b]) < -FLAT)
+        apart[a[facing]] = apart[b[facing]] = True
+    if not apart.any():
+        return vertices, faces, apart
+    # Corners of one place and look move as one; faces between such corners come along.
+    side = group_of((places.reshape(-1), np.repeat(look, 3))).reshape(-1, 3)
+    ways = np.zeros((side.max() + 1, 3))
+    np.add.at(ways, side[apart], normals[apart][:, None])
+    size = length(ways)
+    ways /= np.where(size > 0, size, 1.0)[:, None]
+    apart |= (dot(ways[side], normals[:, None]) > 0.5).all(axis=1)
+    corners = faces[apart]
+    reach = float(np.abs(vertices[corners] - np.median(vertices, axis=0)).max())
+    moved = vertices[corners] + APART * reach * ways[side[apart]]
+    _, first, number = np.unique(weld(moved.reshape(-1, 3)), return_index=True, return_inverse=True)
+    faces = faces.copy()
+    faces[apart] = len(vertices) + number.reshape(-1, 3)
+    gap = f"{2 * APART * reach:.1g}"
+    notes.append(f"{int(apart.sum()):,} triangles back to back are apart by {gap}, each seen from its front")
+    return np.concatenate([vertices, moved.reshape(-1, 3)[first]]), faces, apart
+
+
+def _with_sides(material, rows, two_sided: bool, materials):
+    """Return materials (F,) of faces; those of `rows` (F,) bool are two-sided or not, as copies where need be."""
     material = material.copy()
-    one_sided = [i for i in np.unique(material[sided]) if not materials[i].two_sided]
+    changed = [i for i in np.unique(material[rows]) if materials[i].two_sided != two_sided]
     copies = np.arange(len(materials))
-    copies[one_sided] = len(materials) + np.arange(len(one_sided))
-    materials += [materials[i]._replace(two_sided=True) for i in one_sided]
-    material[sided] = copies[material[sided]]
+    copies[changed] = len(materials) + np.arange(len(changed))
+    materials += [materials[i]._replace(two_sided=two_sided) for i in changed]
+    material[rows] = copies[material[rows]]
     return material
 
 

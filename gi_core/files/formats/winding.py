@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.grouping import components, order_of
+from gi_core.base.grouping import components, group_of, order_of
 from gi_core.base.vectors import cross, dot, every, length
 from gi_core.files.formats.file_parts import Part
 from gi_core.geometry.paint import each_layer
@@ -83,10 +83,26 @@ def faces_to_turn(parts: list[Part], vertices: np.ndarray, faces: np.ndarray) ->
             turn[first:last] = opposed
     rows = np.flatnonzero(bare & (size > 0))
     if len(rows):
-        found = consistent_winding(weld(vertices)[faces[rows]], size[rows])
-        turn[rows] = found.turned
-        torn[rows] = ~found.orientable[found.body]
+        corners = np.where(turn[:, None], faces[:, ::-1], faces)
+        places = weld(vertices)[corners[rows]]
+        first, like = distinct(places)
+        winding = consistent_winding(places[first], size[rows[first]])
+        turn[rows] = winding.turned[like]
+        torn[rows] = ~winding.orientable[winding.body[like]]
     return turn, torn
+
+
+def distinct(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first faces (n,) of each three places and winding, and for each face (F,) its number among these.
+
+    places: (F, 3) of the corners. Copies of a face would be its neighbours over three edges.
+    """
+    start = np.argmin(places, axis=1)[:, None]
+    turned = np.take_along_axis(places, (start + np.arange(3)) % 3, axis=1)
+    _, first, like = np.unique(group_of(tuple(turned.T)), return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[order := np.argsort(first)] = np.arange(len(first))
+    return first[order], rank[like.reshape(-1)]
 
 
 def with_turned(part: Part, turn: np.ndarray) -> Part:
