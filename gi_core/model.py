@@ -13,6 +13,7 @@ from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
 from gi_core.geometry.border_angle import covered_share
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.shapes import Shapes
 from gi_core.geometry.sides import NONE
@@ -188,6 +189,12 @@ class Model:
         back = s.corner_back.reshape(-1)
         own[back[back >= 0]] = np.repeat(2 * s.patch + 1, 3)[back >= 0]
         return own
+
+    @cached_property
+    def adjacency(self) -> Neighbours:
+        """Neighbours of all receivers along edges of the mesh; those of the static part come first, and stay apart."""
+        corners = np.concatenate([self.corners(o) for o in range(self.surfaces.objects)])
+        return neighbours(corners, len(self.object_receivers.areas))
 
     def corners(self, o: int) -> np.ndarray:
         """Return the receivers at the corners of object o's faces, fronts and then backs, (m, 3) int32."""

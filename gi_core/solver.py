@@ -16,8 +16,7 @@ from gi_core.display.first_look import ROUGH, EarlyPicture, LookLight, early_pic
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.earlier_at_poses import LightAtPoses
-from gi_core.frames.earlier_light import EarlierLight
+from gi_core.frames.edited_light import LightAtPoses, LightBefore
 from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
@@ -147,7 +146,8 @@ class Solver:
         """
         f, show = self._first_frame, partial(self._update, stop=stop)
         f.share(self.model)
-        if pictures and self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered:
+        first = self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered
+        if pictures and first and self.light == "best":
             rough = self.chosen.noise_per_photon > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
             if rough and self._early is None and not f.is_begun:
                 self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
@@ -204,7 +204,7 @@ class Solver:
         """
         if photons is not None:
             one_of(self.frame.subsets).check(f"{self.scene.name}: the photons of a frame", photons)
-        self.frame_light.mobiles.paths(paths)  # raises before the first photon too
+        self.frame_light.size(0, paths)  # raises before the first photon too
         self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths, stop)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
@@ -214,7 +214,7 @@ class Solver:
     @property
     def paths_at_rest(self) -> int:
         """Default paths per receiver of a mobile; 0 where none are gathered."""
-        return self.frame_light.mobiles.size(self._goal).paths
+        return self.frame_light.size(self._goal).paths
 
     def _update(
         self, background: Background | None = None, poses: dict[str, Pose] | None = None, photons: int | None = None,
@@ -226,7 +226,7 @@ class Solver:
         if b is None:
             self.frame = self.frame._replace(poses=poses, levels=self.frame_light.setting.levels)
             return  # nothing traced yet
-        size = self.frame_light.mobiles.size(b.estimate.photons if photons is None else photons, paths)
+        size = self.frame_light.size(b.estimate.photons if photons is None else photons, paths)
         frame = next_frame(b, self.frame_light, poses, size, self._buffers, stop, again)
         budget = self.budget if b is shown else FrameBudget()
         if frame.evaluated is not self.frame.evaluated:
@@ -253,7 +253,9 @@ class Solver:
     @property
     def static_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
-        return self.frame_light.static.shown_irradiance(self.frame.background)
+        if (b := self.frame.background) is None or not (photons := b.estimate.photons):
+            return np.zeros((self.surfaces.receiver_range(0).stop, 3))
+        return self.frame_light.static_irradiance(b, photons)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.
@@ -287,7 +289,8 @@ class BeforeEdit(NamedTuple):
     """Results of a solver that one of the edited scene begins with."""
 
     photons: Photons  # see photons_of()
-    light: EarlierLight | None  # of the static part
+    light: LightBefore | None  # of the static part
+    is_edited: bool  # it is that before an earlier edit
     # Copies of results that go on where an edit leaves the static part and the lamps as they are.
     kept: KeptPhotons | None
     gathered: StaticGather | None
@@ -307,13 +310,14 @@ def before_edit(solver: Solver) -> BeforeEdit:
     light, f, model = solver.frame_light, solver.frame, solver.model
     photons = Photons(model, solver.seed, photons_of(solver))
     kept, gathered, at = _kept(solver), light.static.gathered, model.transforms(f.poses)
-    goes_on = gathered is not None and (kept is not None or light.static.is_gathered)
+    goes_on = gathered is not None and (kept is not None or light.is_gathered)
     return BeforeEdit(
         photons,
-        light.static.before_edit(f.background, light.unreached.static.rows),
+        light.static.before_edit(f.background, light.unreached.static.rows) if solver.light == "best" else None,
+        light.static.shows_earlier,
         None if kept is None else kept._replace(background=kept.background.copied(photons)),
         gathered.copied(model) if goes_on and gathered is not None else None,
-        None if kept is None else light.at_poses.before_edit(f.irradiance, f.own, at, kept.background, f.photons),
+        None if kept is None else light.before_edit(f.background, f.photons, f.irradiance, f.own, at),
         light.direct,
     )
 
@@ -323,7 +327,7 @@ def _kept(solver: Solver) -> KeptPhotons | None:
     b = solver.frame.background
     if b is None or not b.added or b.store is not photons_of(solver) or b.setting is None:
         return None
-    return KeptPhotons(b, solver.frame_light.gloss.kept(b))
+    return KeptPhotons(b, solver.frame_light.gloss.kept(b, solver.frame_light.setting))
 
 
 def _go_on(solver: Solver, kept: KeptPhotons) -> None:
@@ -347,7 +351,7 @@ def begin_with(solver: Solver, before: BeforeEdit) -> None:
             _go_on(solver, before.kept)
             solver.frame_light.at_poses.begin_with(before.at_poses)
         if before.kept is not None or gathered is not None:
-            light = light if gathered is not None and gathered.is_earlier else None
+            light = light if before.is_edited else None
     if static.lacks_gathered and (light is not None or gathered is not None):
         static.begin_with(light, gathered)
 

@@ -35,7 +35,7 @@ def report(name: str | None, paths: list[int], seconds: float) -> None:
             break
     model, b, areas = solver.model, solver.frame.background, solver.receivers.areas
     at, static, light = model.transforms(solver.poses), solver.irradiance, solver.frame_light
-    rest = light.mobiles.at_rest(b)
+    rest = light.at_rest(b)
     given = rest.reflectance, model.lights_at(solver.levels)
     kinds = {"without": None, "with": rest.irradiance}
     truths = [

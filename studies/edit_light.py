@@ -68,7 +68,7 @@ def after(
 
     def look() -> None:
         seconds, light = (time.process_time() - begun) / GAIN, other.drawn(other.irradiance).irradiance
-        found.append((seconds, light, other.frame_light.static.error, other))
+        found.append((seconds, light, other.frame_light.static.error(other.levels), other))
 
     for progress in other.solve_steps():
         if progress.picture:
@@ -102,7 +102,7 @@ def main() -> None:
         while time.process_time() - begun < asked.gather and (task := work.next_task(NO_ERRORS)) is not None:
             task.run()
         g = solver.frame_light.static.gathered
-        print(f"{asked.scene}, {asked.edit}: gathered to {100 * g.error:.1f} % before the edit")
+        print(f"{asked.scene}, {asked.edit}: gathered to {100 * g.estimate.error:.1f} % before the edit")
         changed = edited(scene, edits_of(scene, asked.edit))
         settings = replace(settings, photons=solver.photons)
         print("| light of the static part | " + " | ".join(f"{t:g} s" for t in TIMES) + " | noise of truth |")

@@ -83,7 +83,7 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
     for new in g.steps(lambda: None):  # whole paths alone
         if new and g.state.sets.min() >= rounds:
             break
-    return g.state.mean.copy(), g.mean, g.noise
+    return g.state.mean.copy(), g.estimate.irradiance, g.noise
 
 
 def errors(E: np.ndarray, of: Sample) -> list[float]:

@@ -101,7 +101,7 @@ def study(name: str, mobiles: list[str], gather: bool, seconds: float, each: boo
     solver = Solver(load_scene(name, mobiles=mobiles), light="best")
     solver.solve()
     for progress in solver.gather_steps() if gather else ():
-        if progress.picture and solver.frame_light.static.is_gathered:
+        if progress.picture and solver.frame_light.is_gathered:
             break
     first = solver.surfaces.receiver_range(0).stop
     points, normals = (a[first:] for a in evaluation_points(solver.surfaces, solver.receivers))
@@ -118,7 +118,9 @@ def study(name: str, mobiles: list[str], gather: bool, seconds: float, each: boo
     def row(state: str) -> int:
         found = errors(luminance(solver.irradiance[first:])[rows], truth, dark)
         worst = np.argsort(-np.abs(found.error))[:5]
-        stated = solver.frame_light.at_poses.deviation(at)[first:][rows] / np.maximum(truth.mean, 1e-300)
+        stated = solver.frame_light.deviation(at, solver.frame.background)[first:][rows] / np.maximum(
+            truth.mean, 1e-300
+        )
         text = ", ".join(
             f"{found.error[k]:+.0%} +- {found.sigma[k]:.0%} +- {stated[k]:.0%} {heights[rows[k]]:.2f} m" for k in worst
         )

@@ -27,8 +27,8 @@ def study(name: str, photons: int | None, error: float, seconds: float) -> None:
     for progress in solver.gather_steps():
         if (
             progress.picture
-            and solver.frame_light.static.is_gathered
-            and solver.frame_light.static.gathered.error <= error
+            and solver.frame_light.is_gathered
+            and solver.frame_light.static.gathered.estimate.error <= error
         ):
             break
     background = np.zeros_like(solver.irradiance)
@@ -45,7 +45,7 @@ def study(name: str, photons: int | None, error: float, seconds: float) -> None:
         errors = " | ".join(f"{100 * s.error(solver.irradiance):.2f}" for s in samples)
         print(f"| {name} | {at} | {errors} |", flush=True)
 
-    row(f"static light, {100 * solver.frame_light.static.gathered.error:.2g} %")
+    row(f"static light, {100 * solver.frame_light.static.gathered.estimate.error:.2g} %")
     started = time.process_time()
     for progress in solver.gather_pose_steps():
         spent = time.process_time() - started

@@ -89,9 +89,9 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
     passed("drawn")
     began = time.process_time()
     for progress in solver.gather_steps():
-        if (progress.picture and solver.frame_light.static.is_gathered) or time.process_time() - began > PATIENCE:
+        if (progress.picture and solver.frame_light.is_gathered) or time.process_time() - began > PATIENCE:
             break
-    if solver.frame_light.static.is_gathered and progress.picture:
+    if solver.frame_light.is_gathered and progress.picture:
         passed("gathered")
         write_png(picture.with_suffix(".gathered.png"), shot.take(), metadata_of(shot))
     s = solver.surfaces

@@ -72,7 +72,11 @@ def open_once(what: str, gather: float = 0.0) -> dict[str, float]:
     made.move_all(made.poses)
     mark()
     g, end = made.frame_light.static.gathered, time.process_time() + gather
-    facts = {"photons": made.frame.photons, "error": g.error if made.frame.gathered else None, "seconds": time.time()}
+    facts = {
+        "photons": made.frame.photons,
+        "error": g.estimate.error if made.frame.gathered else None,
+        "seconds": time.time(),
+    }
     if gather:
         for _ in made.gather_steps():
             g = made.frame_light.static.gathered

@@ -34,7 +34,10 @@ def measure(what: str, points: int, noise: float, cpu: float) -> None:
         if progress.picture:
             light = "whole paths" if g.state is not None and g.noise == g.state.noise(g.weights) else "single bounces"
             true, total = truth.error(solver.irradiance), truth.relative_total(solver.irradiance)
-            print(f"| {spent:.0f} | {light} | {100 * g.error:.1f} % | {100 * true:.1f} % | {total:.3f} |", flush=True)
+            print(
+                f"| {spent:.0f} | {light} | {100 * g.estimate.error:.1f} % | {100 * true:.1f} % | {total:.3f} |",
+                flush=True,
+            )
         if spent > cpu:
             return
 

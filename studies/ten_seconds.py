@@ -140,7 +140,7 @@ def _at(shown: list[tuple[float, str, Drawn]], seconds: float) -> tuple[float, s
 def _made_of(solver) -> str:
     """Return photons and gathered noise of the picture, in words."""
     static = solver.frame_light.static
-    gathered = f", gathered to {100 * static.gathered.noise:.1f} %" if static.is_gathered else ""
+    gathered = f", gathered to {100 * static.gathered.noise:.1f} %" if solver.frame_light.is_gathered else ""
     return f"{solver.frame.photons:,}{gathered}"
 
 

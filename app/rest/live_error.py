@@ -184,7 +184,7 @@ class LiveError:
         noise = float("nan")
         if m is not None and m.subset:
             at = self._solver.model.transforms(self._solver.poses)
-            others = self._solver.frame_light.at_poses.deviation(at)[reference.rows]
+            others = self._solver.frame_light.deviation(at, self._solver.frame.background)[reference.rows]
             noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, others)
         done = not reference.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:

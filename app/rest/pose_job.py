@@ -25,7 +25,7 @@ class PoseJob:
     def light(self) -> PoseGather | None:
         """The light at the present poses, None before the first step."""
         s = self._solver
-        return s.frame_light.at_poses.find(s.model.transforms(s.poses)) if s.light == "best" else None
+        return s.frame_light.gathered_at(s.model.transforms(s.poses))
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""

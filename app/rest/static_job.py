@@ -11,6 +11,7 @@ from gi_core.frames.gathered_gloss import STAGE as GLOSS
 if TYPE_CHECKING:
     from app.rest.reference_store import StaticStore
     from gi_core.frames.progress import Progress
+    from gi_core.gather.estimate import Estimate
     from gi_core.solver import Solver
 
 
@@ -25,16 +26,16 @@ class StaticJob:
 
     @property
     def progress(self) -> GatherProgress:
-        static = self._solver.frame_light.static
-        g = static.gathered
-        return GatherProgress(g.fraction, static.error, static.is_gathered) if g else GatherProgress()
+        solver, light = self._solver, self._solver.frame_light
+        g, error = light.static.gathered, light.static.error(solver.levels)
+        return GatherProgress(g.fraction if g else 0.0, error, light.is_gathered)
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
         light = self._solver.frame_light
         g = light.static.gathered
         finished = self._steps is None and g is not None and g.enough  # its light is in the picture
-        finished = finished and not light.gloss.lacks_static(self._solver.frame.background)
+        finished = finished and not light.lacks_gloss(self._solver.frame.background)
         return None if self._solver.light != "best" or finished else self._step
 
     def _step(self) -> bool:
@@ -74,11 +75,13 @@ def load(solver: Solver) -> Iterator[Progress]:
             yield progress
 
 
-def restore(solver: Solver, light: dict[str, object]) -> None:
-    """Show static light gathered by another solver of the same scene and settings: its `gathered.light`."""
+def restore(solver: Solver, light: Estimate) -> None:
+    """Show static light gathered by another solver of the same scene and settings."""
     from gi_core.gather.static import StaticGather
 
-    solver.frame_light.static.gathered = StaticGather.restored(solver.model, solver.seed, light)
+    static = solver.frame_light.static
+    static.gathered = StaticGather(solver.model, solver.seed)
+    static.gathered.estimate = light
     for progress in solver.gather_steps():
         if progress.stage == "gathering":
             return  # shown, and not a path traced

@@ -18,6 +18,7 @@ from app.draw.shot import Shot
 from app.rest.static_job import restore
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
+from gi_core.gather.estimate import Estimate
 from gi_core.scene import Pose, Scene
 
 
@@ -56,7 +57,7 @@ class Film(NamedTuple):
     scene: Scene
     settings: Settings  # all that were open have values
     scale: Scale | None  # of false colours
-    light: dict[str, object] | None  # gathered static light
+    light: Estimate | None  # gathered static light
     linear: bool
 
 
@@ -74,7 +75,7 @@ def elsewhere(
         neighbours=setting.neighbours, light=solver.light, exposure=shot.exposure,
     )  # fmt: skip
     gathered = solver.frame_light.static.gathered
-    film = Film(scene, settings, shot.scale, None if gathered is None else gathered.light, linear)
+    film = Film(scene, settings, shot.scale, None if gathered is None else gathered.estimate, linear)
     yield from machines.crew(_ready, film).map(_drawn, [(at,) for at in poses])
 
 

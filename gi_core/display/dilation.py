@@ -29,7 +29,6 @@ from gi_core.base.vectors import dot, length
 from gi_core.gather.hit_cache import pose_bits
 from gi_core.gather.path_ends import BLACK
 from gi_core.geometry.error import luminance
-from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import rays_to_object
@@ -80,7 +79,7 @@ class Dilation:
         self._model, self._near = model, NEAR * size
         points, self._normals = model.evaluation_points
         self._points = points.astype(np.float32)
-        self._neighbours = neighbours(np.concatenate([model.corners(o) for o in range(s.objects)]), len(points))
+        self._neighbours = model.adjacency
         self._static_columns = np.ascontiguousarray(self._points[s.receiver_range(0)].T)
         self._place = np.full(len(points), UNKNOWN, np.int8)
         # By mobile, at its last pose: a lamp's slider moves nothing.

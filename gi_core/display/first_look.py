@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.steps import finish
 from gi_core.display.dilation import Dilation, Drawn, dilated
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import noise_of_truth
 from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
@@ -58,20 +58,10 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> It
     at = model.transforms(model.start_poses())
     points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
     areas = model.object_receivers.areas
-    near = neighbours(np.concatenate([model.corners(o) for o in range(model.surfaces.objects)]), len(points))
     dilation, static = Dilation(model, model.world.size), model.surfaces.receiver_range(0).stop
     for total in PATHS:
         paths = min(max(total // max(len(points), 1), LEAST), MOST)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
-        found = _last(denoise(E, error, near, seed, model.threads, alike=areas))
+        found = finish(denoise(E, error, model.adjacency, seed, model.threads, alike=areas))
         noise, E = found.share(areas) * noise_of_truth(error, E, areas), found.irradiance
-        yield LookLight(dilated(E, _last(dilation.find_static(E[:static])), dilation.find_moved(E, at)), noise)
-
-
-def _last(steps: Generator):
-    """Run a generator to its end; return its result."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
+        yield LookLight(dilated(E, finish(dilation.find_static(E[:static])), dilation.find_moved(E, at)), noise)

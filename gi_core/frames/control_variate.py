@@ -77,10 +77,24 @@ class Direct(NamedTuple):
 
 
 @inlined
-def _combined(frame, own, better):
-    if frame < own:
-        return better * (frame / own)
-    return better + (frame - own)
+def _changed(light, before, after):
+    """Return light as it is after a change that another estimate of it has before and after."""
+    if after < before:
+        return light * (after / before)
+    return light + (after - before)
+
+
+@kernel
+def _change_all(light, before, after, out):
+    for k in range(len(out)):
+        out[k] = _changed(light[k], before[k], after[k])
+
+
+def changed(light: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return light (n, k) [W/m2] changed as another estimate of it, (n, k) before and after: E, see the module."""
+    out = np.empty(light.size)
+    _change_all(light.reshape(-1), before.reshape(-1), after.reshape(-1), out)
+    return out.reshape(light.shape)
 
 
 @inlined
@@ -140,7 +154,7 @@ def _measure(
             frame, before, after = 0.0, 0.0, 0.0
             for c, flux in enumerate(mixed(sums, r, levels)):
                 bounced = max(better[r, c] - direct.light[r, c], 0.0)
-                change[r, c] = _combined(flux * factor, own[r, c], bounced) - bounced
+                change[r, c] = _changed(bounced, own[r, c], flux * factor) - bounced
                 unbiased[r, c] = better[r, c] + (flux * factor - own[r, c])
                 frame, before, after = frame + flux * factor, before + own[r, c], after + bounced
             # The sum over channels of the variances of grey photons is a third of the variance of their sum.

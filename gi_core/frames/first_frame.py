@@ -11,6 +11,7 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
+from gi_core.gloss.source import OPENED
 from gi_core.model import Model
 from gi_core.photons.subsets import is_level, next_level
 
@@ -125,7 +126,7 @@ class FirstFrame:
         yield from _build(b, first / max(wanted(), 1))
         returns = shown not in (None, b)
         # Gathered light of less error need not wait for as many photons.
-        replaced = self._worth(shown) if returns and not self._light.static.compare(b) else 0
+        replaced = self._worth(shown) if returns and not self._compare(b) else 0
         if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
             yield from self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)
@@ -141,9 +142,9 @@ class FirstFrame:
                 yield from self.show(b, goal, show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
-        f, as_asked = frame(), (self._light.mobiles.size(goal), self._light.static.is_gathered, True)
-        found = f.size, f.gathered, self._light.gloss.is_kept_as_chosen(f.gloss)
-        if b is not f.background or f.photons_at_rest != goal or found != as_asked:
+        f, as_asked = frame(), (self._light.size(goal), self._light.is_gathered, True)
+        as_shown = f.size, f.gathered, f.gloss is None or f.gloss.opened == OPENED[self._light.setting.gloss]
+        if b is not f.background or f.photons_at_rest != goal or as_shown != as_asked:
             yield from self.show(b, goal, show)
 
     def _affordable(self, wanted: int, b: Background) -> int:
@@ -167,17 +168,21 @@ class FirstFrame:
         """Prepare the photons added, and compute the frame from them."""
         fraction = b.added / max(wanted, 1)
         yield from _prepare(b, fraction)
-        yield from (Progress("smoothing", fraction, False) for _ in self._light.static.smooth_steps(b))
-        self._light.static.compare(b)
-        if b.added == wanted > 0 or self._light.static.is_gathered:  # few photons leave gaps in their own light
+        yield from (Progress("smoothing", fraction, False) for _ in self._light.smooth_steps(b))
+        if self._compare(b) or b.added == wanted > 0:  # few photons leave gaps in their own light
             yield from self.find_unreached(b, fraction)
             yield from (Progress("measuring direct light", fraction, False) for _ in self._light.direct_steps())
         show(b)
         yield Progress("estimating", fraction, True)
 
+    def _compare(self, b: Background) -> bool:
+        """Compare the errors of all static light; return whether frames start from better light than photons'."""
+        self._light.static.compare(b)
+        return self._light.is_gathered
+
     def find_unreached(self, b: Background, fraction: float = 1.0) -> Iterator[Progress]:
         """Find unreached receivers by the static part's light; fraction: of the photons wanted, done before."""
-        light = self._light.static.of_all_lamps(b)
+        light = self._light.static.of_all_lamps(b, self._light.setting.takes_gathered)
         for _ in self._light.unreached.find(self._scene_size, light):
             yield Progress("looking for unreached receivers", fraction, False)
 

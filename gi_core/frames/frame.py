@@ -166,7 +166,7 @@ def next_frame(
     `stop` returns True.
     """
     clock, at = StageTimer(stop), b.model.transforms(poses)
-    reach = light.gloss.reach(b.setting.radius, size.paths)
+    reach = light.gloss.reach(b.setting.radius, size.paths, light.setting.gloss)
     with overlapped(light.mobiles.rays_ahead(at, size.paths), b.model.threads):
         changed, evaluated = _sums(b, light, at, size, reach, room, clock, shown)
         if size.photons:
@@ -175,11 +175,11 @@ def next_frame(
             E = unbiased = np.zeros((len(evaluated.area), 3))
     clock("read out")
     if size.paths:
-        light.mobiles.replace_in(E, at, unbiased, size.paths, light.mobiles.at_rest(b))
+        light.light_mobiles(E, at, unbiased, size.paths, b)
         clock("gather")
-    own, E = E, light.at_poses.replaced(E, at, b, size.photons)
-    gloss, facts = light.gloss.light(b, changed, clock, size.paths), b.estimate.control_facts
-    parts = changed, evaluated, gloss, size, light.static.is_gathered, facts, clock.seconds
+    own, E = E, light.rested(E, at, b, size.photons)
+    gloss, facts = light.gloss_at(b, changed, clock, size.paths), b.estimate.control_facts
+    parts = changed, evaluated, gloss, size, light.is_gathered, facts, clock.seconds
     return Frame(poses, E, own, light.setting.levels, b.store, b, *parts)
 
 
@@ -213,15 +213,15 @@ def _controlled(
     clock: Callable[[str], None] = lambda stage: None,
 ) -> ControlledLight:  # fmt: skip
     """Return the light of a frame's sums, with its static light as control variate where that is a better source."""
-    model, levels, static = b.model, light.setting.levels, light.static
+    model, levels = b.model, light.setting.levels
     unit, own = model.emitters.unit_flux / photons, b.irradiance(photons, levels, sums.direct)
-    if static.is_own(b, photons):
+    if light.is_own(b, photons):
         E = own_irradiance(sums, unit, own, b.store.weights(levels), model.threads)
         return ControlledLight(E, E)
     direct = light.direct_at(at, b)
     clock("direct")
     background, _ = b.estimate.background(photons, sums.direct)
-    better, near = static.irradiance(b, photons), static.around(AROUND * b.setting.radius)
+    better, near = light.static_irradiance(b, photons), light.static.around(AROUND * b.setting.radius)
     weights = b.store.weights(levels)
     return frame_irradiance(sums, unit, background, own, better, direct, weights, near, model.threads)
 
@@ -243,5 +243,5 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
     E, unbiased = _controlled(b, light, every, at, n)
     if shown.paths:
-        light.mobiles.replace_in(E, at, unbiased, shown.paths, light.mobiles.at_rest(b), fresh=True)
-    return light.at_poses.replaced(E, at, b, n)
+        light.light_mobiles(E, at, unbiased, shown.paths, b, fresh=True)
+    return light.rested(E, at, b, n)

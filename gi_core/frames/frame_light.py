@@ -1,33 +1,39 @@
-"""Light of frames besides the estimate of their photons, in parts."""
+"""Light of frames besides the estimate of their photons, in parts that do not know each other."""
 
 from __future__ import annotations
 
 import copy
 import itertools
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import Direct
+from gi_core.frames.edited_light import LightAtPoses
 from gi_core.frames.frame_gloss import FrameGloss
+from gi_core.frames.frame_size import PATHS, PATHS_AT_REST, FrameSize
 from gi_core.frames.light_setting import LightSetting
-from gi_core.frames.mobile_light import MobileLight
+from gi_core.frames.mobile_light import AtRest, MobileLight
 from gi_core.frames.pose_light import PoseLight
 from gi_core.frames.progress import Progress
 from gi_core.frames.static_light import StaticLight
 from gi_core.frames.unreached import UnreachedReceivers
 from gi_core.gather.direct_light import DirectLight
+from gi_core.gather.pose_gather import PoseGather, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gloss.light import GlossLight
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import PoseChange
+from gi_core.scene.rules import one_of
 
 UNRESOLVED = 0.2  # points bring 0.96 to 1.02 of the light of photons, and half of it where lamps touch surfaces
 
 
 class FrameLight:
-    """`setting` chooses among the parts, which all read it.
+    """`setting` chooses among the parts.
 
     A frame begins with the light of the static part (`static`), changed by mobiles according to its photons
     (`control_variate.py`) and by the direct light that they block (`direct`). Paths of the frame light mobiles
@@ -36,26 +42,70 @@ class FrameLight:
     """
 
     def __init__(self, model: Model, seed: int):
-        self._model = model
+        self._model, self._seed = model, seed
         self.setting = LightSetting(model.emitters.lamps.full())
-        self.static = StaticLight(model, seed, self.setting)
+        self.static = StaticLight(model, seed)
         self.unreached = UnreachedReceivers(model)
-        self.mobiles = MobileLight(model, seed, self.static, self.unreached)
-        self.gloss = FrameGloss(model, seed, self.static, self.mobiles)
-        self.at_poses = PoseLight(model, seed, self.static)
+        self.mobiles = MobileLight(model, seed)
+        self.gloss = FrameGloss(model, seed)
+        self.at_poses = PoseLight(model, seed)
         self.direct = DirectLight(model, seed)
         self._resolved: tuple[Background, int, bool] | None = None  # of the photons of a background
 
     def twin(self, fresh: bool) -> FrameLight:
         """Return light with a separate setting and the same gathered light, or none if `fresh`."""
         other = copy.copy(self)
-        other.setting = copy.copy(self.setting)
-        other.static = self.static.twin(other.setting, fresh)
-        other.unreached = self.unreached.twin()
-        other.mobiles = self.mobiles.twin(other.static, other.unreached)
-        other.gloss = self.gloss.twin(other.static, other.mobiles, fresh)
-        other.at_poses = self.at_poses.twin(other.static, fresh)
+        for name in ("setting", "static", "unreached", "mobiles", "gloss", "at_poses"):
+            setattr(other, name, copy.copy(getattr(self, name)))
+        if fresh:
+            other.static, other.at_poses = StaticLight(self._model, self._seed), PoseLight(self._model, self._seed)
+            other.gloss.forget_gathered()
         return other
+
+    # -- the static part --------------------------------------------------------------------------
+
+    @property
+    def is_gathered(self) -> bool:
+        """Whether frames start from better light than that of photons: the setting allows it, and there is some."""
+        return self.setting.takes_gathered and self.static.best is not None
+
+    def static_irradiance(self, b: Background, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of the static part without mobiles, for a frame of `photons` photons."""
+        setting = self.setting
+        if setting.takes_gathered:
+            return self.static.irradiance(b, setting.levels)
+        return b.irradiance(photons if setting.subset_only else b.estimate.photons, setting.levels)
+
+    def is_own(self, b: Background, photons: int) -> bool:
+        """Whether static_irradiance() is that of the frame's own photons: nothing is a better source."""
+        return not self.setting.takes_gathered and (self.setting.subset_only or photons == b.estimate.photons)
+
+    def smooth_steps(self, b: Background) -> Iterator[None]:
+        """Smooth the light of all photons of a background in steps, where frames take it."""
+        if self.setting.takes_gathered and b.estimate.photons:
+            yield from self.static.smooth_steps(b)
+
+    def gather_steps(
+        self,
+        state: ReferenceState | None,
+        shown: Callable[[], Background | None],
+        refresh: Callable[[], Iterator[Progress]],
+    ) -> Iterator[Progress]:
+        """Gather static light in steps, and the directions of each result.
+
+        state, shown: as for StaticLight; refresh: computes the frame on show again, after each result that frames take.
+        """
+        for new in self.static.gather_steps(state, shown):
+            fraction, used = self.static.gathered.fraction, new and self.setting.takes_gathered
+            if used:
+                yield from (p._replace(fraction=fraction) for p in refresh())
+            yield Progress("gathering", fraction, used)
+            for of_gloss in self.gloss_steps(shown()) if used else ():
+                if of_gloss.picture:
+                    yield from refresh()
+                yield of_gloss
+
+    # -- direct light -----------------------------------------------------------------------------
 
     def direct_steps(self) -> Iterator[None]:
         """Measure the static part's direct light in steps, where frames take it."""
@@ -83,19 +133,59 @@ class FrameLight:
         levels = self.setting.levels
         return Direct(self.static.mixed("direct", self.direct.per_lamp, levels), self.direct.blocked(at, levels))
 
-    def gather_steps(
-        self,
-        state: ReferenceState | None,
-        shown: Callable[[], Background | None],
-        refresh: Callable[[], Iterator[Progress]],
-    ) -> Iterator[Progress]:
-        """Gather static light in steps, and the directions of each result; arguments as in StaticLight."""
-        for p in self.static.gather_steps(state, shown, refresh):
-            yield p
-            for of_gloss in self.gloss.static_steps(shown()) if p.picture else ():
-                if of_gloss.picture:
-                    yield from refresh()
-                yield of_gloss
+    # -- mobiles ----------------------------------------------------------------------------------
+
+    def size(self, photons: int, paths: int | None = None) -> FrameSize:
+        """Return the size of a frame. Without photons there are no paths.
+
+        paths: per receiver of a mobile, None: PATHS_AT_REST. Raises SceneError for a number that is not one of PATHS.
+        """
+        if paths is not None:
+            one_of(PATHS).check("the paths per receiver and frame", paths)
+        gathers = photons and self.setting.light == "best" and self._model.names
+        return FrameSize(photons, (PATHS_AT_REST if paths is None else paths) if gathers else 0)
+
+    def light_mobiles(
+        self, E: np.ndarray, at: Transforms, unbiased: np.ndarray, paths: int, b: Background, fresh: bool = False
+    ) -> None:
+        """Replace irradiance E (R, 3) [W/m2] of receivers on mobiles by light gathered from the static part.
+
+        unbiased (>= n, 3) [W/m2]: of the static part at these poses; fresh: without caches of earlier frames.
+        """
+        self.mobiles.replace_in(E, at, unbiased, paths, self.setting.levels, self.at_rest(b), fresh)
+
+    def at_rest(self, b: Background) -> AtRest:
+        """Return the static part without mobiles, as paths from mobiles see it."""
+        static = self.static_irradiance(b, b.estimate.photons)
+        return AtRest(static, self.mobiles.reflectance(b, static, self.unreached.static, self.setting.levels))
+
+    # -- resting poses ----------------------------------------------------------------------------
+
+    def gathered_at(self, at: Transforms) -> PoseGather | None:
+        """Return the light gathered at poses, None if there is none or frames take none."""
+        return self.at_poses.find(at, self.setting.levels) if self.setting.takes_gathered else None
+
+    def rested(self, E: np.ndarray, at: Transforms, b: Background, photons: int) -> np.ndarray:
+        """Return irradiance (R, 3) of a frame with light gathered at its poses in its place; E where there is none."""
+        if not self.setting.takes_gathered:
+            return E
+        return self.at_poses.replaced(E, lambda: self.static_irradiance(b, photons), at, self.setting.levels)
+
+    def deviation(self, at: Transforms, b: Background | None) -> np.ndarray:
+        """Return the standard error (R,) of the luminance [W/m2] at poses, where the change of photons is not its
+        source.
+        """
+        if not self.setting.takes_gathered:
+            return np.zeros(len(self._model.object_receivers.areas))
+        levels = self.setting.levels
+        return self.at_poses.deviation(at, levels, self.static.deviation(b, levels))
+
+    def before_edit(
+        self, b: Background, photons: int, irradiance: np.ndarray, own: np.ndarray, at: Transforms
+    ) -> LightAtPoses | None:
+        """Return the light of a frame for the scene after an edit; None where none was gathered at its poses."""
+        light = irradiance, own, self.static_irradiance(b, photons), self.deviation(at, b)
+        return self.at_poses.before_edit(*light, at, self.setting.levels)
 
     def pose_steps(
         self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
@@ -108,10 +198,48 @@ class FrameLight:
         """
         if shown is None or not 0 < photons == shown.estimate.photons:
             return
-        if not self._model.names or not self.setting.takes_gathered:
+        setting = self.setting
+        if not self._model.names or not setting.takes_gathered:
             return
-        directions = self.gloss.pose_steps(shown, gloss, irradiance, at)
-        for p in itertools.chain(directions, self.at_poses.steps(shown, photons, irradiance, at)):
+
+        known: Static | None = None
+
+        def static() -> Static | None:
+            nonlocal known
+            if not self.is_gathered:
+                return None
+            E = self.static.irradiance(shown, setting.levels)
+            if known is None or known[0] is not E:  # a fifth of a step's time
+                known = E, self.static.best.deviation_at(setting.levels)
+            return known
+
+        light = self.static_irradiance(shown, photons)
+        area = math.pi * shown.setting.radius**2
+        directions = self.gloss.pose_steps(shown, gloss, irradiance, at, setting)
+        for p in itertools.chain(
+            directions, self.at_poses.steps(at, setting.levels, photons, irradiance, light, area, static)
+        ):
             if p.picture:
                 refresh()
             yield p
+
+    # -- gloss ------------------------------------------------------------------------------------
+
+    def gloss_at(
+        self, b: Background, change: PoseChange, clock: Callable[[str], None], paths: int
+    ) -> GlossLight | None:
+        """Return the directional light of a frame; None without glossy faces. clock: called after each step.
+
+        paths: to each receiver of a mobile, which have lit this frame; 0: photons light mobiles.
+        """
+        return self.gloss.light(b, change, clock, self.setting, self.is_gathered, self.mobiles.write_cells, paths)
+
+    def lacks_gloss(self, shown: Background | None) -> bool:
+        """Whether gloss_steps() has directions of gathered light to gather."""
+        ready = shown is not None and shown.estimate.photons and self.is_gathered
+        return bool(ready) and self.gloss.lacks_static(shown, self.setting)
+
+    def gloss_steps(self, shown: Background) -> Iterator[Progress]:
+        """Gather the directions of the static part's gathered light, in steps; `picture` where frames change."""
+        if self.is_gathered:
+            yield from self.gloss.static_steps(shown, self.static.irradiance(shown, self.setting.levels), self.setting)

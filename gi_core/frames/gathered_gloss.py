@@ -9,9 +9,10 @@ import numpy as np
 
 from gi_core.frames.background import Background
 from gi_core.frames.progress import Progress
+from gi_core.gather.denoise import averaged
 from gi_core.gather.gloss_gather import GlossGather, GlossGathers
 from gi_core.gather.pose_gather import KEPT
-from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
+from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
 from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.light import GlossLight, settled
@@ -70,12 +71,14 @@ class GatheredGloss:
             model, static = self._model, self._model.surfaces.receiver_range(0)
             if self._near is None or self._near[0] is not cells.discs:
                 points, normals = (a[static] for a in model.object_receivers[:2])
-                given = neighbours(model.corners(0), static.stop), points, normals, cells.discs.radius, model.threads
-                self._near = cells.discs, scattered_neighbours(*given)
+                radius = cells.discs.radius
+                self._near = cells.discs, scattered_neighbours(model.adjacency, points, normals, radius, model.threads)
             owner = np.full(static.stop + 1, -1)
-            some = cells.rows < static.stop
-            owner[cells.rows[some]] = cells.owners[cells.place[some]]
-            kept = found.mean, _averaged(found.mean, found.rows, owner, self._near[1])
+            on_static = cells.rows < static.stop
+            owner[cells.rows[on_static]] = cells.owners[cells.place[on_static]]
+            light, every = found.mean.reshape(len(found.rows), -1), np.ones(len(found.rows), bool)
+            light = averaged(_among(found.rows, owner, self._near[1]), light, every, model.threads)
+            kept = found.mean, light.reshape(found.mean.shape)
             self._spread = {} if len(self._spread) > KEPT else self._spread
             self._spread[id(found)] = kept
         return kept[1]
@@ -99,17 +102,13 @@ class GatheredGloss:
         yield from (Progress(STAGE, gather.rounds / gather.most, new) for new in gather.steps())
 
 
-def _averaged(light: np.ndarray, rows: np.ndarray, owner: np.ndarray, near: Neighbours) -> np.ndarray:
-    """Return the means of light (n, CELLS, SUMS) at rows (n,) over the owners of their neighbours that are rows too."""
-    out, count = light.copy(), np.ones(len(rows))
+def _among(rows: np.ndarray, owner: np.ndarray, near: Neighbours) -> Neighbours:
+    """Return the neighbours of rows (n,) among each other, by place: owners of their neighbours; owner -1: none."""
     place = np.full(len(owner), -1)
     own = np.flatnonzero(rows < len(owner) - 1)
     place[rows[own]] = own
-    first, last = near.first[rows[own]], near.first[rows[own] + 1]
-    for k in range(int((last - first).max(initial=0))):
-        has = first + k < last
-        there = place[owner[near.of[(first + k)[has]]]]
-        to = own[has][there >= 0]
-        out[to] += light[there[there >= 0]]
-        count[to] += 1
-    return out / count[:, None, None]
+    first, count = near.first[rows[own]], np.diff(near.first)[rows[own]]
+    at = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+    of, to = np.repeat(own, count), place[owner[near.of[at]]]
+    ends = np.cumsum(np.bincount(of[to >= 0], minlength=len(rows)))
+    return Neighbours(np.concatenate([[0], ends]), to[to >= 0].astype(np.int32))

@@ -2,118 +2,98 @@
 
 from __future__ import annotations
 
-import copy
-import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gi_core.frames.background import Background
-from gi_core.frames.earlier_at_poses import EarlierAtPoses, LightAtPoses
+from gi_core.frames.edited_light import EditedAtPoses, LightAtPoses
 from gi_core.frames.progress import Progress
-from gi_core.frames.static_light import StaticLight
 from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 
 
 class PoseLight:
-    """Light of the last poses, each at some levels of the lamps."""
+    """Light of the last poses, each at some levels (G, 3) of the lamps."""
 
-    def __init__(self, model: Model, seed: int, static: StaticLight):
-        self._model, self._seed, self._static = model, seed, static
+    def __init__(self, model: Model, seed: int):
+        self._model = model
         self._gathers = PoseGathers(model, seed)
-        self._earlier: EarlierAtPoses | None = None
+        self._edited: EditedAtPoses | None = None
 
-    def twin(self, static: StaticLight, fresh: bool) -> PoseLight:
-        """Return the light of poses beside other static light: the same, or none if `fresh`."""
-        other = copy.copy(self)
-        other._static = static
-        if fresh:
-            other._gathers, other._earlier = PoseGathers(self._model, self._seed), None
-        return other
+    def find(self, at: Transforms, levels: np.ndarray) -> PoseGather | None:
+        """Return the light gathered at poses, None if there is none."""
+        return self._gathers.find(at, levels)
 
-    def find(self, at: Transforms) -> PoseGather | None:
-        """Return the light gathered at poses, None if there is none or frames take none."""
-        setting = self._static.setting
-        return self._gathers.find(at, setting.levels) if setting.takes_gathered else None
+    def replaced(
+        self, E: np.ndarray, static: Callable[[], np.ndarray], at: Transforms, levels: np.ndarray
+    ) -> np.ndarray:
+        """Return irradiance E (R, 3) at poses, with light gathered there in its place; the same array where none was.
 
-    def replaced(self, irradiance: np.ndarray, at: Transforms, b: Background, photons: int) -> np.ndarray:
-        """Return irradiance (R, 3) at poses, with light gathered there in its place; the same array where none was.
-
-        photons: of the frame, from this background.
+        static: returns that of the static part without mobiles (n, 3) [W/m2], as the frame has it.
         """
-        out = irradiance
-        if (earlier := self._earlier_at(at)) is not None:
-            out = irradiance.copy()
-            out[earlier.rows] = earlier.light_now(irradiance, self._static.irradiance(b, photons))
-        if (found := self.find(at)) is not None and (shown := self._shown(found, earlier)).any():
-            out = irradiance.copy() if out is irradiance else out
-            out[found.rows[shown]] = found.mean[shown]
+        out = E
+        if (edited := self._edited_at(at, levels)) is not None:
+            out = E.copy()
+            out[edited.rows] = edited.irradiance(E, static())
+        if (light := self.find(at, levels)) is not None and (shown := self._shown(light, edited)).any():
+            out = E.copy() if out is E else out
+            out[light.rows[shown]] = light.mean[shown]
         return out
 
-    def _shown(self, found: PoseGather, earlier: EarlierAtPoses | None) -> np.ndarray:
+    def _shown(self, light: PoseGather, edited: EditedAtPoses | None) -> np.ndarray:
         """Return which receivers (n,) bool show gathered light: in the end all do in place of light before an edit."""
-        ended = earlier is not None and found.enough and len(found.mean) > 0
-        return np.ones(len(found.rows), bool) if ended else found.used
+        ended = edited is not None and light.enough and len(light.mean) > 0
+        return np.ones(len(light.rows), bool) if ended else light.used
 
-    def _earlier_at(self, at: Transforms) -> EarlierAtPoses | None:
-        setting, earlier = self._static.setting, self._earlier
-        fits = earlier is not None and setting.takes_gathered and earlier.is_at(at, setting.levels)
-        return earlier if fits else None
+    def _edited_at(self, at: Transforms, levels: np.ndarray) -> EditedAtPoses | None:
+        edited = self._edited
+        return edited if edited is not None and edited.is_at(at, levels) else None
 
     def before_edit(
-        self, irradiance: np.ndarray, own: np.ndarray, at: Transforms, b: Background, photons: int
-    ) -> LightAtPoses | None:
+        self, irradiance: np.ndarray, own: np.ndarray, static: np.ndarray, deviation: np.ndarray, at: Transforms,
+        levels: np.ndarray,
+    ) -> LightAtPoses | None:  # fmt: skip
         """Return the light of a frame for the scene after an edit; None where none was gathered at its poses.
 
-        irradiance, own (R, 3) [W/m2]: with that light and without; photons: as in replaced(). The light before edits
-        in a row is that before the first.
+        irradiance, own (R, 3) [W/m2]: with that light and without; static (n, 3), deviation (R,): as in LightAtPoses.
+        The light before edits in a row is that before the first.
         """
         if own is irradiance:
             return None
-        earlier, found = self._earlier_at(at), self.find(at)
-        if earlier is not None and (found is None or not self._shown(found, earlier).any()):
-            return earlier.light
-        light = irradiance, own, self._static.irradiance(b, photons), self.deviation(at)
-        return LightAtPoses(self._model, at, self._static.setting.levels, *light)
+        edited, light = self._edited_at(at, levels), self.find(at, levels)
+        if edited is not None and (light is None or not self._shown(light, edited).any()):
+            return edited.before
+        return LightAtPoses(self._model, at, levels, irradiance, own, static, deviation)
 
-    def begin_with(self, light: LightAtPoses | None) -> None:
+    def begin_with(self, before: LightAtPoses | None) -> None:
         """Show light before an edit, changed as frames say, until there is better; the static part is the same."""
-        self._earlier = None if light is None else EarlierAtPoses(light, self._model)
+        self._edited = None if before is None else EditedAtPoses(before, self._model)
 
-    def deviation(self, at: Transforms) -> np.ndarray:
-        """Return the standard error (R,) of the luminance at poses [W/m2], where the change of photons is not its
-        source.
+    def deviation(self, at: Transforms, levels: np.ndarray, of_static: np.ndarray) -> np.ndarray:
+        """Return the standard error (R,) of the luminance at poses [W/m2], 0 where frames light mobiles.
+
+        of_static (n,): that of the static part's light without mobiles.
         """
-        out, static = np.zeros(len(self._model.object_receivers.areas)), self._static.deviation
-        out[: len(static)] = static
-        if (earlier := self._earlier_at(at)) is not None:
-            out[earlier.rows] = earlier.light.deviation[earlier.rows_before]
-        if (found := self.find(at)) is not None and (shown := self._shown(found, earlier)).any():
-            out[found.rows[shown]] = found.deviation[shown]
+        out = np.zeros(len(self._model.object_receivers.areas))
+        out[: len(of_static)] = of_static
+        if (edited := self._edited_at(at, levels)) is not None:
+            out[edited.rows] = edited.before.deviation[edited.rows_before]
+        if (light := self.find(at, levels)) is not None and (shown := self._shown(light, edited)).any():
+            out[light.rows[shown]] = light.deviation[shown]
         return out
 
-    def steps(self, b: Background, photons: int, irradiance: np.ndarray, at: Transforms) -> Iterator[Progress]:
+    def steps(
+        self, at: Transforms, levels: np.ndarray, photons: int, irradiance: np.ndarray, static: np.ndarray,
+        disc_area: float, gathered: Callable[[], Static | None],
+    ) -> Iterator[Progress]:  # fmt: skip
         """Gather at poses in steps, see `PoseGather.steps`; `picture` where frames change.
 
-        irradiance (R, 3) [W/m2]: of the frame of all `photons` there.
+        irradiance (R, 3), static (n, 3) [W/m2]: of the frame of all `photons` there, and without mobiles; disc_area
+        [m2]; gathered: returns the static part's light and its standard error once it is better than that of photons.
         """
-        light, levels = self._static, self._static.setting.levels
-        given = photons, irradiance, light.irradiance(b, photons), math.pi * b.setting.radius**2
-        begun = self._gathers.begin(at, levels, *given)
+        begun = self._gathers.begin(at, levels, photons, irradiance, static, disc_area)
         yield Progress("gathering at these poses", begun.fraction, False)
-        known: Static | None = None
-
-        def static() -> Static | None:
-            nonlocal known
-            if not light.is_gathered:
-                return None
-            E = light.gathered_at(levels)
-            if known is None or known[0] is not E:  # a fifth of a step's time
-                known = E, light.gathered.deviation_at(levels)
-            return known
-
-        for changed in begun.steps(static):
-            ended = begun.enough and self._earlier_at(at) is not None
+        for changed in begun.steps(gathered):
+            ended = begun.enough and self._edited_at(at, levels) is not None
             yield Progress("gathering at these poses", begun.fraction, bool(changed) or ended)

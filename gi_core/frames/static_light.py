@@ -1,8 +1,17 @@
-"""Light of the static part without mobiles: that of photons, smoothed, or gathered light once it has less error."""
+"""Light of the static part without mobiles: the best of several estimates (`gi_core.gather.estimate`).
+
+Photons, smoothed in proportion to their noise, light the first pictures. Gathered light (`gi_core.gather.static`) takes
+their place once it has less error; after an edit, so does the light before it, changed as photons say
+(`edited_light.py`).
+
+Photons are smoothed by the kernel that averages changes by mobiles (`control_variate.py`). Discs of neighbouring
+receivers overlap, but photons two radii apart are others: each receiver is averaged with some within NEAR radii, and a
+difference of REACH standard deviations has no weight, so edges of shadows stay. Noise falls with more photons, and
+smoothing with it. A photon subset tells the variance; averaged alike, it tells the noise that is left.
+"""
 
 from __future__ import annotations
 
-import copy
 import itertools
 import math
 from collections.abc import Callable, Generator, Iterator
@@ -11,103 +20,116 @@ import numpy as np
 
 from gi_core.base.steps import finish
 from gi_core.frames.background import Background
-from gi_core.frames.control_variate import AROUND
-from gi_core.frames.earlier_light import EarlierLight, EditedLight, earlier_light
-from gi_core.frames.light_setting import LightSetting
-from gi_core.frames.progress import Progress
-from gi_core.frames.smoothed_photons import NEAR, SmoothedPhotons, smooth_per_lamp, smooth_photons
+from gi_core.frames.control_variate import AROUND, REACH
+from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
+from gi_core.gather.denoise import smoothed_by_subset
+from gi_core.gather.estimate import Estimate, Source, better, relative_noise, variance_per_lamp
 from gi_core.gather.reference import ReferenceState
-from gi_core.gather.static import PhotonLight, StaticGather
+from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance, noise_from_subset, subset_to_compare
-from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
+from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
 
+NEAR = 2.0  # disc radii: 4 serve few photons better, and half a million worse
 
-def _photon_noise(b: Background) -> float:
-    """Return the relative l1 noise of a background's photons; inf where they are too few to measure it."""
-    photons, fewer = b.estimate.photons, subset_to_compare(b.estimate.subsets)
+
+def smooth_photons(b: Background, around: Neighbours, per_lamp: bool = False) -> Generator[None, None, Estimate]:
+    """Smooth the light of all photons of a background, in steps; around: receivers near each.
+
+    per_lamp: keep lamps apart; each takes the averages of their sum. Photons too few to measure their noise stay.
+    """
+    photons, fewer, weights = b.estimate.photons, subset_to_compare(b.estimate.subsets), b.weights
+    E = b.irradiance_per_lamp(photons) if per_lamp else b.irradiance(photons)
+    lamps = E.shape[1] // 3
     if fewer is None:
-        return math.inf
-    return noise_from_subset(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
+        return Estimate(Source.PHOTONS, E, np.zeros((len(E), lamps)), math.inf, math.inf)
+    whole, part = (sum_of_lamps(b.irradiance_per_lamp(n)) if per_lamp else b.irradiance(n) for n in (photons, fewer))
+    reached = b.estimate.background(photons)[1] > 0
+    light, deviation = yield from smoothed_by_subset(
+        whole, part, photons / fewer, REACH, around, reached, weights, b.model.threads, E if per_lamp else None
+    )
+    noise = relative_noise(deviation, sum_of_lamps(light), weights)
+    variance = variance_per_lamp(deviation, luminance(light.reshape(len(light), lamps, 3)))
+    return Estimate(Source.PHOTONS, light, variance, noise, noise)
+
+
+def _as_measured(b: Background) -> Estimate | None:
+    """Return the light of all photons as it is; None without photons."""
+    if not (photons := b.estimate.photons):
+        return None
+    fewer, light = subset_to_compare(b.estimate.subsets), b.irradiance_per_lamp(photons)
+    noise = math.inf
+    if fewer is not None:
+        noise = noise_from_subset(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
+    return Estimate(Source.PHOTONS, light, np.zeros((len(light), light.shape[1] // 3)), noise, noise)
 
 
 class StaticLight:
-    """`gathered` is the light gathered so far (`gi_core.gather.static`), None before it begins."""
+    """`gathered` is the light of paths so far, None before it begins.
 
-    def __init__(self, model: Model, seed: int, setting: LightSetting):
-        self.setting = setting
+    best: the estimate in place of photons, None while all photons have less error, as far as compare() knows.
+    """
+
+    def __init__(self, model: Model, seed: int):
         self.gathered: StaticGather | None = None
+        self.best: Estimate | None = None
         self._model, self._seed = model, seed
-        self._edited: EditedLight | None = None  # until `gathered` has light of its own
-        self._less_error = False  # gathered light has less error than all photons
-        self._smoothed: SmoothedPhotons | None = None  # of the last background
-        self._smoothed_per_lamp: tuple[SmoothedPhotons, np.ndarray] | None = None  # once levels differ from the file's
-        # Light per lamp, levels, and their light: of photons, gathered, and direct.
+        self._areas = model.object_receivers.areas[model.surfaces.receiver_range(0)]
+        self._edited: EditedLight | None = None  # until gathered light has less error
+        self._photons: dict[bool, tuple[Background, int, Estimate]] = {}  # of the last background, per lamp or not
+        # Light per lamp, levels, and their light: on show, and direct.
         self._mixed: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        self._noise: tuple[np.ndarray, float] | None = None  # light, and its noise over that at the file's levels
+        self._error: tuple[Estimate, np.ndarray, float] | None = None  # of an estimate at levels
         self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
-
-    def twin(self, setting: LightSetting, fresh: bool) -> StaticLight:
-        """Return static light under another setting, with the same gathered light, or none if `fresh`."""
-        other = copy.copy(self)
-        other.setting = setting
-        if fresh:
-            other.gathered, other._edited, other._less_error, other._smoothed = None, None, False, None
-        return other
 
     @property
     def lacks_gathered(self) -> bool:
-        """Whether frames may take gathered light, and there is none yet."""
-        return self.setting.light == "best" and self.gathered is None
+        """Whether there is no light but that of photons."""
+        return self.gathered is None and self._edited is None
 
-    @property
-    def is_gathered(self) -> bool:
-        """Whether frames start from gathered light: the setting allows it, and it has less error than photons."""
-        return self.setting.takes_gathered and self._less_error
+    def irradiance(self, b: Background, levels: np.ndarray) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] at levels of the lamps; the same array for the same light.
 
-    def irradiance(self, b: Background, photons: int) -> np.ndarray:
-        """Return irradiance (n, 3) [W/m2] of static receivers, for a frame of `photons` photons."""
-        levels = self.setting.levels
-        if self.is_gathered:
-            return self.gathered_at(levels)
-        if self.setting.takes_gathered:
-            return self._of_photons_at(b, levels)
-        return b.irradiance(photons if self.setting.subset_only else b.estimate.photons, levels)
+        b: whose photons light the static part before there is better light.
+        """
+        return self.mixed("shown", *self._light_for(b, levels))
 
-    def is_own(self, b: Background, photons: int) -> bool:
-        """Whether irradiance() is that of the frame's own photons: nothing is a better source."""
-        return not self.setting.takes_gathered and (self.setting.subset_only or photons == b.estimate.photons)
+    def _light_for(self, b: Background, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return light per lamp and levels that belong together."""
+        if self.best is not None:
+            return self.best.light, levels
+        of, at = self._photons_for(b, levels)
+        return of.light, at
 
-    def smooth_steps(self, b: Background) -> Iterator[None]:
-        """Smooth the light of all photons of a background in steps, where frames take it."""
-        if self.setting.takes_gathered and b.estimate.photons:
-            yield from self._smooth(b)
+    def _photons_for(self, b: Background, levels: np.ndarray) -> tuple[Estimate, np.ndarray]:
+        """Return the light of photons, and levels for it: lamps are apart where their levels differ."""
+        if (levels == levels[0]).all():  # one factor for all, exactly
+            return self.of_photons(b), levels[:1]
+        return self.of_photons(b, per_lamp=True), levels
 
-    def _smooth(self, b: Background) -> Generator[None, None, SmoothedPhotons]:
-        if self._smoothed is None or not self._smoothed.is_of(b):
+    def deviation(self, b: Background | None, levels: np.ndarray) -> np.ndarray:
+        """Return the standard error (n,) [W/m2] of the luminance of irradiance(); (0,) before any light."""
+        if self.best is not None:
+            return self.best.deviation_at(levels)
+        if b is None or not b.estimate.photons:
+            return np.zeros(0)
+        of, at = self._photons_for(b, levels)
+        return of.deviation_at(at)
+
+    def smooth_steps(self, b: Background, per_lamp: bool = False) -> Generator[None, None, Estimate]:
+        """Smooth the light of all photons of a background in steps, and return it; see smooth_photons()."""
+        kept = self._photons.get(per_lamp)
+        if kept is None or kept[0] is not b or kept[1] != b.estimate.photons:
             around = self.around(NEAR * b.setting.radius)
             yield
-            self._smoothed = yield from smooth_photons(b, around)
-        return self._smoothed
+            kept = b, b.estimate.photons, (yield from smooth_photons(b, around, per_lamp))
+            self._photons = self._photons | {per_lamp: kept}
+        return kept[2]
 
-    def _of_photons(self, b: Background) -> SmoothedPhotons:
+    def of_photons(self, b: Background, per_lamp: bool = False) -> Estimate:
         """Return the smoothed light of all photons of a background."""
-        return finish(self._smooth(b))
-
-    def _of_photons_at(self, b: Background, levels: np.ndarray) -> np.ndarray:
-        """Return that light at levels of the lamps; the same array for the same light."""
-        own = self._of_photons(b)
-        if (levels == levels[0]).all():  # one factor for all, exactly
-            return self.mixed("photons", own.irradiance, levels[:1])
-        return self.mixed("photons", self._of_photons_per_lamp(b), levels)
-
-    def _of_photons_per_lamp(self, b: Background) -> np.ndarray:
-        """Return that light by lamp (n, 3 G)."""
-        own = self._of_photons(b)
-        if self._smoothed_per_lamp is None or self._smoothed_per_lamp[0] is not own:
-            self._smoothed_per_lamp = own, finish(smooth_per_lamp(b, self.around(NEAR * b.setting.radius)))
-        return self._smoothed_per_lamp[1]
+        return finish(self.smooth_steps(b, per_lamp))
 
     def mixed(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Return light per lamp at levels; the last result is kept."""
@@ -117,126 +139,99 @@ class StaticLight:
             self._mixed = self._mixed | {which: kept}
         return kept[2]
 
-    def shown_irradiance(self, shown: Background | None) -> np.ndarray:
-        """Return irradiance() for all photons of the background on show; zeros without photons."""
-        if shown is None or not (photons := shown.estimate.photons):
-            return np.zeros((self._model.surfaces.receiver_range(0).stop, 3))
-        return self.irradiance(shown, photons)
-
-    def gathered_at(self, levels: np.ndarray) -> np.ndarray:
-        """Return gathered irradiance (n, 3) [W/m2] at levels (G, 3) of the lamps; the same array for the same light."""
-        return self.mixed("gathered", self.gathered.per_lamp, levels)
-
-    @property
-    def deviation(self) -> np.ndarray:
-        """Standard error (n,) [W/m2] of the luminance of irradiance(); (0,) for photons as they are, or before any."""
-        levels, own = self.setting.levels, self._smoothed
-        if self.is_gathered:
-            return self.gathered.deviation_at(levels)
-        if own is None or not self.setting.takes_gathered:
-            return np.zeros(0)
-        full, at = luminance(own.irradiance), luminance(self._of_photons_at(own.background, levels))
-        return own.deviation * np.divide(at, full, out=np.zeros_like(at), where=full > 0)
-
-    def of_all_lamps(self, b: Background) -> np.ndarray:
-        """Return irradiance (n, 3) [W/m2] of static receivers at the levels of the scene file."""
-        return sum_of_lamps(self.gathered.per_lamp if self.is_gathered else b.irradiance_per_lamp(b.estimate.photons))
+    def of_all_lamps(self, b: Background, gathered: bool) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] at the levels of the scene file: the best, if `gathered`, else of photons."""
+        if gathered and self.best is not None:
+            return self.best.irradiance
+        return sum_of_lamps(b.irradiance_per_lamp(b.estimate.photons))
 
     def compare(self, shown: Background | None) -> bool:
-        """Compare the errors of gathered light and of all photons; return whether frames start from gathered light.
+        """Compare the errors of all estimates; return whether another one than that of photons is the best.
 
-        Photons have their noise, or the error that whole paths find, which includes the blur of discs; those before an
-        edit, while its light is on show. Photons too few to measure their noise count as worse.
+        An error is what an estimate states, or what whole paths find, if that is more: it includes the blur of discs.
+        Photons also have the error that they had before an edit, while its light is on show.
         """
-        g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
-        if photons and self.shows_earlier:
-            self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
-        if photons and g is not None and math.isfinite(g.noise):
-            theirs = self._of_photons(shown)
-            before = self._edited.earlier.of_photons if self.shows_earlier else 0.0
-            self._less_error = g.error < max(theirs.noise, g.error_of(theirs.irradiance), before)
-        return self.is_gathered
+        if shown is None or not shown.estimate.photons:
+            return self.best is not None
+        g, edited = self.gathered, None
+        if self._edited is not None:
+            edited = self._edited.estimate(shown, self.around(AROUND * shown.setting.radius))
+            edited = edited and edited._replace(error=max(edited.error, self._error_of(edited)))
+        chosen = better(edited, None if g is None else g.estimate)
+        if chosen is None:
+            return self.best is not None
+        if chosen is not edited:
+            self._edited = None
+        theirs = self.of_photons(shown)
+        before = self._edited.before.of_photons if self._edited is not None else 0.0
+        worse = chosen.error < max(theirs.noise, self._error_of(theirs), before)
+        self.best = chosen if worse else None
+        return worse
+
+    def _error_of(self, light: Estimate) -> float:
+        """Return the relative l1 error that whole paths at some receivers find; 0 before there are any."""
+        return 0.0 if self.gathered is None else self.gathered.error_of(light.irradiance)
 
     def around(self, distance: float) -> Neighbours:
         """Return some of the static receivers within a distance [m] of each; the last two answers are kept."""
         if distance not in self._around:
             model = self._model
-            static = model.surfaces.receiver_range(0)
-            near = neighbours(model.corners(0), static.stop)
-            points, normals = (a[static] for a in model.object_receivers[:2])
-            found = scattered_neighbours(near, points, normals, distance, model.threads)
-            self._around = dict([*self._around.items(), (distance, found)][-2:])
+            points, normals = (a[model.surfaces.receiver_range(0)] for a in model.object_receivers[:2])
+            table = scattered_neighbours(model.adjacency, points, normals, distance, model.threads)
+            self._around = dict([*self._around.items(), (distance, table)][-2:])
         return self._around[distance]
 
-    def gather_steps(
-        self,
-        state: ReferenceState | None,
-        shown: Callable[[], Background | None],
-        refresh: Callable[[], Iterator[Progress]],
-    ) -> Iterator[Progress]:
-        """Gather in steps, from `state` or continued; arguments as for StaticGather.
+    def gather_steps(self, state: ReferenceState | None, shown: Callable[[], Background | None]) -> Iterator[bool]:
+        """Gather in steps, from `state` or continued (StaticGather); yields whether the best light is new.
 
-        shown: returns the background on show; refresh: computes its frame again, after each result that has less error
-        than photons. Raises ValueError for the state of another scene.
+        shown: returns the background on show. Raises ValueError for the state of another scene.
         """
         if self.gathered is None or state is not None:
             self.gathered = StaticGather(self._model, self._seed, state)
-        g = self.gathered
 
-        def photons() -> PhotonLight | None:
+        def photons() -> Estimate | None:
             b = shown()
-            if b is None or not b.estimate.photons:
-                return None
-            return PhotonLight(b.irradiance_per_lamp(b.estimate.photons), _photon_noise(b))
+            return None if b is None else _as_measured(b)
 
-        for new in itertools.chain((True,), g.steps(photons)):
-            if used := bool(new) and self.compare(shown()):
-                yield from (p._replace(fraction=g.fraction) for p in refresh())
-            yield Progress("gathering", g.fraction, used)
+        for new in itertools.chain((True,), self.gathered.steps(photons)):
+            yield bool(new) and self.compare(shown())
 
-    @property
-    def error(self) -> float:
-        """Relative l1 error of gathered light at the levels of the setting; inf before there is any.
-
-        That at the levels of the scene file is scaled as the noise is.
-        """
-        g, levels = self.gathered, self.setting.levels
-        if g is None or not len(g.per_lamp):
+    def error(self, levels: np.ndarray) -> float:
+        """Return the relative l1 error at levels of the lamps of the light that is no photons'; inf before any."""
+        g = self.gathered
+        light = self.best or (None if g is None else g.estimate)
+        if light is None:
             return math.inf
-        light = self.gathered_at(levels)
-        if self._noise is None or self._noise[0] is not light:
-            self._noise = light, g.relative_noise(levels)
-        return g.error * self._noise[1]
+        if self._error is None or self._error[0] is not light or not np.array_equal(self._error[1], levels):
+            self._error = light, levels, light.error_at(levels, self._areas if g is None else g.weights)
+        return self._error[2]
 
     # -- edits ------------------------------------------------------------------------------------
 
-    def before_edit(self, shown: Background | None, unreached: np.ndarray) -> EarlierLight | None:
-        """Return the light on show for the scene after an edit; None where photons alone light frames.
+    def before_edit(self, shown: Background | None, unreached: np.ndarray) -> LightBefore | None:
+        """Return the light on show for the scene after an edit; None where there is none of known noise.
 
-        unreached (k,): receivers that light cannot reach.
+        unreached (k,): receivers that light cannot reach. Edits in a row begin with the light before the first.
         """
-        if shown is None or not shown.estimate.photons or self.setting.light == "photons":
+        if shown is None or not shown.estimate.photons:
             return None
-        if self.is_gathered and self.shows_earlier:
-            return self._edited.earlier
-        own = self._of_photons(shown)
-        if self.is_gathered:
-            g = self.gathered
-            return earlier_light(shown, g.per_lamp, g.deviation, g.error, g.error_of(own.irradiance), unreached)
-        if not math.isfinite(own.noise):
+        if self.best is not None and self._edited is not None:
+            return self._edited.before
+        if self.best is not None:
+            return light_before(shown, self.best, self._error_of(self.of_photons(shown)), unreached)
+        if not math.isfinite(self.of_photons(shown).noise):
             return None
-        return earlier_light(shown, self._of_photons_per_lamp(shown), own.deviation, own.noise, 0.0, unreached)
+        return light_before(shown, self.of_photons(shown, per_lamp=True), 0.0, unreached)
 
-    def begin_with(self, earlier: EarlierLight | None, gathered: StaticGather | None = None) -> None:
+    def begin_with(self, before: LightBefore | None, gathered: StaticGather | None = None) -> None:
         """Show light before an edit, changed as photons say, until there is better.
 
         gathered: before an edit that leaves the static part as it was; it goes on.
         """
-        self.gathered = StaticGather(self._model, self._seed) if gathered is None else gathered.copied(self._model)
-        self._edited = None if earlier is None else EditedLight(earlier, self._model)
+        self.gathered = None if gathered is None else gathered.copied(self._model)
+        self._edited = None if before is None else EditedLight(before, self._model)
 
     @property
     def shows_earlier(self) -> bool:
-        """Whether gathered light is that before an edit."""
-        g = self.gathered
-        return self._edited is not None and g is not None and (g.is_earlier or math.isinf(g.noise))
+        """Whether the light before an edit is to be shown."""
+        return self._edited is not None

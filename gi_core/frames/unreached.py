@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Generator
 
 import numpy as np
@@ -20,10 +19,6 @@ class UnreachedReceivers:
         self._model = model
         self._dilation: Dilation | None = None
 
-    def twin(self) -> UnreachedReceivers:
-        """Return the same receivers for separate searches."""
-        return copy.copy(self)
-
     def find(self, size: float, light: np.ndarray) -> Generator[None]:
         """Find static ones in steps by irradiance (n, 3) without mobiles; `size` [m] as in `dilation.py`.
 
@@ -33,10 +28,6 @@ class UnreachedReceivers:
             self._dilation = Dilation(self._model, size)
             yield
         self.static = yield from self._dilation.find_static(light)
-
-    def filled(self, irradiance: np.ndarray) -> np.ndarray:
-        """Return irradiance (n, 3) of static receivers without mobiles, unreached ones filled."""
-        return dilated(irradiance, self.static).irradiance
 
     def drawn(self, irradiance: np.ndarray, at: Transforms) -> Drawn:
         """Return irradiance (R, 3) at poses for pictures, unreached ones filled; as it is before the search."""

@@ -96,8 +96,8 @@ def denoise(
     if per_lamp is not None:
         lights = [per_lamp]
         for reach in reaches:
-            given = mean if guide is None else guide, per_lamp, variance, reach, near, threads
-            lights.append((yield from smoothed(*given))[:, VARIANCE + 1 :])
+            light = yield from smoothed(mean if guide is None else guide, per_lamp, variance, reach, near, threads)
+            lights.append(light[:, VARIANCE + 1 :])
             yield
     out = _chosen(lights, best)
     return Denoised(out, sigma**2, risk)
@@ -113,25 +113,29 @@ def _chosen(lights: list[np.ndarray], best: np.ndarray) -> np.ndarray:
 
 def averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int) -> np.ndarray:
     """Return the means of values (n,) or (n, k) over each lit (n,) receiver and its lit neighbours; 0 at the others."""
-    out, columns = np.zeros_like(values), (len(lit), -1)
-    given = *near, values.reshape(columns), lit
-    run_ranges(lambda _, a, b: _average(*given, a, b, out.reshape(columns)), len(lit), threads, GRAIN)
+    out, columns = np.zeros_like(values), values.reshape(len(lit), -1)
+
+    def work(_, first, last):
+        _average(near, columns, lit, first, last, out.reshape(columns.shape))
+
+    run_ranges(work, len(lit), threads, GRAIN)
     return out
 
 
 @kernel
-def _average(first, of, values, lit, start, stop, out):
+def _average(near, values, lit, start, stop, out):
     for i in range(start, stop):
         if not lit[i]:
             continue
         count = 1
         for c in range(values.shape[1]):
             out[i, c] = values[i, c]
-        for k in range(first[i], first[i + 1]):
-            if lit[of[k]]:
+        for k in range(near.first[i], near.first[i + 1]):
+            j = near.of[k]
+            if lit[j]:
                 count += 1
                 for c in range(values.shape[1]):
-                    out[i, c] += values[of[k], c]
+                    out[i, c] += values[j, c]
         for c in range(values.shape[1]):
             out[i, c] /= count
 
@@ -145,6 +149,30 @@ def smoothed(
     for _ in range(PASSES):
         yield from _smooth_once(light, reach, near, threads)
     return light
+
+
+def smoothed_by_subset(
+    E: np.ndarray, fewer: np.ndarray, times: float, reach: float, around: Neighbours, counts: np.ndarray,
+    weights: np.ndarray, threads: int, per_lamp: np.ndarray | None = None,
+) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:  # fmt: skip
+    """Smooth light E (n, 3) of photons in proportion to its noise, in steps.
+
+    fewer (n, 3): that of a subset of its photons, which are `times` as many. Receivers that do not count (n,) stay,
+    and have no weight for neighbours. per_lamp (n, k): light that takes the same averages. The generator returns
+    smoothed E, or per_lamp in its place, and the standard error (n,) of the luminance of E. Neighbours share photons,
+    so all standard errors are scaled: the subset, averaged alike, tells their mean over weights (n,).
+    """
+    apart = ((E - fewer) ** 2 / (times - 1)).sum(axis=1)
+    variance = np.where(counts, averaged(around, apart, counts, threads), NO_WEIGHT)
+    yield
+    carried = fewer if per_lamp is None else np.concatenate([fewer, per_lamp], axis=1)
+    light = yield from smoothed(E, carried, variance, reach, around, threads)
+    E, left, fewer, smoothed_per_lamp = np.split(light, (VARIANCE, VARIANCE + 1, VARIANCE + 4), axis=1)
+    deviation = np.sqrt(np.maximum(left[:, 0], 0.0))
+    apart = weights @ np.abs(luminance(E - fewer)) / math.sqrt(times - 1)
+    independent = math.sqrt(2 / math.pi) * (weights @ deviation)
+    deviation *= apart / independent if independent > 0 else 0.0
+    return E if per_lamp is None else smoothed_per_lamp, deviation
 
 
 def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> None:
@@ -161,27 +189,26 @@ def _smooth_once(light: np.ndarray, reach: float, near: Neighbours, threads: int
     rows = np.flatnonzero(light[:, VARIANCE] > 0)
     out, at_once = np.empty((len(rows), light.shape[1])), PER_STEP // light.shape[1]
     for k in range(0, len(rows), at_once):
-        some, to = rows[k : k + at_once], out[k : k + at_once]
-        given = *near, light, reach * reach, some
+        part, to = rows[k : k + at_once], out[k : k + at_once]
 
-        def work(_, first, last, given=given, to=to):
-            _pass(*given, first, last, to)
+        def work(_, first, last, part=part, to=to):
+            _pass(near, light, reach * reach, part, first, last, to)
 
-        run_ranges(work, len(some), threads, GRAIN)
+        run_ranges(work, len(part), threads, GRAIN)
         yield
     light[rows] = out
     yield
 
 
 @kernel
-def _pass(first, of, light, reach, rows, start, stop, out):
+def _pass(near, light, reach, rows, start, stop, out):
     for row in range(start, stop):
         i, total = rows[row], 1.0
         x, y, z, v = light[i, 0], light[i, 1], light[i, 2], light[i, 3]
         for c in range(4, light.shape[1]):
             out[row, c] = light[i, c]
-        for k in range(first[i], first[i + 1]):
-            j = of[k]
+        for k in range(near.first[i], near.first[i + 1]):
+            j = near.of[k]
             variance = light[j, 3]
             dx, dy, dz = light[i, 0] - light[j, 0], light[i, 1] - light[j, 1], light[i, 2] - light[j, 2]
             w = max(1.0 - (dx * dx + dy * dy + dz * dz) / (reach * (light[i, 3] + abs(variance))), 0.0)

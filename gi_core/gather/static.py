@@ -17,13 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.gather.denoise import averaged, denoise
+from gi_core.gather.estimate import Estimate, Source, relative_noise, variance_per_lamp
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
 from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, small_sample_bias
-from gi_core.geometry.mesh_neighbours import neighbours
-from gi_core.lights.mix import mix, sum_of_lamps
+from gi_core.lights.mix import sum_of_lamps
 from gi_core.model import Model
 
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
@@ -37,23 +37,6 @@ SAMPLE_ROUNDS = 48  # ... in smaller rounds: the first two are known sooner
 POOLED = 8  # means over neighbours by which pilots and squared errors of whole paths are pooled
 GROUPS = 8  # of receivers whose paths are alike in noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
-
-LIGHT = (
-    "per_lamp",
-    "noise",
-    "deviation",
-    "_lamp_deviation",
-    "left",
-    "error",
-    "_left",
-)  # fields that frames and texts read
-
-
-class PhotonLight(NamedTuple):
-    """Light of photons at the static part's receivers."""
-
-    per_lamp: np.ndarray  # (n, 3 G) float64 [W/m2]
-    noise: float  # relative l1; inf: unknown
 
 
 class ErrorSample(NamedTuple):
@@ -95,10 +78,8 @@ def _unbiased(E: np.ndarray, noise: float) -> Generator[bool, None, float]:
 class StaticGather:
     """Irradiance of the static part's receivers without mobiles, by lamp.
 
-    per_lamp (n, 3 G) float64 [W/m2]: denoised irradiance; mean (n, 3): of all lamps. noise, left: its relative l1 noise
-    before and after denoising, inf before the first result. error: relative l1 error of `mean`, bias included.
-    deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths, or None. All errors are those at the
-    levels of the scene file.
+    estimate: the light so far, denoised, None before the first result; noise: its relative l1 noise before denoising,
+    inf before. state: the whole paths, or None. All errors are those at the levels of the scene file.
     """
 
     def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
@@ -114,13 +95,9 @@ class StaticGather:
         self._weigh(self._areas)
         self._is_weighed = False
         self._sample: ErrorSample | None = None
-        self._near = neighbours(model.corners(0), rows.stop)
-        self.state = state
-        self.per_lamp, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
-        # (n, G) [W/m2], standard error of the luminance of each lamp's light
-        self._lamp_deviation = np.zeros((0, self._channels // 3))
-        self.left = self.error = float("inf")
-        self.is_earlier = False  # the light is that of show_earlier()
+        self._near = model.adjacency
+        self.state, self.noise = state, float("inf")
+        self.estimate: Estimate | None = None
         self._first_phase = self._fraction = 0.0  # fractions done
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
@@ -132,31 +109,19 @@ class StaticGather:
         self._paid[self._model.first_probe :] = weights.mean() if len(weights) else 0.0
         self._final.weights = self._paid
 
-    def _weigh_by(self, photons: Callable[[], PhotonLight | None]) -> None:
+    def _weigh_by(self, photons: Callable[[], Estimate | None]) -> None:
         """Weigh receivers once, by whole paths of an earlier run or by photons; arguments as for steps()."""
         if self._is_weighed:
             return
         if self.state is not None and self.state.rounds > 1:
             light = self.state.mean[:, :3]
         elif (theirs := photons()) is not None:
-            light = sum_of_lamps(theirs.per_lamp)
+            light = theirs.irradiance
         else:
             return
         E = self._pooled(luminance(light)[:, None])[:, 0]
         self._weigh(self._areas * visual_shares(self._model, E, self._areas))
         self._is_weighed = True
-
-    @property
-    def light(self) -> dict[str, object]:
-        """The light so far and its errors, without the paths behind them: for restored()."""
-        return {name: getattr(self, name) for name in LIGHT}
-
-    @classmethod
-    def restored(cls, model: Model, seed: int, light: dict[str, object]) -> StaticGather:
-        """Return static light as it was, from `light` of the same scene and seed."""
-        g = cls(model, seed)
-        vars(g).update(light)
-        return g
 
     def copied(self, model: Model) -> StaticGather:
         """Return a copy that goes on from here; model: of the same static part and lamps, as in same_static_part()."""
@@ -166,29 +131,6 @@ class StaticGather:
         if (s := self._sample) is not None:
             g._sample = s._replace(rounds=g._rounds_at(s.rows, s.times, s.rounds.state))
         return g
-
-    def show_earlier(self, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> None:
-        """Show other light (n, 3 G) [W/m2] until this has less noise; deviation (n,): of its luminance [W/m2]."""
-        self.per_lamp, self.deviation, self.is_earlier = per_lamp, deviation, True
-        self.noise = self.left = self.error = error
-        lamps = luminance(per_lamp.reshape(len(per_lamp), self._channels // 3, 3))
-        total = np.maximum(lamps.sum(axis=1), 1e-300)
-        self._lamp_deviation = lamps * (deviation / total)[:, None]
-
-    @property
-    def mean(self) -> np.ndarray:
-        """Irradiance (n, 3) [W/m2] at the levels of the scene file."""
-        return sum_of_lamps(self.per_lamp)
-
-    def deviation_at(self, levels: np.ndarray) -> np.ndarray:
-        """Return the standard error (n,) [W/m2] of the luminance at levels (G, 3) of the lamps.
-
-        It is `deviation`, scaled as if the errors of lamps were independent.
-        """
-        share = luminance(levels)
-        own, at = (self._lamp_deviation**2 @ np.stack([np.ones(len(share)), share**2], axis=1)).T
-        scale = np.divide(at, own, out=np.zeros(len(own)), where=own > 0)
-        return self.deviation * np.sqrt(scale)
 
     def error_of(self, E: np.ndarray) -> float:
         """Return the relative l1 error of other irradiance E (n, 3) [W/m2] by the sample; 0 before there is one."""
@@ -206,21 +148,14 @@ class StaticGather:
             return 1.0
         paths = (ENOUGH / self._left) ** 2
         if self.state is not None and len(sets := self.state.sets):
-            known = math.isfinite(self._left) and self.state.rounds > 0  # restored light has a noise, but no rounds yet
+            known = math.isfinite(self._left)
             paths = float(sets.mean()) / (self.state.rounds / paths if known else ROUNDS)
         now = FIRST_PHASE * self._first_phase + (1 - FIRST_PHASE) * min(paths, 1.0)
         self._fraction = max(self._fraction, now)
         return self._fraction
 
-    def relative_noise(self, levels: np.ndarray) -> float:
-        """Return the relative noise at levels (G, 3) of the lamps over that at the scene file's; 1 without light."""
-        E = mix(self.per_lamp, levels, self._model.threads)
-        own, at = (float(self.weights @ luminance(light)) for light in (self.mean, E))
-        noise, then = (float(self.weights @ deviation) for deviation in (self.deviation, self.deviation_at(levels)))
-        return (then / at) / (noise / own) if min(own, at, noise) > 0 else 1.0
-
-    def steps(self, photons: Callable[[], PhotonLight | None]) -> Iterator[bool | None]:
-        """Gather until it is enough, in steps of some 10 ms; yields True where `mean` is new.
+    def steps(self, photons: Callable[[], Estimate | None]) -> Iterator[bool | None]:
+        """Gather until it is enough, in steps of some 10 ms; yields True where `estimate` is new.
 
         photons() returns the photons' current light, or None. The generator may be dropped and restarted, with the
         same result.
@@ -230,7 +165,7 @@ class StaticGather:
             yield from self._single_bounces(photons)
             yield from self._whole_paths()
 
-    def _single_bounces(self, photons: Callable[[], PhotonLight | None]) -> Iterator[bool | None]:
+    def _single_bounces(self, photons: Callable[[], Estimate | None]) -> Iterator[bool | None]:
         f = self._final
         known = np.inf if self.state is None else self._noise_of_paths(self.state)
         theirs = photons()
@@ -240,19 +175,19 @@ class StaticGather:
         def field() -> np.ndarray:
             nonlocal theirs
             theirs = photons()
-            return self._known(theirs.per_lamp)
+            return self._known(theirs.light)
 
         for new in f.steps(field):
             if new:
                 done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
                 self._first_phase = max(self._first_phase, done)
             yield False
-            if new and (f.noise < self.noise or self.is_earlier):
+            if new and f.noise < self.noise:
                 # Photons know best where edges of light are, until they have more noise.
-                guide = sum_of_lamps(theirs.per_lamp) if theirs.noise < f.noise else None
-                found = f.per_lamp, f.standard_error, f.lamp_error, f.noise
+                guide = theirs.irradiance if theirs.noise < f.noise else None
+                light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 yield False
-                yield from self._take_over(*found, self._measure, guide)
+                yield from self._take_over(Source.ONE_BOUNCE, *light, self._measure, guide)
             measured = new and self._sample is not None  # else the light before has less noise
             biased = measured and f.paths >= EVIDENT and self._sample.error(f.mean) > math.sqrt(2) * f.noise
             if biased or not f.noise > LOW * ENOUGH:
@@ -283,9 +218,11 @@ class StaticGather:
         while not self.enough:
             if self.state is not None and (done := self.state.rounds) > looked_at:
                 looked_at, noise = done, self._noise_of_paths(self.state)
-                if noise < max(self.error, LOW * ENOUGH):
-                    mean, error = self.state.mean, self.state.standard_error
-                    yield from self._take_over(mean[:, -self._channels :], error[:, :3], error[:, 3:], noise)
+                error = math.inf if self.estimate is None else self.estimate.error
+                if noise < max(error, LOW * ENOUGH):
+                    mean, deviation = self.state.mean, self.state.standard_error
+                    light = mean[:, -self._channels :], deviation[:, :3], deviation[:, 3:], noise
+                    yield from self._take_over(Source.WHOLE_PATHS, *light)
                 self._left = min(noise, self._left)  # a rare bright path raises it again
             else:
                 rounds.step()
@@ -313,9 +250,7 @@ class StaticGather:
         if len(state.sets) and state.rounds < 2:
             return math.inf
         squares = luminance(state.standard_error[:, :3])[:, None] ** 2
-        light = float(self.weights @ luminance(state.mean[:, :3]))
-        noise = float(self.weights @ np.sqrt(self._pooled(squares)[:, 0]))
-        return math.sqrt(2 / math.pi) * noise / light if light > 0 else math.nan
+        return relative_noise(np.sqrt(self._pooled(squares)[:, 0]), state.mean[:, :3], self.weights)
 
     def _known(self, photons: np.ndarray) -> np.ndarray:
         """Return the irradiance per lamp (n, 3 G) [W/m2] at the ends of single bounces: of the last pair, or photons.
@@ -330,7 +265,7 @@ class StaticGather:
         return out * np.divide(theirs, mine, out=np.ones(len(mine)), where=mine > 0)
 
     def _take_over(
-        self, per_lamp: np.ndarray, standard_error: np.ndarray, lamp_error: np.ndarray, noise: float,
+        self, source: Source, per_lamp: np.ndarray, standard_error: np.ndarray, lamp_error: np.ndarray, noise: float,
         error: Callable = _unbiased, guide: np.ndarray | None = None,
     ) -> Iterator[bool | None]:  # fmt: skip
         """Denoise this light and store it, in steps; the arrays must not change meanwhile.
@@ -339,20 +274,15 @@ class StaticGather:
         noise): generator that returns the error of denoised light (n, 3) with so much noise left. guide: for denoise().
         """
         several = per_lamp if per_lamp.shape[1] > 3 else None
-        given = sum_of_lamps(per_lamp), standard_error, self._near, self._seed, self._model.threads
-        found = yield from denoise(*given, several, guide=guide)
-        denoised = found.irradiance.copy()
-        share = found.share(self.weights)
-        left = share * noise
-        of_new = yield from error(sum_of_lamps(denoised), left)
-        if self.is_earlier and self._sample is not None:  # what photons say of its error may be too little
-            self.error = max(self.error, self._sample.error(self.mean))
-        if self.is_earlier and of_new >= self.error:
-            return
-        self.error = of_new
+        mean = sum_of_lamps(per_lamp)
+        denoised = yield from denoise(
+            mean, standard_error, self._near, self._seed, self._model.threads, several, guide=guide
+        )
+        share, light = denoised.share(self.weights), denoised.irradiance.copy()
+        left = yield from error(sum_of_lamps(light), share * noise)
+        of_lamps = standard_error if several is None else lamp_error
+        of_lamps = luminance(of_lamps.reshape(len(light), self._channels // 3, 3))
+        variance = variance_per_lamp(share * luminance(standard_error), of_lamps)
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
-        self.per_lamp, self.noise, self.left, self.is_earlier = denoised, noise, min(self.left, left), False
-        self.deviation = share * luminance(standard_error)
-        lamp_error = standard_error if several is None else lamp_error
-        self._lamp_deviation = share * luminance(lamp_error.reshape(len(denoised), self._channels // 3, 3))
+        self.estimate, self.noise = Estimate(source, light, variance, share * noise, left), noise
         yield True

@@ -138,8 +138,8 @@ def test_restored_light_is_what_it_was():
         if progress.picture:
             break
     before = plain.irradiance
-    restore(plain, gathered.frame_light.static.gathered.light)
-    assert gathered.frame_light.static.is_gathered and plain.frame_light.static.is_gathered
+    restore(plain, gathered.frame_light.static.gathered.estimate)
+    assert gathered.frame_light.is_gathered and plain.frame_light.is_gathered
     np.testing.assert_array_equal(plain.irradiance, gathered.irradiance)
     assert not np.array_equal(before, plain.irradiance) and isinstance(plain.frame_light.static.gathered, StaticGather)
 

@@ -72,7 +72,7 @@ def test_photons_and_gathered_light_agree_with_the_reference(scene, truth):
     for step in best.gather_steps():
         if step.fraction > 0.5:
             break
-    assert best.frame_light.static.is_gathered
+    assert best.frame_light.is_gathered
     best.move_all(MOVED, paths=256)
     assert sums(best, best.irradiance)[0] == pytest.approx(expected[0], rel=0.02)
     # Beneath the block, frames know its shadow by means of the floor's faces.

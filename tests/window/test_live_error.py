@@ -125,7 +125,7 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     s.solve()
     for _ in s.gather_steps():
         pass
-    assert s.frame_light.static.is_gathered
+    assert s.frame_light.is_gathered
     live_error = LiveError(s, time.perf_counter)
     finish(live_error)
     r = live_error.report

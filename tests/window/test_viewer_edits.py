@@ -200,8 +200,15 @@ def test_a_copy_appears_in_gathered_light(play):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        static = viewer.session.light._solver.frame_light.static
-        hand.wait(lambda: static.gathered is not None and static.gathered.state is not None and static.is_gathered)
+        light = viewer.session.light._solver.frame_light
+        static = light.static
+        hand.wait(
+            lambda: (
+                static.gathered is not None
+                and static.gathered.state is not None
+                and viewer.session.light._solver.frame_light.is_gathered
+            )
+        )
         hand.wait(lambda: static.gathered.state.rounds > 1)
         first = viewer.session
         viewer.viewport.select(("block",))

@@ -53,9 +53,9 @@ def test_it_stays_on_show_with_its_errors(before):
     own = relative_error(before.frame.own, before.irradiance, areas).l1
     assert relative_error(solver.irradiance, before.irradiance, areas).l1 < 0.1 * own
     at = solver.model.transforms(solver.poses)
-    deviation = solver.frame_light.at_poses.deviation(at)
-    rows = solver.frame_light.at_poses._earlier.rows
-    assert np.array_equal(deviation[rows], before.frame_light.at_poses.deviation(at)[rows])
+    deviation = solver.frame_light.deviation(at, solver.frame.background)
+    rows = solver.frame_light.at_poses._edited.rows
+    assert np.array_equal(deviation[rows], before.frame_light.deviation(at, before.frame.background)[rows])
     assert deviation[rows].mean() > 0
 
 
@@ -66,7 +66,7 @@ def test_it_changes_as_photons_say(before, monkeypatch):
     monkeypatch.setattr(pose_gather, "CLEARLY", 0.1)
     for _ in many.gather_pose_steps():
         pass
-    rows = many.frame_light.at_poses.find(many.model.transforms(many.poses)).rows
+    rows = many.frame_light.gathered_at(many.model.transforms(many.poses)).rows
     truth, areas = many.irradiance[rows], before.model.object_receivers.areas[rows]
     pictures = solver.irradiance, before.irradiance, solver.frame.own
     left, unchanged, own = (relative_error(E[rows], truth, areas).l1 for E in pictures)
@@ -102,9 +102,9 @@ def test_paths_at_the_poses_take_over(clearly, before, monkeypatch):
     for _ in solver.gather_pose_steps():
         pass
     at = solver.model.transforms(solver.poses)
-    found = solver.frame_light.at_poses.find(at)
+    found = solver.frame_light.gathered_at(at)
     assert found.used.all() == (clearly < 1) and np.array_equal(solver.irradiance[found.rows], found.mean)
-    assert np.array_equal(solver.frame_light.at_poses.deviation(at)[found.rows], found.deviation)
+    assert np.array_equal(solver.frame_light.deviation(at, solver.frame.background)[found.rows], found.deviation)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     given = before_edit(solver)
     assert given.at_poses.irradiance is solver.irradiance, "the next edit begins with theirs"
@@ -115,8 +115,8 @@ def test_mobiles_that_stay_keep_theirs(edit, before):
     solver = after(before, edit)
     for name in {"box", "ball"} & set(solver.model.names):
         rows, rows_before = (s.surfaces.receiver_range(1 + s.model.names.index(name)) for s in (solver, before))
-        earlier = solver.frame_light.at_poses._earlier
-        assert before_edit(solver).at_poses is earlier.light, "the light before the first edit"
+        earlier = solver.frame_light.at_poses._edited
+        assert before_edit(solver).at_poses is earlier.before, "the light before the first edit"
         there = np.isin(earlier.rows, np.arange(rows.start, rows.stop))
         assert there.any()
         assert np.array_equal(earlier.rows_before[there] - rows_before.start, earlier.rows[there] - rows.start)
@@ -135,11 +135,11 @@ def test_edits_of_the_static_part_begin_with_photons(before):
 def test_static_light_that_improves_is_no_change(before):
     """Light at the poses has it already."""
     solver = after(before, SLIGHTLY)
-    earlier, shown = solver.frame_light.at_poses._earlier, solver.frame.own
+    earlier, shown = solver.frame_light.at_poses._edited, solver.frame.own
     improved = copy.deepcopy(shown)
     n = solver.surfaces.receiver_range(0).stop
     improved[:n] += 0.25 * solver.static_irradiance
-    a = earlier.light_now(shown, solver.static_irradiance)
-    b = earlier.light_now(improved, 1.25 * solver.static_irradiance)
+    a = earlier.irradiance(shown, solver.static_irradiance)
+    b = earlier.irradiance(improved, 1.25 * solver.static_irradiance)
     static = earlier.rows < n
     np.testing.assert_allclose(a[static], b[static], rtol=1e-9, atol=1e-12)

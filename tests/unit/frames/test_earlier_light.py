@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.base.steps import finish
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Remove, edited
 from gi_core.frames import first_frame
-from gi_core.frames.smoothed_photons import NEAR, smooth_per_lamp
+from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
-from gi_core.lights.mix import sum_of_lamps
 from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver, before_edit, begin_with
 from tests.physics.test_edits import room
@@ -36,11 +34,10 @@ def before() -> Solver:
     solver, many = solved(room()), solved(room(), photons=400_000, light="photons")
     light = many.frame.background.irradiance_per_lamp(400_000)
     g = StaticGather(solver.model, solver.seed)
-    g.show_earlier(light, np.zeros(len(light)), 0.01)
-    g.is_earlier = False  # as if gathered
+    g.noise, g.estimate = 0.01, Estimate(Source.ONE_BOUNCE, light, np.zeros((len(light), 3)), 0.01, 0.01)
     solver.frame_light.static.gathered = g
     solver.frame_light.static.compare(solver.frame.background)
-    assert solver.frame_light.static.is_gathered
+    assert solver.frame_light.is_gathered
     return solver
 
 
@@ -54,24 +51,25 @@ def after(before: Solver, *edits: Edit) -> Solver:
 
 def test_a_mobiles_colour_leaves_the_static_light_as_it_was(before):
     solver = after(before, Finish("ball", RED))
-    assert np.array_equal(solver.frame_light.static.gathered.per_lamp, before.frame_light.static.gathered.per_lamp)
-    assert solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
+    assert np.array_equal(solver.frame_light.static.best.light, before.frame_light.static.best.light)
+    assert solver.frame_light.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_photons_that_were_worse_before_an_edit_do_not_replace_its_light(before, monkeypatch):
     """Though their noise alone is less than the error of that light: their discs blur."""
     frames, blur = before.frame_light.static, 0.05
     monkeypatch.setattr(StaticGather, "error_of", lambda self, E: blur if self is frames.gathered else 0.0)
-    monkeypatch.setattr(frames.gathered, "error", 0.04)
+    monkeypatch.setattr(frames, "best", frames.best._replace(error=0.04))
     for measured, stays in ((0.05, True), (0.0, False)):
         blur = measured
         assert before_edit(before).light.of_photons == measured
         solver = after(before, Finish("wall", (("reflectance", (0.78, 0.8, 0.8)),)))
         static, b = solver.frame_light.static, solver.frame.background
-        monkeypatch.setattr(static, "_smoothed", static._of_photons(b)._replace(noise=0.02))
+        of = static.of_photons
+        monkeypatch.setattr(static, "of_photons", lambda *b, of=of, **lamps: of(*b, **lamps)._replace(noise=0.02))
         assert static.compare(b) is stays
         again = after(solver, Finish("ball", RED)).frame_light.static
-        assert not stays or again._edited.earlier is static._edited.earlier
+        assert not stays or again._edited.before is static._edited.before
 
 
 def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkeypatch):
@@ -86,7 +84,7 @@ def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkey
     solver = Solver(edited(before.scene, (Finish("ball", RED),)), **GIVEN, earlier=given.photons)
     static = solver.frame_light.static
     static.begin_with(given.light)
-    pictures = (step for step in solver.solve_steps() if step.picture and static.is_gathered)
+    pictures = (step for step in solver.solve_steps() if step.picture and solver.frame_light.is_gathered)
     seen = [solver.drawn(solver.irradiance).irradiance[:n] for _ in pictures]
     assert len(seen) > 3 and all((light[filled] > 0).all() for light in seen)
 
@@ -99,15 +97,15 @@ def test_a_walls_colour_changes_the_light_with_little_noise(before):
     truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
     mine = relative_error(solver.static_irradiance, truth, areas).l1
     photons = relative_error(solver.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
-    unchanged = relative_error(before.frame_light.static.gathered.mean, truth, areas).l1
+    unchanged = relative_error(before.frame_light.static.best.irradiance, truth, areas).l1
     assert unchanged > 0.2 and mine < 0.7 * photons, (unchanged, mine, photons)
-    assert solver.frame_light.static.gathered.error < 2 * mine + 0.02
+    assert solver.frame_light.static.best.error < 2 * mine + 0.02
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_a_frozen_mobile_shows_photons_and_its_room_the_light_before(before):
     solver = after(before, Freeze("ball", before.poses["ball"]))
-    light, old = solver.frame_light.static.gathered.mean, before.frame_light.static.gathered.mean
+    light, old = solver.frame_light.static.best.irradiance, before.frame_light.static.best.irradiance
     corner = np.flatnonzero((before.model.object_receivers.positions[: len(old)] == 0).all(axis=1))
     assert len(light) > len(old) and len(corner)
     assert np.isfinite(light).all() and (light >= 0).all() and (light[len(old) :].sum(axis=1) > 0).any()
@@ -117,32 +115,32 @@ def test_a_frozen_mobile_shows_photons_and_its_room_the_light_before(before):
 def test_edits_in_a_row_begin_with_the_same_light(before):
     """Values of a dragged slider add no noise to each other."""
     first = after(before, Finish("wall", RED))
-    assert before_edit(first).light is first.frame_light.static._edited.earlier
+    assert before_edit(first).light is first.frame_light.static._edited.before
     back = Solver(before.scene, **GIVEN, earlier=before_edit(first).photons)
     back.frame_light.static.begin_with(before_edit(first).light)
     back.solve()
-    assert np.array_equal(back.frame_light.static.gathered.per_lamp, before.frame_light.static.gathered.per_lamp)
+    assert np.array_equal(back.frame_light.static.best.light, before.frame_light.static.best.light)
 
 
 def test_lamps_that_stay_keep_their_light(before):
     """A light that moves shows photons; a lamp that is removed leaves no light and no error."""
-    g = before.frame_light.static.gathered
-    per_lamp = dict(zip(before.lamps.names, np.split(g.per_lamp, 3, axis=1), strict=True))
+    g = before.frame_light.static.best
+    per_lamp = dict(zip(before.lamps.names, np.split(g.light, 3, axis=1), strict=True))
     moved = after(before, Light("bulb", (("position", (0.7, 0.3, 0.5)),)))
-    light = dict(zip(moved.lamps.names, np.split(moved.frame_light.static.gathered.per_lamp, 3, axis=1), strict=True))
+    light = dict(zip(moved.lamps.names, np.split(moved.frame_light.static.best.light, 3, axis=1), strict=True))
     assert np.array_equal(light["lamp"], per_lamp["lamp"]) and np.array_equal(light["spot"], per_lamp["spot"])
-    assert moved.frame_light.static.is_gathered and np.array_equal(moved.irradiance, moved.from_scratch())
+    assert moved.frame_light.is_gathered and np.array_equal(moved.irradiance, moved.from_scratch())
     many = solved(moved.scene, photons=400_000, light="photons")
     truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
     mine = relative_error(moved.static_irradiance, truth, areas).l1
     photons = relative_error(moved.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
     assert mine < 0.5 * photons, (mine, photons)
-    assert 0.5 * mine < moved.frame_light.static.gathered.error < 2 * mine
+    assert 0.5 * mine < moved.frame_light.static.best.error < 2 * mine
     without = after(before, Darken("bulb"))
     assert without.lamps.names == ("lamp", "spot")
     left = np.concatenate([per_lamp["lamp"], per_lamp["spot"]], axis=1)
-    assert np.array_equal(without.frame_light.static.gathered.per_lamp, left)
-    assert without.frame_light.static.gathered.error <= g.error
+    assert np.array_equal(without.frame_light.static.best.light, left)
+    assert without.frame_light.static.best.error <= g.error
 
 
 def test_a_moved_light_leaves_unreached_receivers_dark():
@@ -161,13 +159,12 @@ def test_without_gathered_light_all_photons_stand_in():
     solver = solved(room())
     light = before_edit(solver).light
     b, static = solver.frame.background, solver.frame_light.static
-    smoothed = finish(smooth_per_lamp(b, static.around(NEAR * b.setting.radius)))
-    assert np.array_equal(light.per_lamp, smoothed)
-    assert np.allclose(sum_of_lamps(light.per_lamp), static.irradiance(b, GIVEN["photons"]), rtol=1e-9)
-    assert 0.01 < light.error < 1
+    assert light.estimate is static.of_photons(b, per_lamp=True)
+    assert np.allclose(light.estimate.irradiance, static.irradiance(b, solver.levels), rtol=1e-9)
+    assert 0.01 < light.estimate.error < 1
     assert before_edit(solved(room(), light="photons")).light is None
     solver.move("ball", Pose((0.3, 0.6, 0.4)))
-    assert np.array_equal(before_edit(solver).light.per_lamp, light.per_lamp), "without mobiles"
+    assert np.array_equal(before_edit(solver).light.estimate.light, light.estimate.light), "without mobiles"
 
 
 def test_another_radius_is_not_compared(before):
@@ -175,7 +172,7 @@ def test_another_radius_is_not_compared(before):
     solver = Solver(before.scene, **GIVEN | {"radius": 0.2}, earlier=given.photons)
     solver.frame_light.static.begin_with(given.light)
     solver.solve()
-    assert not solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
+    assert not solver.frame_light.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def gathered_rounds(solver: Solver, rounds: int) -> StaticGather:
@@ -201,11 +198,11 @@ def test_gathering_goes_on_where_the_static_part_stays(edit):
     new.solve()
     goes_on = new.frame_light.static.gathered
     if edit == Finish("wall", RED):
-        assert goes_on.state is None and goes_on.is_earlier
+        assert goes_on is None and new.frame_light.static.shows_earlier
         return
     assert goes_on.state.rounds == 3 and goes_on.fraction > 0.05
-    assert np.array_equal(goes_on.per_lamp, given.gathered.per_lamp) and not goes_on.is_earlier
-    assert new.frame_light.static.is_gathered and np.array_equal(new.irradiance, new.from_scratch())
+    assert np.array_equal(goes_on.estimate.light, given.gathered.estimate.light)
+    assert new.frame_light.is_gathered and np.array_equal(new.irradiance, new.from_scratch())
     mine, alone = gathered_rounds(new, 5), gathered_rounds(other, 5)
     for a, b in zip(mine.state, alone.state, strict=True):
         np.testing.assert_array_equal(a, b)
@@ -218,7 +215,8 @@ def test_photons_that_are_better_stay_on_show_while_gathering_goes_on():
     for _ in solver.gather_steps():
         if math.isfinite(solver.frame_light.static.gathered.noise):
             break
-    solver.frame_light.static.gathered.error = 0.5
+    g = solver.frame_light.static.gathered
+    g.estimate = g.estimate._replace(error=0.5)
     assert not solver.frame_light.static.compare(solver.frame.background)
     shown, given = solver.static_irradiance.copy(), before_edit(solver)
     new = Solver(edited(solver.scene, [Finish("ball", RED)]), **GIVEN | {"photons": 400_000}, earlier=given.photons)
@@ -227,6 +225,6 @@ def test_photons_that_are_better_stay_on_show_while_gathering_goes_on():
         if progress.picture:
             break
     static = new.frame_light.static
-    assert not static.is_gathered and new.frame.photons == 400_000
+    assert not new.frame_light.is_gathered and new.frame.photons == 400_000
     assert np.array_equal(new.static_irradiance, shown)
     assert static.gathered._final.paths == given.gathered._final.paths > 0, "its paths are kept"

@@ -64,7 +64,7 @@ def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch)
     few = solver.frame.photons
     for _ in solver.gather_steps():
         pass
-    assert solver.frame_light.static.is_gathered and few < 50_000
+    assert solver.frame_light.is_gathered and few < 50_000
     solver.configure(estimator="impact_count", light="photons")
     solver.solve()
     solver.configure(estimator="tangent_plane", light="best")
@@ -108,7 +108,7 @@ def test_the_share_of_the_photons_only_grows(monkeypatch):
     assert done == sorted(done) and done[-1] == 1.0 and len(set(done)) > 3
     for _ in solver.gather_steps():
         pass
-    assert solver.frame_light.static.is_gathered
+    assert solver.frame_light.is_gathered
     solver.configure(estimator="impact_count")
     done = fractions(solver.solve_steps())
     assert done == sorted(done) and done[-1] == 1.0 and len(set(done)) > 3

@@ -12,6 +12,7 @@ from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.static_light import StaticLight
 from gi_core.frames.unreached import UnreachedReceivers
+from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
 from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.model import Model
@@ -26,9 +27,16 @@ def model() -> Model:
 
 def gathered(model: Model) -> StaticGather:
     g = StaticGather(model, 0)
-    n = len(g.weights)
-    g.show_earlier(np.ones((n, model.emitters.lamps.channels)), np.zeros(n), 0.01)
+    n, channels = len(g.weights), model.emitters.lamps.channels
+    light = np.ones((n, channels)), np.zeros((n, channels // 3))
+    g.noise, g.estimate = 0.01, Estimate(Source.WHOLE_PATHS, *light, 0.01, 0.01)
     return g
+
+
+def show(light: FrameLight) -> None:
+    light.setting.choose("best", None)
+    light.static.gathered = gathered(light._model)
+    light.static.best = light.static.gathered.estimate
 
 
 def test_a_bad_choice_changes_nothing():
@@ -59,45 +67,43 @@ def test_an_exception_takes_levels_back(problem):
 def test_mobiles_are_lit_as_before_once_an_exception_has_taken_levels_back(model):
     light, at = FrameLight(model, 0), model.transforms(model.start_poses())
     E = np.ones((len(model.object_receivers.areas), 3))
-    light.mobiles.replace_in(E, at, E, 8)
+    light.mobiles.replace_in(E, at, E, 8, light.setting.levels)
     with pytest.raises(KeyboardInterrupt), light.setting.dimmed_to(0.0 * light.setting.levels):
         dark = np.ones_like(E)
-        light.mobiles.replace_in(dark, at, dark, 8)
+        light.mobiles.replace_in(dark, at, dark, 8, light.setting.levels)
         raise KeyboardInterrupt
     again = np.ones_like(E)
-    light.mobiles.replace_in(again, at, again, 8)
+    light.mobiles.replace_in(again, at, again, 8, light.setting.levels)
     assert not np.array_equal(dark, E) and np.array_equal(again, E)
 
 
 def test_all_parts_of_a_twin_read_its_own_setting(model):
     light = FrameLight(model, 0)
-    light.setting.choose("best", None)
-    light.static.gathered, light.static._less_error = gathered(model), True
+    show(light)
     twin = light.twin(fresh=False)
-    assert twin.static.gathered is light.static.gathered and twin.static.is_gathered
+    assert twin.static.gathered is light.static.gathered and twin.is_gathered
     twin.setting.choose("photons", None)
-    assert (twin.mobiles.paths(None), light.mobiles.paths(None)) == (0, 64)
-    assert not twin.static.is_gathered and light.static.is_gathered
+    assert (twin.size(9).paths, light.size(9).paths) == (0, 64)
+    assert not twin.is_gathered and light.is_gathered
     at = model.transforms(model.start_poses())
-    assert not twin.at_poses.deviation(at).any() and light.at_poses.find(at) is None
+    assert not twin.deviation(at, None).any() and light.gathered_at(at) is None
     assert twin.gloss.source is light.gloss.source  # cells of photons are collected once
 
 
 def test_a_fresh_twin_has_no_gathered_light(model):
     light = FrameLight(model, 0)
-    light.setting.choose("best", None)
-    light.static.gathered, light.static._less_error = gathered(model), True
+    show(light)
     twin = light.twin(fresh=True)
-    assert twin.static.lacks_gathered and not twin.static.is_gathered
-    assert not light.static.lacks_gathered and light.static.is_gathered
+    assert twin.static.lacks_gathered and not twin.is_gathered
+    assert not light.static.lacks_gathered and light.is_gathered
 
 
 def test_gathered_light_is_mixed_once_per_levels(model):
-    static = StaticLight(model, 0, LightSetting(model.emitters.lamps.full(), "best"))
-    static.gathered = gathered(model)
-    first = static.gathered_at(static.setting.levels)
-    assert static.gathered_at(static.setting.levels.copy()) is first
-    assert np.array_equal(static.gathered_at(0.5 * static.setting.levels), 0.5 * first)
+    static, levels = StaticLight(model, 0), model.emitters.lamps.full()
+    static.best = gathered(model).estimate
+    first = static.irradiance(None, levels)
+    assert static.irradiance(None, levels.copy()) is first
+    assert np.array_equal(static.irradiance(None, 0.5 * levels), 0.5 * first)
 
 
 @pytest.mark.parametrize(
@@ -107,14 +113,14 @@ def test_gathered_light_is_mixed_once_per_levels(model):
 )
 def test_gathered_light_is_used_once_photons_have_more_error(error, noise, of_sample, better, model, monkeypatch):
     """The photons' error is their noise, or what whole paths find: discs may blur light without any noise."""
-    static = StaticLight(model, 0, LightSetting(model.emitters.lamps.full(), "best"))
+    static = StaticLight(model, 0)
     static.gathered = gathered(model)
-    static.gathered.error = error
+    static.gathered.estimate = static.gathered.estimate._replace(error=error)
     monkeypatch.setattr(static.gathered, "error_of", lambda E: of_sample)
-    of_photons = SimpleNamespace(noise=noise, irradiance=np.ones((len(static.gathered.weights), 3)))
-    monkeypatch.setattr(static, "_of_photons", lambda b: of_photons)
+    of_photons = static.gathered.estimate._replace(source=Source.PHOTONS, noise=noise, error=noise)
+    monkeypatch.setattr(static, "of_photons", lambda b: of_photons)
     shown = SimpleNamespace(estimate=SimpleNamespace(photons=1))
-    assert static.compare(shown) is better and static.is_gathered is better
+    assert static.compare(shown) is better and (static.best is static.gathered.estimate) is better
 
 
 def test_before_the_search_no_receiver_is_unreached(model):

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from gi_core.base.steps import finish
-from gi_core.frames.smoothed_photons import NEAR, SmoothedPhotons, smooth_per_lamp, smooth_photons, smoothed_by_subset
+from gi_core.frames.control_variate import REACH
+from gi_core.frames.static_light import NEAR
+from gi_core.gather.denoise import smoothed_by_subset
+from gi_core.gather.estimate import Estimate
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.photons.subsets import LOWEST
@@ -44,9 +47,8 @@ def truth(solver) -> ReferenceSample:
     return found
 
 
-def smoothed(solver: Solver) -> SmoothedPhotons:
-    b = solver.frame.background
-    return finish(smooth_photons(b, solver.frame_light.static.around(NEAR * b.setting.radius)))
+def smoothed(solver: Solver) -> Estimate:
+    return solver.frame_light.static.of_photons(solver.frame.background)
 
 
 def error(solver: Solver, truth: ReferenceSample, E: np.ndarray) -> float:
@@ -70,7 +72,7 @@ def test_stated_noise_is_that_between_seeds(solver):
 
 def test_frames_change_the_smoothed_light(solver):
     b = solver.frame.background
-    assert np.array_equal(solver.frame_light.static.irradiance(b, PHOTONS), smoothed(solver).irradiance)
+    assert np.array_equal(solver.frame_light.static_irradiance(b, PHOTONS), smoothed(solver).irradiance)
     assert not np.array_equal(smoothed(solver).irradiance, b.irradiance(PHOTONS))
     solver.move("box", Pose((50.0, 50.0, 50.0)))
     static = solver.surfaces.receiver_range(0)
@@ -92,18 +94,17 @@ def test_photons_alone_are_shown_as_they_are():
 
 
 def test_lamps_share_the_averages_of_their_sum(solver):
-    b = solver.frame.background
-    per_lamp = finish(smooth_per_lamp(b, solver.frame_light.static.around(NEAR * b.setting.radius)))
+    per_lamp = solver.frame_light.static.of_photons(solver.frame.background, per_lamp=True).light
     assert np.allclose(sum_of_lamps(per_lamp), smoothed(solver).irradiance, rtol=1e-9, atol=1e-12)
     levels = np.ones_like(solver.levels)
     levels[1:] = 0.25
     dimmed = solved()
     dimmed.set_lamps({lamp: 0.25 for lamp in dimmed.lamps.names[1:]})
     assert np.array_equal(dimmed.levels, levels)
-    shown = dimmed.frame_light.static.irradiance(dimmed.frame.background, PHOTONS)
+    shown = dimmed.frame_light.static_irradiance(dimmed.frame.background, PHOTONS)
     assert np.allclose(shown, mix(per_lamp, levels), rtol=1e-12), "dimming is a sum over lamps"
     dimmed.set_lamps({lamp: 0.5 for lamp in dimmed.lamps.names})
-    half = dimmed.frame_light.static.irradiance(dimmed.frame.background, PHOTONS)
+    half = dimmed.frame_light.static_irradiance(dimmed.frame.background, PHOTONS)
     assert np.array_equal(half, 0.5 * smoothed(solver).irradiance)
     dimmed.move("box", POSE)
     assert np.array_equal(dimmed.irradiance, dimmed.from_scratch())
@@ -121,7 +122,7 @@ def test_receivers_that_light_cannot_reach_stay_dark_and_darken_none(solver):
     reached = rng.random(n) > 0.1
     E = np.ones((n, 3)) * reached[:, None]
     fewer = E * rng.uniform(0.0, 2.0, (n, 1))  # so much noise that edges are smoothed too
-    light, _ = finish(smoothed_by_subset(E, fewer, 2.0, around, reached, np.ones(n), 2))
+    light, _ = finish(smoothed_by_subset(E, fewer, 2.0, REACH, around, reached, np.ones(n), 2))
     assert np.allclose(light, E)
-    light, _ = finish(smoothed_by_subset(E, fewer, 2.0, around, np.ones(n, bool), np.ones(n), 2))
+    light, _ = finish(smoothed_by_subset(E, fewer, 2.0, REACH, around, np.ones(n, bool), np.ones(n), 2))
     assert light[reached].min() < 0.9 and light[~reached].max() > 0.1

@@ -140,7 +140,7 @@ def test_frames_over_gathered_light_equal_from_scratch():
     until_gathered(solver)
     g = solver.frame_light.static.gathered
     assert g.state is None and not g.enough and 0 < g.fraction < 0.5
-    assert np.array_equal(solver.static_irradiance, g.mean)
+    assert np.array_equal(solver.static_irradiance, g.estimate.irradiance)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     solver.move("box", POSE)
     assert np.array_equal(solver.irradiance, solver.from_scratch())

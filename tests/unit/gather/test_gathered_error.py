@@ -42,7 +42,7 @@ def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, off
         if g.state is not None:  # whole paths begin
             break
         if progress.picture:
-            stated.append(g.error)
+            stated.append(g.estimate.error)
             true.append(truth.error(solver.irradiance))
     assert len(stated) > 3 and max(true) > 0.04
     assert stated == pytest.approx(true, rel=1 / 3)

@@ -100,7 +100,7 @@ def rested(solver: Solver) -> Solver:
 @pytest.mark.slow
 def test_frames_take_gathered_directions_and_depend_on_poses_alone():
     solver = rested(Solver(ROOM, **GIVEN, light="best"))
-    assert solver.frame_light.static.is_gathered
+    assert solver.frame_light.is_gathered
     photons = Solver(ROOM, **GIVEN)
     photons.solve()
     begun = solver.frame.gloss

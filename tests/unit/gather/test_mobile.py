@@ -318,9 +318,9 @@ def test_frames_at_rest_are_not_timed_as_motion():
     irradiance = np.ones((len(model.object_receivers.areas), 3))
     light.setting.choose("best", False)
     for poses, traced in ((at, True), (at, False), (elsewhere, True), (elsewhere, False)):
-        light.mobiles.replace_in(irradiance, poses, irradiance, 8)
+        light.mobiles.replace_in(irradiance, poses, irradiance, 8, light.setting.levels)
         assert light.mobiles.rays_traced is traced
-    light.mobiles.replace_in(irradiance, elsewhere, irradiance, 16)
+    light.mobiles.replace_in(irradiance, elsewhere, irradiance, 16, light.setting.levels)
     assert light.mobiles.rays_traced, "of other paths"
 
 

@@ -43,7 +43,7 @@ kept = functools.cache(solved)  # one for all histories
 def gather_pose(solver: Solver) -> pose_gather.PoseGather:
     for _ in solver.gather_pose_steps():
         pass
-    return solver.frame_light.at_poses.find(solver.model.transforms(solver.poses))
+    return solver.frame_light.gathered_at(solver.model.transforms(solver.poses))
 
 
 def reference(solver: Solver, rows: np.ndarray, paths: int) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +163,7 @@ def test_photons_alone_take_no_light_of_poses(monkeypatch):
     assert gather_pose(solver).used.any()
     solver.configure(light="photons")
     solver.solve()
-    assert solver.frame_light.at_poses.find(solver.model.transforms(solver.poses)) is None
+    assert solver.frame_light.gathered_at(solver.model.transforms(solver.poses)) is None
     plain = Solver(SCENE, photons=20_000, radius=0.06)
     plain.solve()
     plain.move("box", ON_FLOOR)
@@ -186,7 +186,7 @@ def test_the_fraction_gathered_only_grows(monkeypatch):
     solver.move("box", POSES[4])
     at, fractions, left = solver.model.transforms(solver.poses), [], []
     for _ in solver.gather_pose_steps():
-        light = solver.frame_light.at_poses.find(at)
+        light = solver.frame_light.gathered_at(at)
         fractions.append(light.fraction)
         left.append(light.left)
     assert left != sorted(left, reverse=True), "or this tests nothing"
@@ -226,7 +226,7 @@ def test_no_vertex_is_far_off_in_the_first_light_of_a_pose():
 
     before = worst()
     for _ in solver.gather_pose_steps():
-        light = solver.frame_light.at_poses.find(solver.model.transforms(solver.poses))
+        light = solver.frame_light.gathered_at(solver.model.transforms(solver.poses))
         if light._rounds.state.paths.sum() > 1_000_000:
             break
     assert before > 0.15 > worst()

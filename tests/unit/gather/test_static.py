@@ -10,6 +10,7 @@ import pytest
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather import final_gather, reference, static
 from gi_core.gather.denoise import denoise
+from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.reference import ReferenceState, reference_irradiance
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
@@ -42,7 +43,7 @@ def gathered() -> Solver:
         solver = solved(5_000)
         for _ in solver.gather_steps():
             pass
-        assert solver.frame_light.static.gathered.enough and solver.frame_light.static.is_gathered
+        assert solver.frame_light.static.gathered.enough and solver.frame_light.is_gathered
         yield solver
 
 
@@ -61,12 +62,15 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
     with pytest.raises(StopIteration) as end:
         while True:
             next(smoothing)
-    assert g.mean == pytest.approx(end.value.value.irradiance, rel=1e-12), "whole paths have taken over"
+    assert g.estimate.irradiance == pytest.approx(end.value.value.irradiance, rel=1e-12), "whole paths have taken over"
 
 
 def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
     gathered.move("box", POSE)
-    mean, photons = gathered.frame_light.static.gathered.mean, gathered.frame.background.irradiance(gathered.photons)
+    mean, photons = (
+        gathered.frame_light.static.gathered.estimate.irradiance,
+        gathered.frame.background.irradiance(gathered.photons),
+    )
     gathered.configure(subset_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
@@ -95,8 +99,12 @@ def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
     later = solved(5_000)
     for _ in later.gather_steps(state):
         pass
-    assert np.array_equal(first.frame_light.static.gathered.mean, gathered.frame_light.static.gathered.mean)
-    assert np.array_equal(later.frame_light.static.gathered.mean, gathered.frame_light.static.gathered.mean)
+    assert np.array_equal(
+        first.frame_light.static.gathered.estimate.irradiance, gathered.frame_light.static.gathered.estimate.irradiance
+    )
+    assert np.array_equal(
+        later.frame_light.static.gathered.estimate.irradiance, gathered.frame_light.static.gathered.estimate.irradiance
+    )
     assert np.array_equal(later.irradiance, first.irradiance)
 
 
@@ -105,15 +113,15 @@ def test_photons_are_shown_while_they_have_less_error(monkeypatch):
     """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards; they have no bias."""
     photons = [0.001]
     monkeypatch.setattr(static, "ENOUGH", 0.01)
-    smoothed = StaticLight._of_photons
-    monkeypatch.setattr(StaticLight, "_of_photons", lambda *given: smoothed(*given)._replace(noise=photons[0]))
+    smoothed = StaticLight.of_photons
+    monkeypatch.setattr(StaticLight, "of_photons", lambda *of: smoothed(*of)._replace(noise=photons[0]))
     monkeypatch.setattr(static.StaticGather, "error_of", lambda self, E: 0.0)
     solver, seen = solved(20_000), set()
     before = solver.irradiance
     for progress in solver.gather_steps():
-        known, used = np.isfinite(solver.frame_light.static.gathered.noise), solver.frame_light.static.is_gathered
+        known, used = np.isfinite(solver.frame_light.static.gathered.noise), solver.frame_light.is_gathered
         assert used or (solver.irradiance is before and not progress.picture)
-        assert not used or solver.frame_light.static.gathered.error < photons[0]
+        assert not used or solver.frame_light.static.gathered.estimate.error < photons[0]
         seen.add((known, used))
         if known:
             photons[0] = 0.01
@@ -130,7 +138,7 @@ def test_light_without_noise_is_used_soon():
         if progress.picture:
             break
     static_light = solver.frame_light.static
-    assert static_light.is_gathered and static_light.gathered.noise < 1e-9 and static_light.gathered.error < 0.02
+    assert solver.frame_light.is_gathered and static_light.gathered.noise < 1e-9 and static_light.best.error < 0.02
 
 
 def test_gathering_leaves_the_light_of_photons_unchanged(gathered):
@@ -152,17 +160,6 @@ def test_progress_goes_up_to_the_end(monkeypatch):
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
 
 
-def test_restored_light_goes_on(gathered):
-    """Its noise is known before the first round of its own paths."""
-    before = solved(5_000)
-    light = gathered.frame_light.static.gathered.light | {"_left": 0.03}
-    before.frame_light.static.gathered = g = StaticGather.restored(before.model, 0, light)
-    steps = before.gather_steps()
-    while g.state is None or not g.state.sets.any():
-        fraction = next(steps).fraction
-    assert 0 < fraction < 1
-
-
 def test_error_at_levels_is_scaled_as_noise_is():
     """Of two lamps the first brings ten times the light, with a fifth of the relative noise."""
     lamps = PointLight("bright", (0.5, 0.5, 0.9), (10.0,) * 3), PointLight("dim", (0.4, 0.5, 0.9), (1.0,) * 3)
@@ -170,20 +167,19 @@ def test_error_at_levels_is_scaled_as_noise_is():
     names, n = solver.lamps.names, solver.surfaces.receiver_range(0).stop
     share = np.array([{"bright": 10.0, "dim": 1.0}.get(name, 0.0) for name in names])
     noise = np.array([{"bright": 0.2, "dim": 0.1}.get(name, 0.0) for name in names])
-    of_all = np.full(n, np.hypot(0.2, 0.1))
-    light = {"per_lamp": np.tile(np.repeat(share, 3), (n, 1)), "deviation": of_all, "error": 0.03}
-    light |= {"_lamp_deviation": np.tile(noise, (n, 1)), "noise": 0.02, "left": 0.02, "_left": np.inf}
+    light = np.tile(np.repeat(share, 3), (n, 1)), np.tile(noise**2, (n, 1))
     static_light = solver.frame_light.static
-    assert static_light.error == np.inf
-    static_light.gathered = StaticGather.restored(solver.model, 0, light)
-    assert static_light.error == pytest.approx(0.03)
+    assert static_light.error(solver.levels) == np.inf
+    static_light.gathered = g = StaticGather(solver.model, 0)
+    g.estimate = Estimate(Source.WHOLE_PATHS, *light, 0.02, 0.03)
+    assert static_light.error(solver.levels) == pytest.approx(0.03)
     of_file = np.hypot(0.2, 0.1) / 11
     off = dict.fromkeys(names, 0.0)
     for name, own in (("bright", 0.2 / 10), ("dim", 0.1 / 1)):
         solver.set_lamps(off | {name: 0.5})
-        assert static_light.error == pytest.approx(0.03 * own / of_file)
+        assert static_light.error(solver.levels) == pytest.approx(0.03 * own / of_file)
     solver.set_lamps(off)
-    assert static_light.error == pytest.approx(0.03), "of no light"
+    assert static_light.error(solver.levels) == pytest.approx(0.03), "of no light"
 
 
 def test_a_scene_without_light_needs_nothing():
@@ -240,7 +236,7 @@ def test_light_without_noise_is_gathered_to_the_end():
     for _ in solver.gather_steps():
         pass
     g = solver.frame_light.static.gathered
-    assert g.enough and g.left == 0 and solver.frame_light.static.is_gathered
+    assert g.enough and g.estimate.noise == 0 and solver.frame_light.is_gathered
 
 
 @pytest.mark.slow
@@ -257,7 +253,7 @@ def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gather
     solver.solve()
     for _ in solver.gather_steps():
         pass
-    assert stored.enough and stored.left <= 0.012
+    assert stored.enough and stored.estimate.noise <= 0.012
 
 
 def test_light_that_few_paths_find_has_its_noise_stated(monkeypatch):

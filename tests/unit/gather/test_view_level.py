@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gi_core.gather import static
-from gi_core.gather.static import PhotonLight, StaticGather
+from gi_core.gather.estimate import Estimate, Source
+from gi_core.gather.static import StaticGather
 from gi_core.gather.view_level import BACKS, WHITE, visual_shares
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
@@ -72,6 +73,10 @@ def test_darkness_counts_by_area():
 
 
 @pytest.mark.slow
+def of_photons(light: np.ndarray) -> Estimate:
+    return Estimate(Source.PHOTONS, light, np.zeros((len(light), 1)), 0.2, 0.2)
+
+
 def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
     """Weighted by area, it has several times as much: nearly all light is outside."""
     solver = Solver(sunny_house(), photons=1 << 16, radius=0.6, seed=3)
@@ -84,9 +89,9 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
         light = []
         for seed in (1, 2):
             g = StaticGather(model, seed)
-            for _ in g.steps(lambda: PhotonLight(photons, 0.2)):
+            for _ in g.steps(lambda: of_photons(photons)):
                 pass
-            light.append(g.mean)
+            light.append(g.estimate.irradiance)
         assert areas[inside] @ light[0][inside, 0] < 0.05 * (areas @ light[0][:, 0])
         return relative_error(*light, areas * inside / np.maximum(light[1][:, 1], 0.3)).l1 / np.sqrt(2)
 
@@ -101,7 +106,7 @@ def test_light_of_an_earlier_run_is_weighed_by_itself():
     solver.solve()
     photons = solver.frame.background.irradiance_per_lamp(1 << 14)
     first = StaticGather(solver.model, 1)
-    for _ in first.steps(lambda: PhotonLight(photons, 0.2)):
+    for _ in first.steps(lambda: of_photons(photons)):
         if first.state is not None and first.state.rounds > 1:
             break
     again = StaticGather(solver.model, 1, first.state)

@@ -1,0 +1,191 @@
+"""Light after an edit: that before it, changed as photons say, until the edited scene has light of less error.
+
+    E = changed(G, B, F)        see `control_variate.py`
+
+G is the best light before the edit, F and B what photons bring with the edit and without. Photons that met no edited
+face have the same paths, so most of the noise of F and B cancels. docs/decisions/039-edits-shown-live.md has the
+measurements.
+
+Static part: F and B are of the same number of photons. The change is smoothed in proportion to its noise, which photon
+subsets tell. Receivers that the static part did not have before show photons alone, as all do of a lamp that is new or
+moved: G = B = 0. Where the static part stays as it is, so does the light of each unchanged lamp, though its photons may
+be others.
+
+Resting poses: G is the light gathered there, F and B that of frames without it. The static light of frames may improve
+meanwhile, which is no change by the edit: F of static receivers counts as its difference from static light, added to
+that before. Receivers of mobiles count where the mobile has the same receivers and poses.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.steps import finish
+from gi_core.estimators.setting import Setting
+from gi_core.frames.background import Background
+from gi_core.frames.control_variate import REACH, changed
+from gi_core.frames.unchanged_paths import StaticPart, edited_faces
+from gi_core.gather.denoise import smoothed_by_subset
+from gi_core.gather.estimate import Estimate, Source, relative_noise, variance_per_lamp
+from gi_core.geometry.error import luminance
+from gi_core.geometry.mesh_neighbours import Neighbours
+from gi_core.lights.emission import Emitters
+from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.unchanged_lamps import unchanged_lamps
+from gi_core.model import Model
+from gi_core.rays.accelerator import Transforms
+
+
+class LightBefore(NamedTuple):
+    """Static light before an edit, of n receivers."""
+
+    places: np.ndarray  # (n, 6) float32, positions [m] and normals
+    estimate: Estimate
+    of_photons: float  # relative l1 error of all photons, blur of discs included; 0: not measured
+    setting: Setting
+    emitters: Emitters
+    static: StaticPart
+    unreached: np.ndarray  # (k,) int64 receivers that light cannot reach
+    by_photons: dict[int, np.ndarray]  # number of photons -> their irradiance per lamp (n, 3 G) float32 [W/m2]
+
+
+def light_before(b: Background, estimate: Estimate, of_photons: float, unreached: np.ndarray) -> LightBefore:
+    """Return light of a background's static part, to be changed by edits; arguments as in LightBefore."""
+    by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
+    m = b.model
+    return LightBefore(
+        _places(m), estimate, of_photons, b.setting, m.emitters, StaticPart(m.surfaces, m.scene), unreached, by_photons
+    )
+
+
+class EditedLight:
+    """Static light before an edit, for the scene after it."""
+
+    def __init__(self, before: LightBefore, model: Model):
+        self.before = before
+        self._rows = _rows_of(_places(model), before.places)
+        self._lamps = unchanged_lamps(before.emitters, model.emitters)
+        edited = edited_faces(before.static, StaticPart(model.surfaces, model.scene))
+        stays = edited is not None and not edited.any()  # the static part: so does the light of unchanged lamps
+        self._changes = np.flatnonzero(np.repeat((self._lamps < 0) | (not stays), 3))  # columns of light per lamp
+        self._unreached = before.unreached if edited is not None else np.zeros(0, np.int64)  # by the same geometry
+        self._weights = model.object_receivers.areas[: len(self._rows)]
+        self._threads = model.threads
+        self._last: tuple[Background, int, Estimate] | None = None  # of the photons of a background
+
+    def estimate(self, b: Background, around: Neighbours) -> Estimate | None:
+        """Return the light with the change that the photons of a background say; None: of no number known before."""
+        counts = self.before.by_photons if b.setting == self.before.setting else {}
+        photons = max((n for n in b.estimate.subsets if n in counts), default=0)
+        if photons and (self._last is None or self._last[:2] != (b, photons)):
+            fewer = max((n for n in b.estimate.subsets if n in counts and 2 * n <= photons), default=0)
+            self._last = b, photons, self._changed(b, photons, fewer, around)
+        return self._last[2] if photons else None
+
+    def _changed(self, b: Background, photons: int, fewer: int, around: Neighbours) -> Estimate:
+        """Return the light changed by a number of photons; fewer: a subset that tells the noise; 0: none."""
+        before, columns = self.before.estimate, self._changes
+        G = self._per_lamp(before.light)
+        change, of_change = self._change(b, photons, G[:, columns]), np.zeros(len(G))
+        if fewer:
+            both = sum_of_lamps(change), sum_of_lamps(self._change(b, fewer, G[:, columns]))
+            every = np.ones(len(G), bool)
+            change, of_change = finish(
+                smoothed_by_subset(*both, photons / fewer, REACH, around, every, self._weights, self._threads, change)
+            )
+        E = G.copy()
+        E[:, columns] = np.maximum(G[:, columns] + change, 0.0)
+        E[self._unreached] = 0.0  # smoothing would light them a little
+        share = self._share_kept(G)
+        deviation = np.hypot(share * self._at_receivers(before.deviation), of_change)
+        noise = relative_noise(of_change, sum_of_lamps(E), self._weights)
+        error = float(np.hypot(share.max(initial=0.0) * before.error, 0.0 if np.isnan(noise) else noise))
+        variance = variance_per_lamp(deviation, luminance(E.reshape(len(E), -1, 3)))
+        return Estimate(Source.EDITED, E, variance, error, error)
+
+    def _share_kept(self, G: np.ndarray) -> np.ndarray:
+        """Return the share (n,) of the light before the edit that comes from unchanged lamps."""
+        everything = luminance(sum_of_lamps(self._at_receivers(self.before.estimate.light)))
+        return np.divide(luminance(sum_of_lamps(G)), everything, out=np.zeros(len(G)), where=everything > 0)
+
+    def _per_lamp(self, per_lamp: np.ndarray) -> np.ndarray:
+        """Return light per lamp before the edit for the lamps and the receivers after it; 0 for new ones."""
+        light = self._at_receivers(per_lamp).reshape(len(self._rows), -1, 3)[:, self._lamps]
+        light[:, self._lamps < 0] = 0.0
+        return light.reshape(len(self._rows), -1)
+
+    def _at_receivers(self, light: np.ndarray) -> np.ndarray:
+        """Return values of receivers before the edit, at those after it; 0 at new ones."""
+        out = light[self._rows].astype(np.float64)
+        out[self._rows < 0] = 0.0
+        return out
+
+    def _change(self, b: Background, photons: int, G: np.ndarray) -> np.ndarray:
+        """Return E - G (n, k) [W/m2] in the columns that change, see the module; G (n, k)."""
+        B = self._per_lamp(self.before.by_photons[photons])[:, self._changes]
+        F = b.irradiance_per_lamp(photons)[:, self._changes]
+        F = F.astype(np.float32).astype(np.float64)  # equal light leaves no difference
+        return changed(G, B, F) - G
+
+
+def _places(model: Model) -> np.ndarray:
+    rows, r = model.surfaces.receiver_range(0), model.object_receivers
+    places = np.concatenate([r.positions[rows] + model.origins[0], r.normals[rows]], axis=1)
+    return places.astype(np.float32) + np.float32(0.0)  # no -0
+
+
+def _rows_of(places: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Return the row of each place (n, 6) among others (m, 6), -1 where it is not there."""
+    if places.shape == among.shape and np.array_equal(places, among):
+        return np.arange(len(places))
+    rows = {key.tobytes(): k for k, key in enumerate(among)}
+    return np.array([rows.get(key.tobytes(), -1) for key in places], np.int64)
+
+
+class LightAtPoses(NamedTuple):
+    """Light of a frame at resting poses before an edit."""
+
+    model: Model
+    at: Transforms
+    levels: np.ndarray  # (G, 3)
+    irradiance: np.ndarray  # (R, 3) [W/m2]
+    own: np.ndarray  # (R, 3) [W/m2], without light gathered at the poses
+    static: np.ndarray  # (n, 3) [W/m2], without mobiles
+    deviation: np.ndarray  # (R,) [W/m2], standard error of the luminance
+
+
+class EditedAtPoses:
+    """Light at resting poses before an edit, for the model after it. rows (k,) int64: receivers that it lights."""
+
+    def __init__(self, before: LightAtPoses, model: Model):
+        self.before = before
+        numbers = {name: o for o, name in enumerate(before.model.names, 1)}
+        pairs = [(o, numbers[name]) for o, name in enumerate(model.names, 1) if name in numbers]
+        self._objects, self._objects_before = np.array(pairs, np.int64).reshape(-1, 2).T
+        rows, rows_before = [np.arange(len(before.static))], [np.arange(len(before.static))]
+        for o, p in pairs:
+            mine, theirs = model.surfaces.receiver_range(o), before.model.surfaces.receiver_range(p)
+            places = zip(model.object_receivers[:2], before.model.object_receivers[:2], strict=True)
+            if all(np.array_equal(a[mine], b[theirs]) for a, b in places):
+                rows.append(np.arange(mine.start, mine.stop))
+                rows_before.append(np.arange(theirs.start, theirs.stop))
+        gathered = (before.irradiance != before.own).any(axis=1)
+        self.rows_before = np.concatenate(rows_before)
+        self.rows = np.concatenate(rows)[gathered[self.rows_before]]
+        self.rows_before = self.rows_before[gathered[self.rows_before]]
+        self._static = self.rows < len(before.static)
+
+    def is_at(self, at: Transforms, levels: np.ndarray) -> bool:
+        """Return whether the mobiles that both scenes have are at the poses of the light; levels (G, 3)."""
+        pairs = zip(at[:2], self.before.at[:2], strict=True)
+        same = all(np.array_equal(a[self._objects], b[self._objects_before]) for a, b in pairs)
+        return same and np.array_equal(levels, self.before.levels)
+
+    def irradiance(self, own: np.ndarray, static: np.ndarray) -> np.ndarray:
+        """Return irradiance (k, 3) [W/m2] at `rows`; own (R, 3) and static (n, 3) as in LightAtPoses, of a frame."""
+        now, improved = own[self.rows], self.rows[self._static]
+        now[self._static] += self.before.static[improved] - static[improved]
+        light, before = (E[self.rows_before] for E in (self.before.irradiance, self.before.own))
+        return np.maximum(changed(light, before, np.maximum(now, 0.0)), 0.0)
