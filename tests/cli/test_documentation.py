@@ -30,6 +30,27 @@ def test_every_example_runs(document, monkeypatch, tmp_path):
     assert work_through(document, monkeypatch, tmp_path) >= 1
 
 
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub writes them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    titles = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_every_link_between_pages_leads_somewhere():
+    dead = []
+    for page in PAGES:
+        for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+            name, _, anchor = link.partition("#")
+            target = (page.parent / name).resolve() if name else page
+            if not link.startswith("http") and (not target.exists() or (anchor and anchor not in anchors(target))):
+                dead.append(f"{page.relative_to(ROOT)}: {link}")
+    assert dead == []
+
+
 def test_the_design_lists_every_package():
     text = section(ROOT / "docs" / "design.md", "Flow")
     listed = re.findall(r"^    ((?:gi_core|app)/[\w/]*(?:\.py)?)", text, re.MULTILINE)

@@ -111,12 +111,6 @@ def test_the_readme_has_two_set_up_commands_and_ci_runs_the_second():
         assert package in readme
 
 
-def test_files_shown_in_the_readme_exist():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    linked = [*re.findall(r"!?\[[^\]]*\]\(([^)#:]+)\)", readme), *re.findall(r'src="([^":]+)"', readme)]
-    assert linked and not [name for name in linked if not (ROOT / name).exists()]
-
-
 def test_nothing_of_this_machine_is_written_down():
     for pattern in ("*.py", "*.toml", "*.md"):
         for path in (p for folder in ("app", "gi_core", "scenes", "docs") for p in (ROOT / folder).rglob(pattern)):
