@@ -22,9 +22,9 @@ from app.settings import Settings, make_solver, open_scene
 from gi_core.base.random_numbers import basis
 from gi_core.bsdf.table import join
 from gi_core.gloss.arrivals import DIRECTION_BITS
-from gi_core.gloss.hemisphere import CELLS, disc_of
+from gi_core.gloss.hemisphere import CELLS, GRAZING, disc_of
 from gi_core.gloss.light import FIELDS
-from gi_core.gloss.radiance import GRAZING, Directions, gloss_radiance, room_for
+from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RECEIVER_BIT
 from gi_core.gloss.reflectors import BY_CELLS, ways
 from gi_core.gloss.source import LIST, OPENED

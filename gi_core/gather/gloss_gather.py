@@ -23,10 +23,18 @@ from gi_core.base.vec import rotate, rotate_back, weighted
 from gi_core.gather.path_ends import InKnownLight, in_known_light, starts
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, SHADOW_GAP, PathTracer
 from gi_core.gather.pose_gather import KEPT, key_of
-from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.discs import GlossDiscs
-from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, direction_of
-from gi_core.gloss.radiance import GRAZING
+from gi_core.gloss.hemisphere import (
+    CELLS,
+    GRAZING,
+    SIDE,
+    SUMS,
+    add_ray,
+    axes_of,
+    cell_towards,
+    direction_of,
+    weight_of,
+)
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import join_area, join_delta, picks, points_on_lamps, room_for_shadows
 from gi_core.model import Model
@@ -126,7 +134,8 @@ class GlossGather:
         total, direction = np.zeros((k * RAYS, 3)), np.empty((k * RAYS, 3), np.float32)
         _aim(seed, ends, *own, direction)
         self._tracer.follow(ends, total, direction)
-        _add_rays(direction, total, *own, out)
+        rows, seen = np.repeat(np.arange(k), RAYS), np.zeros(k * RAYS, bool)
+        _deposit(rows, direction, total, seen, CELLS / RAYS, *own, out)
         return out
 
     def _starts(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -137,7 +146,7 @@ class GlossGather:
         if n:
             of, at = self._tracer.model.accelerator, self._tracer.at
             blocked = occluded_in_world(of, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
-            _add_lit(rays.row, rays.direction, rays.value, blocked, share, *own, out)
+            _deposit(rays.row, rays.direction, rays.value, blocked, share, *own, out)
 
 
 class GlossGathers:
@@ -198,32 +207,16 @@ def _aim(seed, ends, normals, rotations, direction):
 
 
 @kernel
-def _deposit(d, value, share, n, rotation, to):
-    """Add light `value` times share from the world's direction d to the cells of a receiver."""
-    x, y, z = rotate_back(rotation, d)
-    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-    w = x * n[0] + y * n[1] + z * n[2]
-    cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, w)
-    weight = share * (value[0] + value[1] + value[2]) / math.sqrt(max(w, GRAZING))
-    for c in range(3):
-        to[cell, c] += share * value[c]
-    to[cell, 3] += weight * x
-    to[cell, 4] += weight * y
-    to[cell, 5] += weight * z
-    to[cell, 6] += weight
+def _deposit(rows, direction, value, blocked, share, normals, rotations, out):
+    """Add `share` of the light of rays that are not blocked to cells (k, CELLS, SUMS).
 
-
-@kernel
-def _add_lit(rows, direction, value, blocked, share, normals, rotations, out):
+    rows (n,): receivers; direction, value (n, 3), directions in the world; normals (k, 3) and rotations (k, 3, 3).
+    """
     for j in range(len(blocked)):
-        if not blocked[j]:
-            i = rows[j]
-            _deposit(direction[j], value[j], share, normals[i], rotations[i], out[i])
-
-
-@kernel
-def _add_rays(direction, value, normals, rotations, out):
-    share = 1.0 / (RAYS // CELLS)
-    for j in range(len(value)):
-        i = j // RAYS
-        _deposit(direction[j], value[j], share, normals[i], rotations[i], out[i])
+        if blocked[j]:
+            continue
+        i, light = rows[j], (share * value[j, 0], share * value[j, 1], share * value[j, 2])
+        x, y, z = d = rotate_back(rotations[i], direction[j])
+        cell, cosine = cell_towards(axes_of(normals[i]), d)
+        weight = weight_of(share * (value[j, 0] + value[j, 1] + value[j, 2]), cosine, GRAZING)
+        add_ray(out[i, cell], light, (weight * x, weight * y, weight * z), weight)

@@ -31,7 +31,7 @@ from gi_core.gather import path_ends
 from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, bounce_shares, closeness, kinds, near_receivers
-from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, for_cells
+from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, add_exchanged, direct_light, for_cells
 from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
 from gi_core.gather.path_tracer import SHADOW_GAP
 from gi_core.gather.shared_samples import bounces, shared_directions
@@ -142,8 +142,9 @@ class MobileGather:
         E = _exchanged(direct, known, exchange, paths)
         if len(self._glossy):
             add_exchanged(exchange, direct + E, bounced)
-            given = self._near, self._kinds, self._kind_directions(paths), light.close, bounced
-            self.path_light = PathLight(self._normals, *given, lit)
+            directions = self._kind_directions(paths)
+            by_path = BouncedLight(self._normals, self._near, self._kinds, directions, light.close, bounced)
+            self.path_light = PathLight(by_path, lit)
         return direct + average_neighbours(self._near, light.close, counts, E, self._model.threads)
 
     def rays_ahead(self, at: Transforms, paths: int) -> list[Callable[[], None]]:

@@ -14,14 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
 from gi_core.gather.path_ends import reflected
-from gi_core.gloss.arrivals import SUMS
-from gi_core.gloss.hemisphere import CELLS, cell_of
-from gi_core.gloss.radiance import GRAZING
+from gi_core.gloss.hemisphere import CELLS, GRAZING, SUMS, add_ray, axes_of, cell_of, weight_of
 from gi_core.lights.candidates import CANDIDATES, Candidates, thinned, unoccluded
 from gi_core.lights.light_sampling import AreaLights
 from gi_core.lights.next_event import Shadows
@@ -36,7 +33,7 @@ GRAIN = 64  # receivers per thread
 class DirectLight(NamedTuple):
     """Shadow rays of a batch of receivers that reach their lamps."""
 
-    rows: slice  # of the batch, among the receivers of mobiles
+    start: int  # first receiver of the batch, among those of mobiles
     rotation: np.ndarray  # (3, 3) float64, of their mobile
     positions: np.ndarray  # (n, 3) float64 [m], in the world
     lights: AreaLights
@@ -48,16 +45,39 @@ class DirectLight(NamedTuple):
     value: np.ndarray  # (s, 3) float64, P times the irradiance [W/m2]
 
 
-class PathLight(NamedTuple):
-    """Light of a frame at the receivers of mobiles, path by path."""
+class BouncedLight(NamedTuple):
+    """Bounced light of a frame at the receivers of mobiles, path by path."""
 
     normals: np.ndarray  # (m, 3) float64, in the object's space
     near: NearReceivers
     kinds: np.ndarray  # (m,) int64, of the bounces
     directions: np.ndarray  # (KINDS, 3, P) float32 unit, of bounces, in the frame of a normal
     close: np.ndarray  # (m,) float64, closeness() of the bounces [1/m]
-    bounced: np.ndarray  # (m, 3, P) float32, P times the irradiance by each bounce [W/m2]; of glossy mobiles alone
-    direct: list[DirectLight]  # of these
+    light: np.ndarray  # (m, 3, P) float32, P times the irradiance by each bounce [W/m2]; of glossy mobiles alone
+
+
+class Scratch(NamedTuple):
+    """Scratch memory of a thread for cells with strata and candidates of lamps."""
+
+    ready: np.ndarray  # (SUMS ROOM,) float32
+    cell: np.ndarray  # (ROOM,) int32
+    sums: np.ndarray  # (CELLS, SUMS) float32
+    reached: np.ndarray  # (strata,) bool, False before and after
+    light: np.ndarray  # (candidates,) float64
+
+    @classmethod
+    def of(cls, candidates: Candidates) -> Scratch:
+        """Return scratch memory for candidates."""
+        ready, sums = np.empty(SUMS * ROOM, np.float32), np.empty((CELLS, SUMS), np.float32)
+        strata, light = np.zeros(len(candidates.pick), bool), np.empty(len(candidates.face))
+        return cls(ready, np.empty(ROOM, np.int32), sums, strata, light)
+
+
+class PathLight(NamedTuple):
+    """Light of a frame at the receivers of mobiles, path by path."""
+
+    bounced: BouncedLight
+    direct: list[DirectLight]  # of glossy mobiles
 
     def write_cells(
         self, rows: np.ndarray, place: np.ndarray, resting: np.ndarray, out: np.ndarray, threads: int
@@ -66,17 +86,13 @@ class PathLight(NamedTuple):
 
         Rows place (k,) of `resting` have the directions of cells without light.
         """
-        paths = self.directions.shape[2]
-        parts = [(d, *np.searchsorted(rows, (d.rows.start, d.rows.stop))) for d in self.direct]
+        parts = [(d, *np.searchsorted(rows, (d.start, d.start + len(d.positions)))) for d in self.direct]
 
         def work(_, begin, end):
-            room = np.empty(SUMS * ROOM, np.float32), np.empty(ROOM, np.int32), np.empty((CELLS, SUMS), np.float32)
             for d, first, last in parts:
                 a, b = max(first, begin), min(last, end)
                 if a < b:
-                    given = d.rows.start, *d[1:], *self[:-1], CHANCE * paths
-                    reached, light = np.zeros(len(d.candidates.pick), bool), np.empty(len(d.candidates.face))
-                    _write(rows[a:b], *given, place[a:b], resting, *room, reached, light, out[a:b])
+                    _write(rows[a:b], d, self.bounced, place[a:b], resting, Scratch.of(d.candidates), out[a:b])
 
         run_ranges(work, len(rows), threads, GRAIN)
 
@@ -96,7 +112,7 @@ def direct_light(
     ray = np.empty(len(blocked), np.int32)
     _order(rays.row, blocked, first, ray)
     return DirectLight(
-        rows, rotation, positions, lights, candidates, first, ray, rays.stratum, rays.direction, rays.value
+        rows.start, rotation, positions, lights, candidates, first, ray, rays.stratum, rays.direction, rays.value
     )
 
 
@@ -128,60 +144,52 @@ def add_exchanged(exchange, E, bounced):
 
 
 @kernel
-def _write(
-    rows, start, rotation, positions, lights, candidates, first, ray, stratum, direction, value, normals, near, kinds,
-    directions, close, bounced, chance, place, resting, ready, cell, sums, reached, light, out,
-):  # fmt: skip
-    """Write the cells of receivers of a batch that begins at receiver `start`.
-
-    Scratch memory: ready (SUMS ROOM,), cell (ROOM,), sums (CELLS, SUMS), reached (strata,), False,
-    light (candidates,).
+def _write(rows, direct, bounced, place, resting, room, out):
+    """Write the cells (k, CELLS, 6) of receivers rows (k,) of a batch: direct: DirectLight; bounced: BouncedLight;
+    room: Scratch.
     """
-    paths = directions.shape[2]
+    ready, cell, sums, reached, light = room
+    near, paths = bounced.near, bounced.directions.shape[2]
     for r in range(len(rows)):
         i = rows[r]
-        frame, seen, total = _frame(normals[i]), 0, np.float32(0.0)
+        frame, seen, total = axes_of(bounced.normals[i]), 0, np.float32(0.0)
         sums[:] = np.float32(0.0)
         for k in range(near.first[i], near.first[i + 1]):
             j = near.of[k]
-            if (seen >> kinds[j]) & 1:
+            kind = bounced.kinds[j]
+            if (seen >> kind) & 1:
                 continue
-            seen |= 1 << kinds[j]
-            c = max(close[i], close[j])
-            share = np.float32(1.0 / (1.0 + chance * (near.apart[k] * c * c + near.turned[k])))
+            seen |= 1 << kind
+            c = max(bounced.close[i], bounced.close[j])
+            share = np.float32(1.0 / (1.0 + CHANCE * paths * (near.apart[k] * c * c + near.turned[k])))
             total += share
-            turn = _between(frame, _frame(normals[j]))
+            turn = _between(frame, axes_of(bounced.normals[j]))
             for p in range(0, paths, ROOM):
                 n = min(ROOM, paths - p)
-                _take_bounces(turn, directions[kinds[j]], share, bounced[j], p, n, ready)
+                _take_bounces(turn, bounced.directions[kind], share, bounced.light[j], p, n, ready)
                 _add(ready, n, cell, sums)
-        turned, n, some = (rotate(rotation, frame[0]), rotate(rotation, frame[1]), rotate(rotation, frame[2])), 0, False
-        for k in range(first[i - start], first[i - start + 1]):
-            e = ray[k]
-            if stratum[e] >= 0:
-                some = reached[stratum[e]] = True
+        R, n, is_reached = direct.rotation, 0, False
+        turned = rotate(R, frame[0]), rotate(R, frame[1]), rotate(R, frame[2])
+        for k in range(direct.first[i - direct.start], direct.first[i - direct.start + 1]):
+            e = direct.ray[k]
+            if direct.stratum[e] >= 0:
+                is_reached = reached[direct.stratum[e]] = True
                 continue
-            _put(turned, row(direction, e), total, row(value, e), n, ready)
+            _put(turned, row(direct.direction, e), total, row(direct.value, e), n, ready)
             n += 1
             if n == ROOM:
                 _add(ready, n, cell, sums)
                 n = 0
         _add(ready, n, cell, sums)
-        if some:
-            at, scale = row(positions, i - start), total * np.float32(paths / len(light))
-            unoccluded(candidates, np.uint64(0), at, turned[2], lights, light)
+        if is_reached:
+            at, scale = row(direct.positions, i - direct.start), total * np.float32(paths / len(light))
+            unoccluded(direct.candidates, np.uint64(0), at, turned[2], direct.lights, light)
             _forget_unreached(reached, light)
             for begin in range(0, len(light), ROOM):
                 n = min(ROOM, len(light) - begin)
-                _put_candidates(turned, at, candidates, scale, light, begin, n, ready)
+                _put_candidates(turned, at, direct.candidates, scale, light, begin, n, ready)
                 _add(ready, n, cell, sums)
         _normalise(sums, frame, resting[place[r]], out[r])
-
-
-@inlined
-def _frame(n):
-    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-    return (ax, ay, az), (bx, by, bz), (n[0], n[1], n[2])
 
 
 @inlined
@@ -248,18 +256,11 @@ def _add(ready, n, cell, sums):
     for k in range(np.uint64(n)):
         x, y, z = ready[X + k], ready[Y + k], ready[Z + k]
         cell[k] = cell_of(x, y, z)
-        # Between irradiance and radiance, see GlossLight.
-        weight = (ready[RED + k] + ready[GREEN + k] + ready[BLUE + k]) / math.sqrt(max(z, np.float32(GRAZING)))
+        weight = weight_of(ready[RED + k] + ready[GREEN + k] + ready[BLUE + k], z, np.float32(GRAZING))
         ready[X + k], ready[Y + k], ready[Z + k], ready[WEIGHT + k] = weight * x, weight * y, weight * z, weight
     for k in range(np.uint64(n)):
-        to = sums[cell[k]]
-        to[0] += ready[RED + k]
-        to[1] += ready[GREEN + k]
-        to[2] += ready[BLUE + k]
-        to[3] += ready[X + k]
-        to[4] += ready[Y + k]
-        to[5] += ready[Z + k]
-        to[6] += ready[WEIGHT + k]
+        light, moment = (ready[RED + k], ready[GREEN + k], ready[BLUE + k]), (ready[X + k], ready[Y + k], ready[Z + k])
+        add_ray(sums[cell[k]], light, moment, ready[WEIGHT + k])
 
 
 @inlined

@@ -8,14 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.random_numbers import basis
 from gi_core.gloss.discs import GlossDiscs
-from gi_core.gloss.hemisphere import cell_of
-from gi_core.gloss.radiance import GRAZING
+from gi_core.gloss.hemisphere import GRAZING, add_ray, axes_of, cell_towards, weight_of
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import Transforms
 
-SUMS = 7  # of a cell: flux of three channels, weight times direction (x, y, z) in the object's space, and weight
 FLUX_SHIFT = 12  # bits of flux left out of moments ...
 DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26 rays in 63 bits
 RAY = 8  # numbers of a ray, see _weigh()
@@ -81,20 +78,14 @@ def add_rays(arrivals, j, n, to, gone):
 
     Removed rays are subtracted from `gone` (CELLS, SUMS), which may be `to`.
     """
-    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-    reached = np.uint64(0)
+    axes, reached = axes_of(n), np.uint64(0)
     for e in range(arrivals.first[j], arrivals.first[j + 1]):
         k = arrivals.line[e]
         d, ray = arrivals.direction[k], arrivals.rays[k]
-        x, y, z = -float(d[0]), -float(d[1]), -float(d[2])
-        w = x * n[0] + y * n[1] + z * n[2]
-        cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, w)
-        weight = ray[7] * np.int64(ray[6] / math.sqrt(max(w, GRAZING)) + 0.5)
-        out = to[cell] if ray[7] > 0 else gone[cell]
-        for c in range(3):
-            out[c] += ray[c]
-            out[3 + c] += weight * ray[3 + c]
-        out[6] += weight
+        cell, cosine = cell_towards(axes, (-float(d[0]), -float(d[1]), -float(d[2])))
+        weight = ray[7] * np.int64(weight_of(ray[6], cosine, GRAZING) + 0.5)
+        moment = weight * ray[3], weight * ray[4], weight * ray[5]
+        add_ray(to[cell] if ray[7] > 0 else gone[cell], (ray[0], ray[1], ray[2]), moment, weight)
         reached |= np.uint64(1) << np.uint64(cell)
     return reached
 

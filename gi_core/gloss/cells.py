@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.threads import run_ranges
-from gi_core.gloss.arrivals import DIRECTION_BITS, FLUX_SHIFT, SUMS, Arrivals, arrivals, deposit
+from gi_core.gloss.arrivals import DIRECTION_BITS, FLUX_SHIFT, Arrivals, arrivals, deposit
 from gi_core.gloss.discs import GlossDiscs
-from gi_core.gloss.hemisphere import CELLS, even_light
+from gi_core.gloss.hemisphere import CELLS, SUMS, even_light
 from gi_core.gloss.intake import Intake
 from gi_core.gloss.light import FIELDS, CellWriter, GlossLight
 from gi_core.gloss.shares import Scratch, StaticSums, frame_cells, normalise, turn

@@ -1,6 +1,8 @@
 """A fixed hierarchy of directions: the hemisphere as a square of equal-area cells (Shirley and Chiu 1997).
 
-Four neighbouring cells have one parent, as in the QuadTree of report 2.10.1; the root is the hemisphere.
+Four neighbouring cells have one parent, as in the QuadTree of report 2.10.1; the root is the hemisphere. A cell sums
+its rays, `add_ray()`: light of three channels, weight times direction, and weight. A ray weighs its light / sqrt(cos),
+between irradiance and radiance.
 """
 
 from __future__ import annotations
@@ -10,9 +12,13 @@ import math
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
+from gi_core.base.random_numbers import basis
+from gi_core.base.vec import dot
 
 SIDE = 8  # cells along a side of the square: three divisions
 CELLS = SIDE * SIDE
+SUMS = 7  # of a cell: light red, green, blue; weight times direction x, y, z in the object's space; weight
+GRAZING = 0.05  # least cosine of a direction
 FINE = 8  # points along a side of a cell, for its means
 T0, T1, T2, T3, T4, T5, T6 = np.float32(  # of _turn()
     (1.2732346, -0.4242099, 0.2522009, -0.16849202, 0.10137978, -0.042786028, 0.0086729813)
@@ -36,6 +42,38 @@ def cell_of(x, y, z):
     i = min(np.int32(np.float32(0.5 * SIDE) * (a + np.float32(1.0))), np.int32(SIDE - 1))
     j = min(np.int32(np.float32(0.5 * SIDE) * (b + np.float32(1.0))), np.int32(SIDE - 1))
     return np.int32(SIDE) * i + j
+
+
+@inlined
+def axes_of(n):
+    """Return the axes of the frame of a normal: tangent, bitangent, normal."""
+    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+    return (ax, ay, az), (bx, by, bz), (n[0], n[1], n[2])
+
+
+@inlined
+def cell_towards(axes, d):
+    """Return the cell of a unit direction in the space of the axes, and its cosine."""
+    cosine = dot(d, axes[2])
+    return cell_of(dot(d, axes[0]), dot(d, axes[1]), cosine), cosine
+
+
+@inlined
+def weight_of(light, cosine, least):
+    """Return the weight of a ray of light, summed over channels; least: GRAZING in the type of the cosine."""
+    return light / math.sqrt(max(cosine, least))
+
+
+@inlined
+def add_ray(cell, light, moment, weight):
+    """Add a ray to the sums (SUMS,) of its cell: light of three channels, weight times direction, and weight."""
+    cell[0] += light[0]
+    cell[1] += light[1]
+    cell[2] += light[2]
+    cell[3] += moment[0]
+    cell[4] += moment[1]
+    cell[5] += moment[2]
+    cell[6] += weight
 
 
 @inlined

@@ -14,9 +14,9 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
 from gi_core.base.vec import cross, dot
 from gi_core.bsdf import ggx, table
+from gi_core.gloss.hemisphere import GRAZING
 
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
-GRAZING = 0.05  # least cosine of a direction
 TURNED = -0.2  # least cosine of an eye: normals of vertices turn some 10 degrees further than visible faces
 SPREAD = 0.5  # of alpha^2 per missing length of a mean direction: 64 cells differ from the list by a fifth less
 POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: decision 34

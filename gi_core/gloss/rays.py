@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.gloss.discs import GRAIN, GlossDiscs
-from gi_core.gloss.hemisphere import CELLS, cell_of
+from gi_core.gloss.hemisphere import CELLS, axes_of, cell_towards
 from gi_core.gloss.intake import Intake
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
@@ -113,12 +112,11 @@ class RayLists:
             segments = Segments(*(a[some] for a in segments))
         out = []
         for _, c in self.discs.crossed(o, [segments], at):
-            n, line = len(c.line), c.lines
+            n = len(c.line)
             rays = _Rays(np.empty(n, np.int64), np.empty((n, 3), np.float32), np.empty((n, 3), np.float32))
-            given = c.receiver, c.line, line.direction, line.flux, line.lamp, c.photon, c.bounce
 
-            def write(_, a, b, given=given, rays=rays):
-                _write(*given, self._intake.weights, normals, first, a, b, *rays)
+            def write(_, a, b, crossings=c, rays=rays):
+                _write(crossings, self._intake.weights, normals, first, a, b, rays)
 
             run_ranges(write, n, threads, GRAIN)
             out.append(rays)
@@ -154,18 +152,17 @@ def _tree(rays: _Rays, receivers: int) -> RayTree:
 
 
 @kernel
-def _write(
-    receiver, line, direction, flux, lamp, photon, bounce, weights, normals, first_row, first, last, key, power, towards
-):
-    """Write key, flux and direction of crossings first .. last - 1; first_row: of the object among all receivers."""
+def _write(crossings, weights, normals, first_row, first, last, out):
+    """Write rays first .. last - 1 of Crossings; weights (G, 3): of the lamps' flux; normals (n, 3): of the object's
+    receivers; first_row: of these among all receivers.
+    """
+    lines = crossings.lines
     for j in range(first, last):
-        i, k = receiver[j], line[j]
-        x, y, z = -float(direction[k, 0]), -float(direction[k, 1]), -float(direction[k, 2])
-        n = normals[i]
-        ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-        cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * n[0] + y * n[1] + z * n[2])
-        place = np.int64(first_row + i) * CELLS + cell
-        key[j] = (((place << PHOTON_BITS) + photon[k]) << BOUNCE_BITS) + bounce[k]
-        towards[j, 0], towards[j, 1], towards[j, 2] = x, y, z
+        i, k = crossings.receiver[j], crossings.line[j]
+        d = lines.direction[k]
+        towards = -float(d[0]), -float(d[1]), -float(d[2])
+        place = np.int64(first_row + i) * CELLS + cell_towards(axes_of(normals[i]), towards)[0]
+        out.key[j] = (((place << PHOTON_BITS) + crossings.photon[k]) << BOUNCE_BITS) + crossings.bounce[k]
         for c in range(3):
-            power[j, c] = np.int64(flux[k, c] * weights[lamp[k], c] + 0.5)
+            out.direction[j, c] = towards[c]
+            out.flux[j, c] = np.int64(lines.flux[k, c] * weights[lines.lamp[k], c] + 0.5)

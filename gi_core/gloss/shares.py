@@ -9,8 +9,8 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
-from gi_core.gloss.arrivals import DIRECTION_BITS, SUMS, add_rays
-from gi_core.gloss.hemisphere import CELLS
+from gi_core.gloss.arrivals import DIRECTION_BITS, add_rays
+from gi_core.gloss.hemisphere import CELLS, SUMS
 from gi_core.gloss.light import FIELDS
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from app.measure.atlas.glossy_sheets import LARGE, SMALL, eye_at, lobe_at, radiance_of, rays_of, under_the_sky
 from app.measure.atlas.row import SEEDS, AtlasRow, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, joined, scene, sheet
-from gi_core.gloss.radiance import GRAZING
+from gi_core.gloss.hemisphere import GRAZING
 from gi_core.gloss.source import LIST, RADII
 from gi_core.photons.paths import segments_of
 from gi_core.scene import DirectionalLight, Material

@@ -14,8 +14,7 @@ from gi_core.gather.mobile import MobileGather
 from gi_core.gather.mobile_gloss import ROOM as ROOM_OF_RAYS
 from gi_core.gather.mobile_gloss import DirectLight, PathLight
 from gi_core.geometry.surfaces import glossy_receivers
-from gi_core.gloss.hemisphere import CELLS, cell_of, even_light
-from gi_core.gloss.radiance import GRAZING
+from gi_core.gloss.hemisphere import CELLS, GRAZING, cell_of, even_light
 from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.lights.candidates import CANDIDATES, unoccluded
@@ -66,26 +65,27 @@ def of_stratum(d: DirectLight, r: int, e: int, paths: int, normal: np.ndarray) -
 
 def twin(light: PathLight, i: int) -> np.ndarray:
     """Return the cells of a receiver, ray by ray."""
-    paths, own = light.directions.shape[2], frame_of(light.normals[i])
+    by_path = light.bounced
+    paths, own = by_path.directions.shape[2], frame_of(by_path.normals[i])
     rays, seen = [], set()
-    for k in range(light.near.first[i], light.near.first[i + 1]):
-        j = light.near.of[k]
-        if light.kinds[j] in seen:
+    for k in range(by_path.near.first[i], by_path.near.first[i + 1]):
+        j = by_path.near.of[k]
+        if by_path.kinds[j] in seen:
             continue
-        seen.add(light.kinds[j])
-        c = max(light.close[i], light.close[j])
-        share = 1 / (1 + CHANCE * paths * (light.near.apart[k] * c * c + light.near.turned[k]))
-        towards = light.directions[light.kinds[j]].T @ frame_of(light.normals[j])
-        rays += [(share, d, v) for d, v in zip(towards, light.bounced[j].T, strict=True)]
+        seen.add(by_path.kinds[j])
+        c = max(by_path.close[i], by_path.close[j])
+        share = 1 / (1 + CHANCE * paths * (by_path.near.apart[k] * c * c + by_path.near.turned[k]))
+        towards = by_path.directions[by_path.kinds[j]].T @ frame_of(by_path.normals[j])
+        rays += [(share, d, v) for d, v in zip(towards, by_path.light[j].T, strict=True)]
     total = sum({id(share): share for share, *_ in rays}.values())
     for d in light.direct:
-        if d.rows.start <= i < d.rows.stop:
-            r = i - d.rows.start
+        if d.start <= i < d.start + len(d.positions):
+            r = i - d.start
             for e in d.ray[d.first[r] : d.first[r + 1]]:
                 if d.stratum[e] < 0:
                     rays.append((total, d.direction[e] @ d.rotation, d.value[e]))
                 else:
-                    rays += [(total, *ray) for ray in of_stratum(d, r, e, paths, light.normals[i])]
+                    rays += [(total, *ray) for ray in of_stratum(d, r, e, paths, by_path.normals[i])]
     sums = np.zeros((CELLS, 7))
     for share, d, v in rays:
         local = own @ d
@@ -104,8 +104,12 @@ def test_cells_are_the_sums_of_lamps_and_of_the_nearest_bounces_of_each_kind(pat
     fine = ROOM.mobiles[1]._replace(mesh=sphere((0, 0, 0), 0.15, 3, 4))
     gather, _, rows = of_paths(paths, replace(ROOM, mobiles=(ROOM.mobiles[0], fine)))
     light = gather.path_light
+    by_path = light.bounced
     cells = cells_of(light, rows)
-    kinds = [light.kinds[light.near.of[a:b]] for a, b in zip(light.near.first[:-1], light.near.first[1:], strict=True)]
+    kinds = [
+        by_path.kinds[by_path.near.of[a:b]]
+        for a, b in zip(by_path.near.first[:-1], by_path.near.first[1:], strict=True)
+    ]
     assert max(len(set(k)) for k in kinds) == KINDS < max(len(k) for k in kinds)
     assert sum(len(d.direction) for d in light.direct) > 100
     for r in range(0, len(rows), 9):
@@ -119,13 +123,14 @@ def test_paths_add_up_to_the_irradiance_of_the_frame():
     """Lamps of a receiver, and bounces averaged over its neighbours: with those that hit other mobiles."""
     gather, found, rows = of_paths(32)
     light = gather.path_light
+    by_path = light.bounced
     direct = np.zeros_like(found)
     for d in light.direct:
         for r in range(len(d.first) - 1):
-            direct[d.rows.start + r] = d.value[d.ray[d.first[r] : d.first[r + 1]]].sum(axis=0) / 32
+            direct[d.start + r] = d.value[d.ray[d.first[r] : d.first[r + 1]]].sum(axis=0) / 32
     mean = np.zeros_like(found)
-    mean[rows] = light.bounced[rows].sum(axis=2, dtype=np.float64) / 32
-    average = average_neighbours(light.near, light.close, np.full(len(mean), 32), mean, 1)
+    mean[rows] = by_path.light[rows].sum(axis=2, dtype=np.float64) / 32
+    average = average_neighbours(by_path.near, by_path.close, np.full(len(mean), 32), mean, 1)
     assert (average[rows] > 0).mean() > 0.7 and (direct[rows] > 0).mean() > 0.2
     np.testing.assert_allclose((direct + average)[rows], found[rows], rtol=5e-3, atol=5e-3)
 
@@ -179,7 +184,7 @@ def test_a_lamp_lights_the_cell_that_it_stands_in():
     for r in lit:
         towards = to - gather._positions[rows[r]]
         towards /= np.linalg.norm(towards)
-        cell = cell_of(*(frame_of(light.normals[rows[r]]) @ towards))
+        cell = cell_of(*(frame_of(light.bounced.normals[rows[r]]) @ towards))
         assert cells[r, cell, 0] == pytest.approx(1.0)
         np.testing.assert_allclose(cells[r, cell, 3:], towards, atol=1e-5)
 

@@ -79,7 +79,7 @@ from tests.physics.test_gloss import GIVEN, ROOM
 from tests.unit.gather.test_gloss_gather import gathered
 from tests.window.test_highlights import LIGHTS, scene, shot_of
 
-kernels = [gloss_gather._aim, gloss_gather._add_lit, gloss_gather._add_rays, path_ends.arrive, path_tracer.scatter]
+kernels = [gloss_gather._aim, gloss_gather._deposit, path_ends.arrive, path_tracer.scatter]
 kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.add_exchanged]
 kernels += [highlights._aim, highlights._add]
 compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(compile_ahead.TABLES), None))
