@@ -11,7 +11,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from app.cli import values
+from app import values
 from app.cli.exit_codes import SCENE, STOPPED, USAGE, fail
 from app.cli.parser import Parser, did_you_mean
 from app.cli.terminal import guarded

@@ -1,15 +1,20 @@
-"""Settings: one frozen record that the command line, the panel and the commands share.
+"""Settings: the table of all of them, and one frozen record that the command line, the panel and the commands share.
 
+A setting is one entry of a group below: its type, its default, its option, and the columns of `Row`. Options, saved
+scenes, copied commands, resets, and what a change makes due are read from there.
 Only the standard library is imported at the top, so that `--help` and `--version` stay instant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from app import values
+from app.values import LampSetting, MeasuringPlane, Pin
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
@@ -17,10 +22,6 @@ if TYPE_CHECKING:
     from gi_core.scene import Pose, Scene
     from gi_core.solver import Solver
 
-SOLVER_SETTINGS = (
-    "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
-    "light", "gloss",
-)  # fmt: skip
 UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_setting
 GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.gloss.source
@@ -34,109 +35,220 @@ POINTED, CLICKED = "pointed", "clicked"  # the ray under the cursor; that of the
 ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
-MOST_PIXELS = 16384  # per side of a picture
 BUDGET = 16.0  # [ms]: 60 frames per second
 PICTURE_SCALES = (1, 2, 4)
 SECONDS = 20.0  # for gathering light before a picture without a window
 STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
-
-
-class LampSetting(NamedTuple):
-    """Level of a lamp: its light is that of the scene file times `dim` and `colour`."""
-
-    name: str
-    dim: float = 1.0
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    on: bool = True
-
-
-class Pin(NamedTuple):
-    """A read-out pinned to a point of a surface."""
-
-    name: str
-    position: tuple[float, float, float]  # [m], in the scene, or in the space of `object`
-    normal: tuple[float, float, float]  # of the side that is read
-    object: str = ""  # a mobile; "": the static part
-
-
-class MeasuringPlane(NamedTuple):
-    """A horizontal grid of points; see `app.rest.measuring_plane`."""
-
-    low: tuple[float, float]  # [m] along the two horizontal axes
-    high: tuple[float, float]
-    height: float  # [m] above the floor
-    points: tuple[int, int] | None = None  # along the two axes; None: by EN 12464-1
+TOGETHER = "settings"  # the table of a saved scene with the settings that have none of their own
 
 
 class UsageError(ValueError):
     """A wrong value on the command line that only the loaded program can detect (exit code 2)."""
 
 
+class Row(NamedTuple):
+    """The columns of a setting besides its type and default."""
+
+    option: Mapping[str, Any]  # arguments of argparse.add_argument; {}: the command line has none
+    flag: str = ""  # the option, where it is not the name
+    kept: str = ""  # the key of a saved scene that holds the value, TOGETHER for most; "": none does
+    counts: bool = True  # the window asks to save a change
+    of_scene: bool = False  # another scene resets it
+    resets: bool = True  # *Reset settings* resets it
+    reads: bool = False  # a change reads the scene again
+    recolours: bool = False  # a change needs new colours of vertices, or new read-outs
+
+
+def unlisted(default: Any, **columns: Any) -> Any:
+    """Return a setting without an option."""
+    return field(default=default, metadata={"row": Row({}, **columns)})
+
+
+def option(default: Any, kind: Callable | None, metavar: str, help: str, flag: str = "", **columns: Any) -> Any:
+    """Return a setting with an option; kind: makes its value of text. One with a flag of its own may be repeated."""
+    of = {"type": kind, "metavar": metavar, "help": help} | ({"action": "append"} if flag else {})
+    return field(default=default, metadata={"row": Row(of, flag, **{"kept": TOGETHER, **columns})})
+
+
+def choice(default: Any, choices: tuple[str, ...], help: str, **columns: Any) -> Any:
+    """Return a setting with an option that is one of some words."""
+    of = {"choices": choices, "help": help}
+    return field(default=default, metadata={"row": Row(of, **{"kept": TOGETHER, **columns})})
+
+
+def switch(default: bool, help: str, **columns: Any) -> Any:
+    """Return a setting with an option that switches it off, or on."""
+    of = {"action": "store_false" if default else "store_true", "help": help}
+    return field(default=default, metadata={"row": Row(of, **{"kept": TOGETHER, **columns})})
+
+
+OF_SCENE: dict[str, Any] = {"of_scene": True, "resets": False}  # columns of what belongs to a scene
+PLACED: dict[str, Any] = {**OF_SCENE, "counts": False}  # the window compares poses and edits itself
+
+
+# None: the scene file decides, else `gi_core.defaults.choose`.
+
+
 @dataclass(frozen=True)
-class Settings:
-    """Settings by group, as `--help` shows them. None: the scene file decides, else `gi_core.defaults.choose`."""
+class Source:
+    """The scene: its files, and what was done to it after they were read."""
 
-    # Scene
-    scene: str = "cornell"  # a shipped name, a scene file (.toml) or a mesh file
-    mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
-    poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
-    edits: tuple[Edit, ...] = ()  # of the scene, in order, see gi_core.files.edits
-    camera: tuple[float, ...] | None = None  # eye, target [m], vertical field of view [degrees]; None: the scene's
-    max_edge: float | None = None  # edges longer than this are split [m]
-    up: str | None = None  # "x", "y" or "z"
-    units: str | None = None  # one of UNITS: those in which the numbers of the files are read
-    allow_outside: bool = False  # the scene may name files outside its folder
-    document: str = ""  # the saved scene that these settings come from and are saved to; "": none
+    scene: str = unlisted(  # a shipped name, a scene file (.toml) or a mesh file
+        "cornell", kept="scene", resets=False, reads=True
+    )
+    mobiles: tuple[str, ...] = option(
+        (), None, "FILE", "mesh file that becomes a mobile", "mobile", kept="mobiles", resets=False, reads=True
+    )
+    poses: tuple[tuple[str, tuple[float, ...]], ...] = option(  # (mobile, 3 or 7 numbers: x y z [w x y z])
+        (), values.pose, "NAME=x,y,z[,qw,qx,qy,qz]",
+        "position of a mobile's origin [m]: that of its mesh in a scene file, the middle of its foot of --mobile FILE; "
+        "without a unit quaternion its rotation stays", "pose", kept="poses", **PLACED,
+    )  # fmt: skip
+    edits: tuple[Edit, ...] = unlisted((), kept="edits", **PLACED)  # in order, see gi_core.files.edits
+    camera: tuple[float, ...] | None = option(
+        None, values.camera, "x,y,z,tx,ty,tz,fov", "eye and target [m], vertical field of view [degrees]",
+        kept="camera", **PLACED,
+    )  # fmt: skip
+    max_edge: float | None = option(
+        None, values.positive, "M", "longest edge; longer ones are split [m]", reads=True, **OF_SCENE
+    )
+    up: str | None = choice(None, ("x", "y", "z"), "axis that points up, instead of the file's", reads=True, **OF_SCENE)
+    units: str | None = choice(
+        None, UNITS,
+        "photometric: the files' numbers are lm, cd, lx and cd/m2; radiometric: watts (the scene's)",
+        of_scene=True, reads=True, recolours=True,
+    )  # fmt: skip
+    allow_outside: bool = switch(False, "the scene may name files outside its folder", kept="", reads=True, **OF_SCENE)
+    document: str = unlisted("", **OF_SCENE)  # the saved scene that this comes from and is saved to; "": none
 
-    # Light
-    estimator: str | None = None  # a key of gi_core.estimators.ESTIMATORS
-    photons: int | None = None
-    radius: float | None = None  # [m]
-    neighbours: int | None = None
-    control: bool = True  # artifact control of tangent_plane, see gi_core/discs/region.py
-    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc
-    textbook: bool = False  # photon_map counts the k-th hit too
-    search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; pictures do not depend on it
-    light: str | None = None  # one of LIGHTS; None: see `light_chosen`
-    gloss: str = "quadtree"  # one of GLOSS: how rays at glossy receivers are kept
-    rays: str | None = None  # a key of gi_core.rays.structures.STRUCTURES; None: embree, else bvh
-    seed: int = 0
-    lamps: tuple[LampSetting, ...] = ()  # those that differ from the scene file
-    solo: str = ""  # the only lamp that is on; "": all that are on
-    light_scenes: tuple[tuple[str, tuple[LampSetting, ...]], ...] = ()  # by name, besides the scene file's
 
-    # Picture
-    size: tuple[int, int] = SIZE  # pixels
-    exposure: float | None = None  # [EV]; None: metered once
-    white_balance: bool = True  # the light of the lamps is drawn neutral
-    tone_map: str = "aces"  # one of TONE_MAPS
-    show: str = "radiance"  # one of SHOWS: with reflectance, E / pi alone, false colours; in the window ERRORS too
-    illuminance_range: tuple[float, float] | None = None  # of the false colours [lx or W/m2]; None: of the view
-    luminance_range: tuple[float, float] | None = None  # the same [cd/m2 or W/m2/sr]
-    isolines: tuple[float, ...] | None = None  # of illuminance [lx or W/m2]; (): at round values; None: without
-    error_range: float | None = None  # ends of the error map, relative; None: of the view; see ERROR_RANGES
-    cull: bool = True  # the backs of one-sided faces are not drawn: rooms can be seen from outside
+@dataclass(frozen=True)
+class Method:
+    """How light is computed: arguments of Solver.configure(). A change computes the frame again."""
 
-    # Window
-    reference: bool = False  # show the reference instead of the estimate
-    compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
-    measure_errors: bool = True  # measure errors at rest
-    cells: str = ""  # draw leaf cells of the structure of rays, and those on a ray: POINTED, CLICKED; "": none
-    show_paths: bool = False  # draw paths of some photons
-    show_disc: bool = False  # draw what the estimator counts at the receiver under the cursor
-    show_recomputed: bool = False  # colour receivers by what the last frame computed again
-    pins: tuple[Pin, ...] = ()  # read-outs
-    cameras: tuple[tuple[str, tuple[float, ...]], ...] = ()  # bookmarks by name; numbers as of `camera`
-    plane: MeasuringPlane | None = None  # None: nothing is measured
-    picture_scale: int = 1  # times the viewport's pixels per side, of saved pictures; one of PICTURE_SCALES
-    budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
-    fallback: bool = True  # without a window, render to a file instead of failing
+    estimator: str | None = option(  # a key of gi_core.estimators.ESTIMATORS
+        None, None, "NAME", "estimator of irradiance; `gi-viewer info` lists them (tangent_plane)", counts=False
+    )
+    photons: int | None = option(
+        None, values.positive_int, "N", "photons to trace, 1e6 is allowed (the scene's, else chosen)", of_scene=True
+    )
+    radius: float | None = option(
+        None, values.positive, "M", "radius of discs, largest radius of photon_map [m] (the scene's, else chosen)",
+        of_scene=True,
+    )  # fmt: skip
+    neighbours: int | None = option(
+        None, values.positive_int, "K", "hits per estimate of photon_map (the scene's, else chosen)", of_scene=True
+    )
+    control: bool = switch(  # artifact control, see gi_core/discs/region.py
+        True, "tangent_plane without artifact control: faster; corners are dark, walls leak light"
+    )
+    border_correction: bool = switch(True, "photon_map without alpha / 2 pi at borders, which are then dark")
+    textbook: bool = switch(False, "photon_map counts the k-th hit too: k / (k - 1) times the light")
+    search: str = option(  # a key of gi_core.discs.search.SEARCHES
+        "disc_index", None, "NAME", "disc search of tangent_plane; pictures do not depend on it (disc_index)"
+    )
+    light: str | None = choice(  # None: see `light_chosen`
+        None, LIGHTS,
+        "best: gathered along paths, on mobiles per frame and on the static part at rest; photons: the estimator"
+        " alone, as in the report (photons with --estimator, else best)", counts=False,
+    )  # fmt: skip
+    gloss: str = choice(
+        "quadtree", GLOSS,
+        "rays at glossy vertices: quadtree, summarised in cells of directions; list, one by one; all_rays, one by one"
+        " where the lobe is bright (quadtree)",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Levels of lamps. A change mixes light that is there; each press of the mouse is a step of undo."""
+
+    lamps: tuple[LampSetting, ...] = option(  # those that differ from the scene file
+        (), values.lamp, "NAME=LEVEL", "level of a lamp: 0.5, or r,g,b; `gi-viewer info` lists lamps", "lamp",
+        kept="lamps", of_scene=True,
+    )  # fmt: skip
+    solo: str = unlisted("", of_scene=True)  # the only lamp that is on; "": all that are on
+    light_scenes: tuple[tuple[str, tuple[LampSetting, ...]], ...] = unlisted(  # by name, besides the scene file's
+        (), kept="light_scenes", of_scene=True
+    )
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """How paths are traced. A change opens the scene again."""
+
+    rays: str | None = option(  # a key of gi_core.rays.structures.STRUCTURES
+        None, None, "NAME",
+        "structure that traces rays; `gi-viewer info` lists them (embree, or bvh where it is missing)",
+    )  # fmt: skip
+    seed: int = option(0, values.seed, "N", "seed of the photons (0)", resets=False)
+
+
+@dataclass(frozen=True)
+class Display:
+    """How light is drawn."""
+
+    size: tuple[int, int] = option(SIZE, values.size, "WxH", f"pixels ({SIZE[0]}x{SIZE[1]})", kept="", resets=False)
+    exposure: float | None = option(  # None: metered once
+        None, values.exposure, "EV", "stops; +1 doubles the brightness (the scene's, else metered)", of_scene=True
+    )
+    white_balance: bool = switch(True, "draw coloured lamps coloured instead of neutral")
+    tone_map: str = choice("aces", TONE_MAPS, "(aces)")
+    show: str = choice(  # in the window ERRORS too
+        "radiance", SHOWS,
+        "with reflectance, without, or false colours with a legend: of the light on surfaces, or of that seen by the"
+        " camera (radiance)", counts=False, recolours=True,
+    )  # fmt: skip
+    illuminance_range: tuple[float, float] | None = option(  # None: of the view
+        None, values.value_range, "LOW,HIGH",
+        "ends of the false colours [lx or W/m2]; a logarithmic scale if HIGH is 30 LOW or more (that of the view)",
+        counts=False,
+    )  # fmt: skip
+    luminance_range: tuple[float, float] | None = option(
+        None, values.value_range, "LOW,HIGH", "the same [cd/m2 or W/m2/sr]", counts=False
+    )
+    isolines: tuple[float, ...] | None = option(  # (): at round values; None: without
+        None, values.isolines, "auto|E1,E2,...",
+        "lines of equal illuminance over its false colours, at round or at given values [lx or W/m2]", counts=False,
+    )  # fmt: skip
+    error_range: float | None = unlisted(None, recolours=True)  # ends of the error map, relative; see ERROR_RANGES
+    cull: bool = switch(True, "draw the backs of one-sided faces too, dark grey")
+    picture_scale: int = unlisted(1)  # times the viewport's pixels per side, of saved pictures; one of PICTURE_SCALES
+
+
+@dataclass(frozen=True)
+class View:
+    """What the window shows beside the picture, and measures."""
+
+    reference: bool = unlisted(False, recolours=True)  # show the reference instead of the estimate
+    compare: str = unlisted("", recolours=True)  # right side of the wipe: an estimator, REFERENCE, or nothing
+    measure_errors: bool = unlisted(True)  # at rest
+    cells: str = unlisted("")  # leaf cells of the structure of rays, and those on a ray: POINTED, CLICKED; "": none
+    show_paths: bool = unlisted(False)  # draw paths of some photons
+    show_disc: bool = unlisted(False)  # draw what the estimator counts at the receiver under the cursor
+    show_recomputed: bool = unlisted(False, recolours=True)  # colour receivers by what the last frame computed again
+    budget: float = option(  # 0: always all photons
+        BUDGET, values.not_negative, "MS", f"time for light per frame in motion ({BUDGET:g})"
+    )
+    pins: tuple[Pin, ...] = unlisted((), kept="pins", **OF_SCENE)  # read-outs
+    cameras: tuple[tuple[str, tuple[float, ...]], ...] = unlisted((), kept="cameras", **OF_SCENE)  # by name
+    plane: MeasuringPlane | None = option(  # None: nothing is measured
+        None, values.plane, "A0,B0,A1,B1,H[,M,N]",
+        "measuring plane: extent along the two horizontal axes, height above the floor [m], points (by EN 12464-1)",
+        kept="measuring_plane", **OF_SCENE,
+    )  # fmt: skip
+    fallback: bool = unlisted(True, resets=False)  # without a window, render to a file instead of failing
+
+
+@dataclass(frozen=True)
+class Settings(View, Display, Tracing, Lighting, Method, Source):
+    """All settings."""
 
     @property
     def of_solver(self) -> dict[str, object]:
         """Settings of the solver. While two estimators are compared, each shows the light of its own photons."""
-        values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
-        return values | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
+        method = {f.name: getattr(self, f.name) for f in fields(Method)}
+        return method | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
 
     def in_light_scene(self, lamps: tuple[LampSetting, ...]) -> Settings:
         """Return settings of these lamps; all others are as in the scene file."""
@@ -191,6 +303,21 @@ class Settings:
         return {self.compare} - {""} | ({REFERENCE} if needs_reference else set())
 
 
+TABLE: dict[str, Row] = {f.name: f.metadata["row"] for f in fields(Settings)}
+OPTIONS = {name: row for name, row in TABLE.items() if row.option}
+
+
+def flag_of(name: str) -> str:
+    """Return the option of a setting."""
+    no = "no-" if OPTIONS[name].option.get("action") == "store_false" else ""
+    return f"--{no}{(OPTIONS[name].flag or name).replace('_', '-')}"
+
+
+def named(group: type) -> list[str]:
+    """Return the names of the settings of a group that have options."""
+    return [f.name for f in fields(group) if f.name in OPTIONS]
+
+
 def open_scene(settings: Settings) -> Scene:
     """Return the edited scene with its mobiles at the poses of the settings. Raises SceneError."""
     from gi_core.files.edits import edited
@@ -209,8 +336,7 @@ def read_scene(settings: Settings) -> Scene:
 
 def of_files(settings: Settings) -> tuple:
     """Return the settings that read_scene() depends on."""
-    s = settings
-    return s.scene, s.mobiles, s.max_edge, s.up, s.allow_outside, s.units
+    return tuple(getattr(settings, name) for name, row in TABLE.items() if row.reads)
 
 
 def as_asked(scene: Scene, settings: Settings) -> Scene:

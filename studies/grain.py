@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from app.cli import values
+from app import values
 from app.draw import reflected, visible
 from app.draw.layers import layers
 from app.draw.shot import Shot

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from app.cli import values
+from app import values
 from app.draw import visible
 from app.draw.renderer import Renderer
 from app.draw.shot import Shot

@@ -19,7 +19,7 @@ import sys
 import time
 from pathlib import Path
 
-from app.cli import values
+from app import values
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".toml")
 LIMIT = 600.0  # s per scene

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from app.cli import values
+from app import values
 from app.cli.extras import need
 from app.settings import UsageError
 

@@ -6,11 +6,25 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.cli import values
-from app.cli.option_tables import LIGHT, MEASURE, PICTURE, SCENE, WINDOW, flag_of
+from app import values
 from app.cli.saved_scene import opened
 from app.cli.version import version
-from app.settings import SECONDS, Settings, check_names
+from app.settings import (
+    BUDGET,
+    OPTIONS,
+    SECONDS,
+    Display,
+    Lighting,
+    Method,
+    Settings,
+    Source,
+    Tracing,
+    check_names,
+    flag_of,
+    named,
+)  # fmt: skip
+
+LIGHT = (*named(Method), *named(Lighting), *named(Tracing))  # in the order of --help
 
 
 def scene(parser: argparse.ArgumentParser) -> None:
@@ -18,22 +32,22 @@ def scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
     add = parser.add_argument_group("scene").add_argument
     add("scene", nargs="?", default="cornell", metavar="SCENE", help="shipped name, .toml or mesh file (cornell)")
-    _add(add, SCENE)
+    _add(add, *named(Source))
 
 
 def light(parser: argparse.ArgumentParser, *fields: str) -> None:
     """Add the options of these fields of Settings; all that change light without any."""
-    _add(parser.add_argument_group("light").add_argument, LIGHT, fields)
+    _add(parser.add_argument_group("light").add_argument, *(fields or LIGHT))
 
 
 def picture(parser: argparse.ArgumentParser, *fields: str) -> None:
     """Add the options of these fields of Settings; all that change pictures without any."""
-    _add(parser.add_argument_group("picture").add_argument, PICTURE, fields)
+    _add(parser.add_argument_group("picture").add_argument, *(fields or named(Display)))
 
 
 def plane(add: Callable) -> None:
     """Add --plane."""
-    _add(add, MEASURE)
+    _add(add, "plane")
 
 
 def measuring(parser: argparse.ArgumentParser) -> Callable:
@@ -43,9 +57,8 @@ def measuring(parser: argparse.ArgumentParser) -> Callable:
 
 def budget(add: Callable, off: str) -> None:
     """Add --budget; `off` explains the value 0."""
-    given = {**WINDOW["budget"], "default": argparse.SUPPRESS}
-    given["help"] = f"time for light per frame in motion, with the photons that fit{off} ({Settings.budget:g})"
-    add("--budget", **given)
+    text = f"time for light per frame in motion, with the photons that fit{off} ({BUDGET:g})"
+    _add(add, "budget", help=text)
 
 
 def seconds(add: Callable) -> None:
@@ -54,10 +67,10 @@ def seconds(add: Callable) -> None:
     add("--seconds", type=values.not_negative, metavar="S", help=text)
 
 
-def _add(add: Callable, table: dict, fields=()) -> None:
-    """Add options; without them the fields are absent, so that a saved scene may give them."""
-    for field in fields or table:
-        add(flag_of(field), dest=field, **{**table[field], "default": argparse.SUPPRESS})
+def _add(add: Callable, *names: str, **changes: str) -> None:
+    """Add options; those that are not written are absent, so that a saved scene may give them."""
+    for name in names:
+        add(flag_of(name), dest=name, **{**OPTIONS[name].option, **changes, "default": argparse.SUPPRESS})
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
@@ -66,11 +79,11 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     Raises UsageError for an unknown estimator or search, SceneError for a bad saved scene.
     """
     given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
-    given |= {name: tuple(given[name]) for name in ("mobiles", "poses", "lamps") if name in given}
     settings = opened(Settings(scene=given.pop("scene")), given.get("allow_outside", False))
-    for name in ("poses", "lamps"):
+    for name in ("mobiles", "poses", "lamps"):
         if name in given:
-            given[name] = (*getattr(settings, name), *given[name])
+            before = () if name == "mobiles" else getattr(settings, name)
+            given[name] = (*before, *given[name])
     settings = replace(settings, **given)
     check_names(settings)
     return settings

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from app.cli import values
+from app import values
 
 LEAST_SIMILARITY = 0.6  # 0 .. 1, of a typing error
 

@@ -18,9 +18,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.cli.option_tables import ALL, flag_of
 from app.cli.writable import replacing, write_whole
-from app.settings import LampSetting, MeasuringPlane, Pin, Settings, open_scene
+from app.settings import OPTIONS, TABLE, TOGETHER, LampSetting, MeasuringPlane, Pin, Settings, flag_of, open_scene
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
@@ -28,13 +27,9 @@ if TYPE_CHECKING:
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = ("scene", "mobiles", "edits", "poses", "camera", "lamps", "light_scenes", "pins", "measuring_plane", "cameras",
-        "settings")  # fmt: skip
-ELSEWHERE = ("mobiles", "poses", "camera", "lamps", "plane")  # not under [settings]
-WITHOUT_OPTION = ("edits", "light_scenes", "pins", "cameras")
+KEYS = tuple(dict.fromkeys(row.kept for row in TABLE.values() if row.kept))
+SAVED = tuple(name for name, row in TABLE.items() if row.kept == TOGETHER)
 VALUES = "material", "light"  # fields of edits that are tables of a scene file
-NOT_SAVED = ("allow_outside", "size")
-SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
 
 
 def with_view(settings: Settings, poses: Mapping[str, Pose], camera: Camera) -> Settings:
@@ -46,14 +41,14 @@ def with_view(settings: Settings, poses: Mapping[str, Pose], camera: Camera) -> 
 def command_line(settings: Settings) -> str:
     """Return the command that opens the scene with these settings."""
     words = ["gi-viewer", settings.scene]
-    for field, option in ALL.items():
+    for field, row in OPTIONS.items():
         value = getattr(settings, field)
         if value == getattr(Settings, field):
             continue
-        if option.get("action") in ("store_true", "store_false"):
+        if isinstance(value, bool):
             words.append(flag_of(field))
         else:
-            several = value if field in ("mobiles", "poses") else [value]
+            several = value if row.flag else [value]
             several = settings.levels(()).items() if field == "lamps" else several
             words += [f"{flag_of(field)}={_word(field, v)}" for v in several]
     return shlex.join(words)
@@ -113,7 +108,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     boundary = Boundary(file.parent, allow_outside)
     root = Table(tables, path, KEYS)
     mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
-    table = Table(root.values.get("settings", {}), f"{path}: [settings]", SAVED)
+    table = Table(root.values.get(TOGETHER, {}), f"{path}: [{TOGETHER}]", SAVED)
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
     places = Table(root.values.get("poses", {}), f"{path}: [poses]", None)
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
@@ -195,7 +190,7 @@ def _text_of(settings: Settings, names: Mapping[str, str]) -> str:
     saved = {field: getattr(settings, field) for field in SAVED}
     changed = {field: v for field, v in saved.items() if v != getattr(Settings, field)}
     document: dict[str, Any] = {"scene": scene, "mobiles": mobiles} if mobiles else {"scene": scene}
-    document["settings"] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
+    document[TOGETHER] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
     if settings.edits:
         document["edits"] = [_table_of(edit, names) for edit in settings.edits]
     if settings.camera is not None:
@@ -299,7 +294,7 @@ def _checked(field: str, value: Any, where: str) -> Any:
     """Return a value of [settings] as its option gives it. Raises SceneError."""
     from gi_core.scene.errors import SceneError, shown
 
-    option = ALL[field]
+    option = OPTIONS[field].option
     if option.get("action") in ("store_true", "store_false"):
         if not isinstance(value, bool):
             raise SceneError(f"{where}: {field} must be true or false, got {shown(value)}")

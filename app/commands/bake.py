@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.cli import cluster, options, values
+from app import values
+from app.cli import cluster, options
 from app.cli.exit_codes import OK
 from app.cli.extras import need
-from app.cli.option_tables import LIGHT
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
 from app.cli.writable import check_no_input, check_writable, write_whole
@@ -27,7 +27,7 @@ DEFAULT = "gi-viewer.glb"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, *(name for name in LIGHT if name != "gloss"))  # a baked file has diffuse light alone
+    options.light(parser, *(name for name in options.LIGHT if name != "gloss"))  # a baked file has diffuse light alone
     options.picture(parser, "white_balance")
     add = parser.add_argument_group("file").add_argument
     add("--out", type=Path, default=Path(DEFAULT), metavar="FILE.glb", help=f"the file ({DEFAULT})")

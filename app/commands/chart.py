@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from app.cli import cluster, options, values
+from app import values
+from app.cli import cluster, options
 from app.cli.exit_codes import INCOMPLETE, OK, fail
 from app.cli.options import settings_of
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from app.cli import options, values
+from app import values
+from app.cli import options
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left

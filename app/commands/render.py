@@ -9,13 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.cli import cluster, options, values
+from app import values
+from app.cli import cluster, options
 from app.cli.exit_codes import OK
 from app.cli.extras import need
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve, time_left
 from app.cli.writable import check_no_input, check_writable
-from app.settings import MOST_PIXELS, Settings, UsageError, make_solver, open_scene
+from app.settings import Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
     from app.cli.cluster import Machines
@@ -122,9 +123,9 @@ def _check(settings: Settings, out: Path, frames: int | None) -> None:
         raise UsageError(f"--out must name a file of {', '.join(STILLS + FILMS)}, got {out}")
     if suffix in FILMS and frames is None:
         raise UsageError(f"--out {out} is a film: give --frames N, or name a .png file")
-    if max(settings.size) > MOST_PIXELS:
+    if max(settings.size) > values.MOST_PIXELS:
         raise UsageError(
-            f"a picture has at most {MOST_PIXELS} pixels per side, got {max(settings.size)}; lower --scale"
+            f"a picture has at most {values.MOST_PIXELS} pixels per side, got {max(settings.size)}; lower --scale"
         )
     if suffix == ".exr":
         need("OpenEXR", "writes .exr files")

@@ -6,7 +6,8 @@ import argparse
 import shlex
 from typing import TYPE_CHECKING
 
-from app.cli import options, values
+from app import values
+from app.cli import options
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, solve

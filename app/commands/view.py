@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from app.cli import options, values
+from app import values
+from app.cli import options
 from app.cli.exit_codes import NO_GL, OK, fail
 from app.cli.options import settings_of
 from app.commands.render import FALLBACK_PICTURE

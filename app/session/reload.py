@@ -14,17 +14,14 @@ from typing import TYPE_CHECKING
 from app.cli import saved_scene
 from app.session.opening import COMPILING, Before
 from app.session.session import Asked, Session
-from app.settings import Settings
+from app.settings import TABLE, Settings
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
     from gi_core.scene import Pose
 
 # Settings that another scene resets; those of display and estimator stay.
-RESET_BY_SCENE = (
-    "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "edits",
-    "exposure", "units", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
-)  # fmt: skip
+RESET_BY_SCENE = [name for name, row in TABLE.items() if row.of_scene]
 
 QUIET = 3.0  # s of an edit without progress: a held slider opens several per second, and each would flash
 
@@ -221,8 +218,7 @@ def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings
     """
     saved = saved_scene.opened(Settings(scene=scene))
     if saved.document:
-        fields = ("document", "scene", *saved_scene.ELSEWHERE, *saved_scene.WITHOUT_OPTION, *saved_scene.SAVED)
-        of_file = {name: getattr(saved, name) for name in fields}
+        of_file = {name: getattr(saved, name) for name, row in TABLE.items() if row.kept or name == "document"}
         return replace(now.settings, **(of_file | {"mobiles": (*saved.mobiles, *mobiles), "solo": ""}))
     left_open = {name: getattr(Settings, name) for name in RESET_BY_SCENE}
     return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.measured_points import MeasuredPoints
@@ -17,7 +17,7 @@ from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
 from app.session.solver_thread import SolverThread
 from app.session.undo import Field, History
-from app.settings import Settings
+from app.settings import TABLE, Lighting, Settings
 from app.worker import PATIENCE, Worker
 from gi_core.scene import Pose
 from gi_core.scene.errors import one_line
@@ -30,14 +30,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 
 BUDGET = 0.008  # s per frame for refinement
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
-# Settings that change uploaded colours, or read-outs
-OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed", "units"
-# Settings that name the scene or belong to the window: they stay where the others are reset
-KEPT_BY_RESET = (
-    "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
-    "fallback", "pins", "cameras", "plane",
-)  # fmt: skip
-OF_LAMPS = "lamps", "solo", "light_scenes"  # settings of the panel whose changes are steps of undo
+OF_LAMPS = [field.name for field in fields(Lighting)]  # settings of the panel whose changes are steps of undo
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -175,7 +168,7 @@ class Session(OpenScene):
     def reset_settings(self, exposure: float) -> None:
         """Return to the settings of a scene opened without options; exposure: as metered [EV]."""
         s = self.settings
-        kept: dict[str, Any] = {name: getattr(s, name) for name in KEPT_BY_RESET}
+        kept: dict[str, Any] = {name: getattr(s, name) for name, row in TABLE.items() if not row.resets}
         self.want(replace(Settings(), **(kept | {"exposure": exposure} | self.filled)))
 
     def choose_estimator(self, name: str) -> None:
@@ -225,7 +218,7 @@ class Session(OpenScene):
         except Exception as problem:
             self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})
             self.log.error("settings", problem)
-        if any(getattr(new, name) != getattr(old, name) for name in OF_COLOURS):
+        if any(row.recolours and getattr(new, name) != getattr(old, name) for name, row in TABLE.items()):
             self._refreshed += 1
         self._applied = new
 

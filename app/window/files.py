@@ -11,15 +11,12 @@ from imgui_bundle import hello_imgui
 from app.cli import saved_scene
 from app.session.session import Session
 from app.session.watch import Watch
+from app.settings import TABLE
 from app.window import dialogs
 from app.window.viewport import Viewport
 
 MOST_RECENT = 10
 RECENT, WATCHES = "recent", "reload when files change"  # preferences in the window's ini file
-# Ways of looking at a scene: keys change them all the time.
-LOOKS = ("show", "estimator", "light", "illuminance_range", "luminance_range", "isolines")
-NAMED = ("lamps", "light_scenes", "pins", "cameras", "plane")  # in tables of their own, as poses
-COUNTED = tuple(field for field in saved_scene.SAVED if field not in LOOKS)
 
 
 class Files:
@@ -102,5 +99,6 @@ class Files:
 
 
 def _state(session: Session) -> tuple:
-    named = (getattr(session.settings, field) for field in (*NAMED, *COUNTED))
-    return session.poses, session.edits, tuple(named)
+    """Return what a saved scene would keep, apart from ways of looking at it."""
+    counted = (getattr(session.settings, name) for name, row in TABLE.items() if row.kept and row.counts)
+    return session.poses, session.edits, tuple(counted)

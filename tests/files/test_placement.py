@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.cli.option_tables import SCENE
-from app.settings import Settings, open_scene
+from app.settings import OPTIONS, Settings, open_scene
 from gi_core.files.completion.camera_view import in_frame, picture_rays
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.default_lights import RADIANCE
@@ -227,7 +226,7 @@ def test_pose_places_the_foot_of_a_mobile_file_and_the_origin_of_a_described_mes
     origin = open_scene(Settings(f"{tmp_path}/a.toml", poses=(("m", given),)))
     assert corners(foot).min(axis=0) == pytest.approx([0.5, 0.1, 0.4])
     assert corners(origin).min(axis=0) == pytest.approx(given)
-    assert "origin [m]: that of its mesh in a scene file, the middle of its foot of" in SCENE["poses"]["help"]
+    assert "origin [m]: that of its mesh in a scene file, the middle of its foot of" in OPTIONS["poses"].option["help"]
 
 
 def test_the_files_own_camera_is_kept(tmp_path):

@@ -4,9 +4,8 @@
 settings and restarts the first stage that a change affects.
 
 A section is one file with `draw(settings, facts, actions) -> Settings` and one line in SECTIONS, or in RESEARCH if it
-is about the method: one switch shows those. A new setting is a field of `Settings` (app/settings.py); a solver's
-setting is also named in SOLVER_SETTINGS there. A new read-out is a field of `Facts` (facts.py). Widgets with label and
-tooltip are in widgets.py.
+is about the method: one switch shows those. A new setting is one entry of a group in app/settings.py. A new read-out
+is a field of `Facts` (facts.py). Widgets with label and tooltip are in widgets.py.
 """
 
 from __future__ import annotations

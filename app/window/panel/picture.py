@@ -8,7 +8,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from app.cli import values
+from app import values
 from app.draw.units import PHOTOMETRIC, RADIOMETRIC, Units
 from app.settings import (
     ERROR_RANGES,

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from app.cli.values import MOST_GRID_POINTS
 from app.draw.units import PHOTOMETRIC, RADIOMETRIC
 from app.settings import MeasuringPlane, Settings
+from app.values import MOST_GRID_POINTS
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 from gi_core.geometry.error import luminance

@@ -1,18 +1,48 @@
-"""Value types of options: each function returns a value or raises ArgumentTypeError with the valid range."""
+"""Values of settings: records, and functions that read the text of an option or raise ArgumentTypeError with its range.
+
+Only the standard library is imported, so that `--help` stays instant.
+"""
 
 from __future__ import annotations
 
 import argparse
 import math
 from pathlib import Path
+from typing import NamedTuple
 
-from app.settings import MOST_PIXELS, LampSetting, MeasuringPlane
-
+MOST_PIXELS = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
 LEAST_LIGHT_MAP = 16  # pixels per side
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
+
+
+class LampSetting(NamedTuple):
+    """Level of a lamp: its light is that of the scene file times `dim` and `colour`."""
+
+    name: str
+    dim: float = 1.0
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    on: bool = True
+
+
+class Pin(NamedTuple):
+    """A read-out pinned to a point of a surface."""
+
+    name: str
+    position: tuple[float, float, float]  # [m], in the scene, or in the space of `object`
+    normal: tuple[float, float, float]  # of the side that is read
+    object: str = ""  # a mobile; "": the static part
+
+
+class MeasuringPlane(NamedTuple):
+    """A horizontal grid of points; see `app.rest.measuring_plane`."""
+
+    low: tuple[float, float]  # [m] along the two horizontal axes
+    high: tuple[float, float]
+    height: float  # [m] above the floor
+    points: tuple[int, int] | None = None  # along the two axes; None: by EN 12464-1
 
 
 def _require(holds: object, rule: str, text: str) -> None:
