@@ -28,6 +28,7 @@ lint:
     {{python}} -m ruff format --check .
     {{python}} -c "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())"
     {{python}} -m mypy
+    {{python}} -m studies.ratchet
 
 # API reference of the public packages, in out/api
 docs:

@@ -19,7 +19,6 @@ ROOT = Path(__file__).resolve().parents[1]
 INSIDE = (f"{ROOT}/app/", f"{ROOT}/gi_core/")
 PANEL = "app/window/panel/"
 WINDOW = "MainThread"
-PATH = ("_continue_drag", "_draw_scene")  # of the window's thread; the solver's thread is on the path as a whole
 PHOTONS = 65_536
 FRAMES = 6  # of the drag; the last one counts
 PATIENCE = 60.0  # s for the move of one frame: a profiled one is slow
@@ -30,19 +29,20 @@ class Profile:
 
     def __init__(self) -> None:
         self.on = False
+        self.roots: frozenset[CodeType] = frozenset()  # functions of the window's thread that the path begins with
         self.clear()
 
     def clear(self) -> None:
         self.frame: dict[str, dict[CodeType, dict]] = {}  # thread -> code -> its global names
         self.path: dict[str, dict[CodeType, dict]] = {}
-        self._depth = 0  # of functions of PATH that the window's thread is in
+        self._depth = 0  # of roots that the window's thread is in
 
     def __call__(self, frame, event: str, argument) -> None:
         code = frame.f_code
         if not self.on or event not in ("call", "return") or not code.co_filename.startswith(INSIDE):
             return
         thread = threading.current_thread().name
-        if code.co_name in PATH and thread == WINDOW:
+        if code in self.roots and thread == WINDOW:
             self._depth += 1 if event == "call" else -1
         self.frame.setdefault(thread, {})[code] = frame.f_globals
         if thread != WINDOW or self._depth:
@@ -85,9 +85,12 @@ def dragged_frame(scene: str) -> tuple[dict, dict]:
     sys.setprofile(profile)
     from app.session.opening import Opening
     from app.settings import Settings
+    from app.window.mobile_drag import MobileDrag
     from app.window.viewer import Viewer
+    from app.window.viewport import Viewport
     from tests.support.viewer_hand import Hand
 
+    profile.roots = frozenset((MobileDrag.follow.__code__, Viewport.draw.__code__))
     viewer = Viewer(Settings(scene=scene, photons=PHOTONS, measure_errors=False, size=(960, 640)), Opening)
     frame, show = viewer.params.callbacks.show_gui, viewer.params.callbacks.after_swap
     versions: list[int] = []  # of the light after each frame of the drag
@@ -137,23 +140,29 @@ def dragged_frame(scene: str) -> tuple[dict, dict]:
     return kept[FRAMES - 1]
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scene", nargs="?", default="cornell")
-    scene = parser.parse_args().scene
+def hops(scene: str, verbose: bool = False) -> dict[str, set[str]]:
+    """Return the files of the whole frame, and of its path, without the panel's."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CONFIG_HOME"] = os.environ["GI_VIEWER_REFERENCE_DIR"] = folder
         measured = dict(zip(("frame", "path"), dragged_frame(scene), strict=True))
+    out = {}
     for name, threads in measured.items():
         ran = {code: names for codes in threads.values() for code, names in codes.items()}
-        for thread, codes in sorted(threads.items()):
-            print(f"{name}, {thread}: {len(modules(codes))}\n  " + "\n  ".join(sorted(modules(codes))))
         alone = modules(kernels(ran)) - modules(ran)
-        print(f"{name}, kernels that no profile shows: {len(alone)}\n  " + "\n  ".join(sorted(alone)))
-        every = modules(ran) | alone
-        panel = {f for f in every if f.startswith(PANEL)}
-        lines = sum(len((ROOT / f).read_text().splitlines()) for f in every - panel)
-        print(f"{name}: {len(every)} modules; without the panel {len(every - panel)}, of {lines} lines")
+        out[name] = {f for f in modules(ran) | alone if not f.startswith(PANEL)}
+        if verbose:
+            for thread, codes in sorted(threads.items()):
+                print(f"{name}, {thread}: {len(modules(codes))}\n  " + "\n  ".join(sorted(modules(codes))))
+            print(f"{name}, kernels that no profile shows: {len(alone)}\n  " + "\n  ".join(sorted(alone)))
+    return out
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", nargs="?", default="cornell")
+    for name, files in hops(parser.parse_args().scene, verbose=True).items():
+        lines = sum(len((ROOT / f).read_text(encoding="utf-8").splitlines()) for f in files)
+        print(f"{name}: {len(files)} modules without the panel, of {lines} lines")
     return 0
 
 
