@@ -14,7 +14,7 @@ BEHIND = 0.5  # the same, absorbed by backs of one-sided faces
 
 def warnings_of(solver: Solver) -> dict[str, str]:
     """Return one sentence per kind of warning: "memory", "escapes", "behind"; empty without any."""
-    from gi_core.files.completion.default_lights import lit_by_stand_ins
+    from gi_core.files.completion.completion import lit_by_stand_ins
 
     found, chosen = {}, solver.chosen
     if solver.frame.store.memory_full:

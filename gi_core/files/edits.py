@@ -15,21 +15,20 @@ import numpy as np
 
 from gi_core.base.grouping import components
 from gi_core.base.vectors import cross, dot
-from gi_core.files.completion.completion import complete
+from gi_core.files.completion.completion import DEFAULT_LAMP, lit_by_stand_ins
 from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.finishing import Values, finished_materials, materials_to_finish, mobile_called
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.lights_table import Luminaires, changed_light, read_light
 from gi_core.files.formats.materials_table import FINISH, checked
-from gi_core.files.formats.mesh_file import part_of
-from gi_core.files.formats.toml_fields import as_table
-from gi_core.files.gloss_classes import with_gloss_classes
-from gi_core.files.lighting import Darken, Light, darkened, lit
-from gi_core.files.load import cut_for_light, finished, join, with_mobile_file
+from gi_core.files.formats.toml_fields import Table, as_table
+from gi_core.files.load import inserted
+from gi_core.geometry.mesh_parts import join, part_of
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
-from gi_core.scene.types import Mesh, Mobile, Pose, Scene
-from gi_core.scene.validate import check_scene
+from gi_core.scene.types import LightScene, Mesh, Mobile, Pose, Scene
+from gi_core.scene.validate import check_lamp, check_scene, lamps_of
 
 __all__ = [
     "KINDS", "Darken", "Duplicate", "Edit", "EditError", "Finish", "Freeze", "Insert", "Light", "Promote", "Remove",
@@ -83,6 +82,26 @@ class Freeze(NamedTuple):
 
     name: str
     pose: Pose
+
+
+class Light(NamedTuple):
+    """Add a light, or change one: the given values replace its own. With a `type` among them it is a new one."""
+
+    name: str
+    light: Values  # of a table [[light]], without name and file
+    file: str = ""  # photometric
+    of: str = ""  # begin with the values of the light of this name, for a new one
+    number: int = 1  # of the lights of that name, from 1
+
+
+class Darken(NamedTuple):
+    """Remove a lamp: its lights, and the emission of its faces; with a number, one of its lights.
+
+    Of a default light the faces go too.
+    """
+
+    name: str
+    number: int | None = None
 
 
 class EditError(SceneError):
@@ -203,7 +222,7 @@ def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
             table = checked(values, f"{scene.name}: the material of {shown(name)}", FINISH)
             return finished_materials(*materials_to_finish(scene, name, part), table)
         case Insert(name, file, pose):
-            return _inserted(scene, _new(scene, name), Path(file), pose, allow_outside)
+            return inserted(scene, Path(file), _new(scene, name), pose, allow_outside)
         case Duplicate(name, of, pose):
             copy = mobile_called(scene, of)._replace(name=_new(scene, name), pose=_pose(scene, name, pose), path=None)
             return replace(scene, mobiles=(*scene.mobiles, copy))
@@ -214,9 +233,9 @@ def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
         case Freeze(name, pose):
             return _frozen(scene, mobile_called(scene, name), _pose(scene, name, pose))
         case Light():
-            return lit(scene, edit, allow_outside)
+            return _lit(scene, edit, allow_outside)
         case Darken(name, number):
-            return darkened(scene, name, number)
+            return _darkened(scene, name, number)
 
 
 def _new(scene: Scene, name: str) -> str:
@@ -234,19 +253,6 @@ def _without(scene: Scene, mobile: Mobile) -> Scene:
 
 
 # Objects --------------------------------------------------------------------------------------------
-
-
-def _inserted(scene: Scene, name: str, path: Path, pose: Pose | None, allow_outside: bool) -> Scene:
-    origin = origin_of(scene.static)
-    scene, up = with_mobile_file(translated(scene, -origin), path, name, allow_outside)
-    scene, *_ = complete(scene, [(len(scene.mobiles) - 1, up)], bare=False)
-    mobile = finished(scene.mobiles[-1])
-    scene = with_gloss_classes(replace(scene, mobiles=(*scene.mobiles[:-1], mobile)))
-    mobile = scene.mobiles[-1]._replace(mesh=cut_for_light(scene.mobiles[-1].mesh, scene.materials))
-    scene = translated(replace(scene, mobiles=(*scene.mobiles[:-1], mobile)), origin)
-    if pose is None:
-        return scene
-    return replace(scene, mobiles=(*scene.mobiles[:-1], scene.mobiles[-1]._replace(pose=_pose(scene, name, pose))))
 
 
 def piece_at(mesh: Mesh, point) -> np.ndarray:
@@ -295,3 +301,61 @@ def _frozen(scene: Scene, mobile: Mobile, pose: Pose) -> Scene:
         normals = to_world_directions(pose, mesh.corner_normals.reshape(-1, 3)).reshape(-1, 3, 3)
         mesh = mesh._replace(corner_normals=normals)
     return replace(_without(scene, mobile), static=join([scene.static, mesh], scene.materials))
+
+
+# Lights ---------------------------------------------------------------------------------------------
+
+
+def place_of(scene: Scene, name: str, number: int) -> int | None:
+    """Return the place in `scene.lights` of a light, by its number among those of its name, from 1; None: none is."""
+    places = [k for k, light in enumerate(scene.lights) if light.name == name]
+    return places[number - 1] if 1 <= number <= len(places) else None
+
+
+def _lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
+    """Return a scene with a light that an edit adds or changes. Raises SceneError."""
+    where = f"{scene.name}: light {shown(edit.name)}"
+    values = as_table(edit.light)
+    place = place_of(scene, edit.name, edit.number)
+    if "type" in values:
+        file = Path(edit.file)
+        boundary = Boundary(file.parent, allow_outside)
+        luminaires = Luminaires(file.parent, boundary, scene.units, scene.up)
+        named = {"file": file.name} if edit.file else {}
+        light = read_light({**values, **named, "name": edit.name}, where, edit.name, luminaires)
+        notes = [note for found in luminaires.files.values() for note in found.notes]
+        if boundary.files:
+            scene = replace(scene, files=(*scene.files, tuple(boundary.files)))
+    else:
+        of = place if not edit.of else place_of(scene, edit.of, edit.number)
+        place = None if edit.of else place
+        if of is None:
+            there = ", ".join(f'"{light.name}"' for light in scene.lights) or "none"
+            raise SceneError(f"{scene.name}: no light is called {shown(edit.of or edit.name)}; there is {there}")
+        light, notes = changed_light(scene.lights[of]._replace(name=edit.name), Table(values, where, None)), []
+    lights = (*scene.lights, light) if place is None else (*scene.lights[:place], light, *scene.lights[place + 1 :])
+    return replace(scene, lights=lights, notes=(*scene.notes, *notes))
+
+
+def _darkened(scene: Scene, name: str, number: int | None) -> Scene:
+    """Return a scene without a lamp, or without one of its lights. Raises SceneError."""
+    check_lamp(f"{scene.name}: remove a lamp", name, scene)
+    if number is not None:
+        place = place_of(scene, name, number)
+        if place is None:
+            raise SceneError(f"{scene.name}: lamp {shown(name)} has no light {number}")
+        scene = replace(scene, lights=(*scene.lights[:place], *scene.lights[place + 1 :]))
+    else:
+        materials = tuple(m._replace(emission=(0.0, 0.0, 0.0)) if m.name == name else m for m in scene.materials)
+        lights = tuple(light for light in scene.lights if light.name != name)
+        scene = replace(scene, lights=lights, materials=materials, static=_without_stand_in(scene, name))
+    there = lamps_of(scene)
+    kept = (LightScene(s.name, tuple(level for level in s.levels if level.lamp in there)) for s in scene.light_scenes)
+    return replace(scene, light_scenes=tuple(kept))
+
+
+def _without_stand_in(scene: Scene, name: str) -> Mesh:
+    """Return the static part without the faces of a default light: they would stay as a dark plate."""
+    these = np.array([m.name == name for m in scene.materials], bool)[scene.static.face_material]
+    stands_in = name == DEFAULT_LAMP and lit_by_stand_ins(scene)
+    return part_of(scene.static, ~these) if stands_in and these.any() else scene.static

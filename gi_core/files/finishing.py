@@ -13,10 +13,10 @@ import numpy as np
 
 from gi_core.bsdf.ggx import further_albedo, under_gloss
 from gi_core.files.formats.materials_table import overridden
-from gi_core.files.formats.mesh_file import part_of
 from gi_core.files.formats.metallic_roughness import MetalRough, as_metal_rough
 from gi_core.files.formats.toml_fields import Table
 from gi_core.files.gloss_classes import base_colours
+from gi_core.geometry.mesh_parts import part_of
 from gi_core.geometry.surfaces import Surfaces, face_normals, lobe_of
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, shown

@@ -1,36 +1,37 @@
-"""load_scene: a scene file or a single mesh file, with mobiles from other files, becomes a complete Scene."""
+"""load_scene: a scene file or a single mesh file, with mobiles from other files, becomes a complete Scene by STEPS."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gi_core.bsdf.tabulate import tabulate
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.crossings import with_corners_at_crossings
-from gi_core.files.completion.dark_sides import one_sided_where_dark
-from gi_core.files.completion.lamp_orientation import facing_the_scene
+from gi_core.files.completion.pilot import Box, Rays
 from gi_core.files.completion.refinement import COARSEST, FINEST, refined
+from gi_core.files.completion.sides import facing_the_scene, one_sided_where_dark
 from gi_core.files.find import find_scene
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import check_used, override, single
-from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file
-from gi_core.files.formats.toml_file import UP, SceneFile, StaticEntry, read_scene_file
+from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file, scaled
+from gi_core.files.formats.toml_file import UP, MobileEntry, SceneFile, StaticEntry, read_scene_file
 from gi_core.files.gloss_classes import with_gloss_classes
-from gi_core.files.scaling import scaled
 from gi_core.geometry.cutouts import without_holes
-from gi_core.geometry.paint import join_finishes, join_paints
+from gi_core.geometry.mesh_parts import join
 from gi_core.geometry.tessellation import tessellate
 from gi_core.scene.errors import SceneError, named, shown
 from gi_core.scene.origin import origin_of, translated
+from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import FILE, FLAG, LENGTH, is_direction
-from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
+from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_scene, check_size
 
 GLTF = ".glb", ".gltf"
@@ -72,161 +73,263 @@ def load_scene(
         raise SceneError(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
         )
-    up = _checked_up(up, where)
-    builder = _Builder(described, where, file.stem, up, suffix != ".toml", boundary)
+    loading = Loading(described, boundary, where, suffix != ".toml", tuple(map(Path, mobiles)), max_edge)
     try:
         with named(where, *map(str, mobiles)):
-            scene = builder.build(mobiles, max_edge)
-            check_scene(scene)
-            return replace(scene, files=(tuple(boundary.files), *scene.files))
+            loading.scene = _described(loading, file.stem, _checked_up(up, where))
+            for step in STEPS:
+                step(loading)
+            check_scene(loading.scene)
+            return replace(loading.scene, files=(tuple(boundary.files), *loading.scene.files))
     except MemoryError:
         raise SceneError(f"{where}: the scene does not fit into memory; simplify its meshes") from None
 
 
-class _Builder:
-    """Collects materials while the meshes of one scene are read."""
+@dataclass
+class Loading:
+    """A scene between the steps of loading."""
 
-    def __init__(self, described: SceneFile, where: str, name: str, up, bare: bool, boundary: Boundary):
-        self.file, self.where, self.name, self.up, self.bare = described, where, name, up or described.up, bare
-        self.boundary = boundary
-        self.read: dict[str, MeshFile] = {}  # by real path
-        self.materials: list[Material] = []
-        self.notes: list[str] = [note for file in described.photometry.values() for note in file.notes]
+    file: SceneFile
+    boundary: Boundary
+    where: str
+    bare: bool  # a mesh file without a scene file
+    mobiles: tuple[Path, ...]  # added to those of the file
+    max_edge: float | None  # [m], before that of the file; inf: as it is
+    scene: Scene = field(init=False)
+    unplaced: list[tuple[int, Any]] = field(default_factory=list)  # mobiles, and the up axes of their files or None
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the coordinates that steps use
+    rays: Rays | None = None
+    box: Box | None = None  # of the lit part
 
-    def build(self, extra: Sequence[str | Path], max_edge: float | None) -> Scene:
-        scale = self.file.static.scale
-        read = [scaled(self._read(p, self._shown(p)), scale) for p in self.file.static.meshes]
-        self.up = self.up or UP[read[0].up]
-        static = self._static(read)
-        check_size(f"{self.where}: a scene", static)
-        lights = [*self.file.lights, *(light for r in read for light in r.lights)]
-        punctual = any(r.lights for r in read)  # glTF lights are photometric, and so is its emission
-        nits = (
-            self.bare
-            and self.file.static.meshes[0].suffix.lower() in GLTF
-            and any(any(m.emission) for m in read[0].materials)
-        )
-        camera = self.file.camera or next((r.camera for r in read if r.camera), None)
-        mobiles = [self._described(m) for m in self.file.mobiles]
-        check_used(self.file.materials, {m.name for m in self.materials})
-        _check_models(self.materials, self.where)
-        scene = Scene(
-            static,
-            tuple(self.materials),
-            tuple(mobiles),
-            tuple(lights),
-            tuple(self.file.probes),
-            camera,
-            self.up,
-            "photometric" if punctual or nits else self.file.units,
-            self.file.title if not self.bare else self.name,
-            self.file.defaults,
-            tuple(self.notes),
-            tuple(self.file.light_scenes),
-        )
-        # Completion casts float32 rays: it works near the origin.
-        origin = origin_of(static)
-        scene = translated(scene, -origin)
-        unplaced: list[tuple[int, tuple | None]] = [
-            (i, None) for i, m in enumerate(self.file.mobiles) if m.pose is None
-        ]
-        for path in extra:
-            scene, up = with_mobile_file(scene, Path(path), None, self.boundary.open)
-            unplaced.append((len(scene.mobiles) - 1, up))
-        scene, rays = facing_the_scene(scene)
-        scene, rays, box = complete(scene, unplaced, self.bare, rays)
-        described = len(self.file.mobiles)
-        finer = tuple(finished(m) for m in scene.mobiles[described:])
-        scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
-        scene = with_gloss_classes(self._refined(scene, max_edge, rays, box))
-        scene = replace(scene, notes=(*scene.notes, *_darkened(scene.materials)))
-        cut = tuple(m._replace(mesh=cut_for_light(m.mesh, scene.materials)) for m in scene.mobiles)
-        static = cut_for_light(scene.static, scene.materials)
-        return translated(replace(scene, static=static, mobiles=cut), origin)
+    def change(self, **values: Any) -> None:
+        self.scene = replace(self.scene, **values)
 
-    def _shown(self, path: Path) -> str:
-        return self.where if self.bare else f"{self.where}: {path.name}"
+    def note(self, *notes: str) -> None:
+        self.change(notes=(*self.scene.notes, *notes))
 
-    def _read(self, path: Path, where: str) -> MeshFile:
-        """Read a mesh file that the scene file names."""
-        if not self.boundary.holds(path):
-            raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
-        real = os.path.realpath(path)
-        if real in self.read:
-            self.boundary.take(where, "triangles", len(self.read[real].mesh.faces))
-        else:
-            self.read[real] = read_mesh_file(path, where, self.boundary)
-        return self.read[real]
+    def change_meshes(self, changed: Callable[[Mesh], Mesh]) -> None:
+        mobiles = tuple(m._replace(mesh=changed(m.mesh)) for m in self.scene.mobiles)
+        self.change(static=changed(self.scene.static), mobiles=mobiles)
 
-    def _static(self, read: list[MeshFile]) -> Mesh:
-        meshes = []
-        for r in read:
-            mesh, materials = override(r.mesh, r.materials, self.file.materials)
-            meshes.append(self._adopt(mesh, materials))
-            self.notes += r.notes
-        return join(meshes, self.materials)
-
-    def _described(self, entry) -> Mobile:
-        r = self._read(entry.mesh, f"{entry.where}: {entry.mesh.name}")
-        mesh, materials = override(r.mesh, r.materials, self.file.materials)
-        if entry.material is not None:
-            mesh, materials = single(mesh, entry.material, r.materials, self.file.materials, entry.where)
-        mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
-        check_size(f"{entry.where}: a mobile", mesh)
-        _check_dark(mesh, materials, entry.where)
-        mesh = self._adopt(mesh, materials)
-        if entry.max_edge is not None:
-            mesh = self._cut(mesh, entry.max_edge, entry.where)
-        self.notes += [f'mobile "{entry.name}": {n}' for n in r.notes]
-        mobile = Mobile(entry.name, mesh, path=entry.path)
-        return mobile._replace(pose=entry.pose) if entry.pose is not None else mobile
-
-    def _adopt(self, mesh: Mesh, materials: list[Material]) -> Mesh:
-        """Append a mesh's materials to the scene's, and number its faces' materials accordingly."""
-        mesh = mesh._replace(face_material=(mesh.face_material + len(self.materials)).astype(np.int32))
-        self.materials += materials
-        return mesh
-
-    def _cut(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
+    def split(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
+        """Return a mesh with edges up to max_edge [m]. Raises SceneError for too many triangles."""
         with named(where):
-            cut = tessellate(mesh, max_edge)
-        self.boundary.take(where, "triangles", max(len(cut.faces) - len(mesh.faces), 0))
-        return cut
-
-    def _refined(self, scene: Scene, max_edge: float | None, rays, box) -> Scene:
-        if self.bare:
-            scene = one_sided_where_dark(scene, box)
-        wanted = max_edge or self.file.static.max_edge
-        if wanted is not None:
-            return scene if wanted == np.inf else replace(scene, static=self._cut(scene.static, wanted, self.where))
-        if not self.bare:
-            return _with_note_on_edges(scene)
-        before = len(scene.static.faces)
-        mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
-        if len(mesh.faces) == before:
-            return scene
-        note = f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {len(mesh.faces):,}"
-        return replace(scene, static=mesh, notes=(*scene.notes, note))
+            finer = tessellate(mesh, max_edge)
+        self.boundary.take(where, "triangles", max(len(finer.faces) - len(mesh.faces), 0))
+        return finer
 
 
-def _with_note_on_edges(scene: Scene) -> Scene:
-    """Return the scene, with a note if triangles too long to show shadows are most of its area, lamps aside."""
+# What the file describes ----------------------------------------------------------------------------
+
+
+def _described(loading: Loading, stem: str, up) -> Scene:
+    """Return the scene that a file describes, of its meshes as they are."""
+    file, where, materials = loading.file, loading.where, list[Material]()
+    cache = dict[str, MeshFile]()  # by real path
+    notes = [note for photometry in file.photometry.values() for note in photometry.notes]
+    names = [where if loading.bare else f"{where}: {path.name}" for path in file.static.meshes]
+    parts = [_read(loading, cache, *named) for named in zip(file.static.meshes, names, strict=True)]
+    parts = [scaled(part, file.static.scale) for part in parts]
+    meshes = []
+    for part in parts:
+        meshes.append(_adopted(*override(part.mesh, part.materials, file.materials), materials))
+        notes += part.notes
+    static = join(meshes, materials)
+    check_size(f"{where}: a scene", static)
+    mobiles = [_mobile(loading, cache, entry, materials, notes) for entry in file.mobiles]
+    loading.unplaced = [(i, None) for i, entry in enumerate(file.mobiles) if entry.pose is None]
+    check_used(file.materials, {m.name for m in materials})
+    _check_models(materials, where)
+    punctual = any(part.lights for part in parts)  # glTF lights are photometric, and so is its emission
+    nits = file.static.meshes[0].suffix.lower() in GLTF and any(any(m.emission) for m in parts[0].materials)
+    return Scene(
+        static,
+        tuple(materials),
+        tuple(mobiles),
+        (*file.lights, *(light for part in parts for light in part.lights)),
+        tuple(file.probes),
+        file.camera or next((part.camera for part in parts if part.camera), None),
+        up or file.up or UP[parts[0].up],
+        "photometric" if punctual or (loading.bare and nits) else file.units,
+        stem if loading.bare else file.title,
+        file.defaults,
+        tuple(notes),
+        tuple(file.light_scenes),
+    )
+
+
+def _read(loading: Loading, cache: dict[str, MeshFile], path: Path, where: str) -> MeshFile:
+    """Return a mesh file that a scene file names, read once."""
+    if not loading.boundary.holds(path):
+        raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
+    real = os.path.realpath(path)
+    if real in cache:
+        loading.boundary.take(where, "triangles", len(cache[real].mesh.faces))
+    else:
+        cache[real] = read_mesh_file(path, where, loading.boundary)
+    return cache[real]
+
+
+def _mobile(loading: Loading, cache, entry: MobileEntry, materials: list[Material], notes: list[str]) -> Mobile:
+    """Return a mobile of a scene file; its materials and notes are appended."""
+    r = _read(loading, cache, entry.mesh, f"{entry.where}: {entry.mesh.name}")
+    mesh, own = override(r.mesh, r.materials, loading.file.materials)
+    if entry.material is not None:
+        mesh, own = single(mesh, entry.material, r.materials, loading.file.materials, entry.where)
+    mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
+    check_size(f"{entry.where}: a mobile", mesh)
+    _check_dark(mesh, own, entry.where)
+    mesh = _adopted(mesh, own, materials)
+    if entry.max_edge is not None:
+        mesh = loading.split(mesh, entry.max_edge, entry.where)
+    notes += [f'mobile "{entry.name}": {n}' for n in r.notes]
+    return Mobile(entry.name, mesh, entry.pose or Pose(), entry.path)
+
+
+def _adopted(mesh: Mesh, own: list[Material], materials: list[Material]) -> Mesh:
+    """Return a mesh whose faces index `materials`, to which its own are appended."""
+    mesh = mesh._replace(face_material=(mesh.face_material + len(materials)).astype(np.int32))
+    materials += own
+    return mesh
+
+
+def _check_dark(mesh: Mesh, materials: list[Material], where: str) -> None:
+    for i in np.unique(mesh.face_material):
+        if any(materials[i].emission):
+            raise SceneError(
+                f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
+                f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
+            )
+
+
+def _check_models(materials: Iterable[Material], where: str) -> None:
+    """Raise SceneError for a material whose model would reflect more light than arrives."""
+    for m in materials:
+        if m.brdf:
+            try:
+                tabulate(m.brdf, m.scaled)
+            except ValueError as error:
+                raise SceneError(f'{where}: material "{m.name}": {error}') from None
+
+
+# Steps ----------------------------------------------------------------------------------------------
+
+
+def _go_near_the_origin(loading: Loading) -> None:
+    """Rays of completion are float32."""
+    loading.origin = origin_of(loading.scene.static)
+    loading.scene = translated(loading.scene, -loading.origin)
+
+
+def _add_mobiles(loading: Loading) -> None:
+    for path in loading.mobiles:
+        loading.scene, up = _with_mobile_file(loading.scene, path, None, loading.boundary.open)
+        loading.unplaced.append((len(loading.scene.mobiles) - 1, up))
+
+
+def _turn_lamps(loading: Loading) -> None:
+    loading.scene, loading.rays = facing_the_scene(loading.scene)
+
+
+def _complete(loading: Loading) -> None:
+    loading.scene, loading.rays, loading.box = complete(loading.scene, loading.unplaced, loading.bare, loading.rays)
+
+
+def _split_added_mobiles(loading: Loading) -> None:
+    first = len(loading.file.mobiles)
+    finer = (m._replace(mesh=_fine(m.mesh)) for m in loading.scene.mobiles[first:])
+    loading.change(mobiles=(*loading.scene.mobiles[:first], *finer))
+
+
+def _leave_out_dark_sides(loading: Loading) -> None:
+    if loading.bare:
+        loading.scene = one_sided_where_dark(loading.scene, loading.box)
+
+
+def _split_static(loading: Loading) -> None:
+    """Edges as the file or the user says, else, of a bare mesh, finest where light goes."""
+    scene, max_edge = loading.scene, loading.max_edge or loading.file.static.max_edge
+    if max_edge is not None:
+        if max_edge != np.inf:
+            loading.change(static=loading.split(scene.static, max_edge, loading.where))
+    elif not loading.bare:
+        loading.note(*_note_on_edges(scene))
+    else:
+        mesh, edge = refined(scene, loading.rays, loading.box, MOST_RECEIVERS)
+        before, after = len(scene.static.faces), len(mesh.faces)
+        if after > before:
+            loading.change(static=mesh)
+            loading.note(f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {after:,}")
+
+
+def _classify_gloss(loading: Loading) -> None:
+    loading.scene = with_gloss_classes(loading.scene)
+
+
+def _note_darkened_models(loading: Loading) -> None:
+    loading.note(*_darkened(loading.scene.materials))
+
+
+def _drop_holes(loading: Loading) -> None:
+    loading.change_meshes(without_holes)
+
+
+def _cut_at_crossings(loading: Loading) -> None:
+    loading.change_meshes(lambda mesh: with_corners_at_crossings(mesh, loading.scene.materials))
+
+
+def _go_back(loading: Loading) -> None:
+    loading.scene = translated(loading.scene, loading.origin)
+
+
+STEPS: tuple[Callable[[Loading], None], ...] = (
+    _go_near_the_origin,
+    _add_mobiles,
+    _turn_lamps,
+    _complete,  # places of mobiles, a light, a camera
+    _split_added_mobiles,
+    _leave_out_dark_sides,
+    _split_static,
+    _classify_gloss,
+    _note_darkened_models,
+    _drop_holes,
+    _cut_at_crossings,
+    _go_back,
+)
+
+
+def _note_on_edges(scene: Scene) -> list[str]:
+    """Return a note if triangles too long to show shadows are most of the area, lamps aside."""
     glows = np.array([any(m.emission) for m in scene.materials])
     corners = scene.static.vertices[scene.static.faces[~glows[scene.static.face_material]]]
     a, b, c = (corners[:, k] for k in range(3))
     longest = np.sqrt(np.max([((v - w) ** 2).sum(axis=1) for v, w in ((a, b), (b, c), (c, a))], axis=0))
     area, size = np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1)), float(np.ptp(scene.static.vertices, axis=0).max())
     if not area[longest > COARSEST * size].sum() > 0.5 * area.sum():
-        return scene
+        return []
     wanted = f"{1.5 * FINEST * size:.1g}"
-    note = (
+    return [
         f"edges up to {longest.max():.3g} m stay as they are, and light is interpolated along them: no shadow shows "
         f"on a large triangle; add max_edge = {wanted} under [static], or --max-edge {wanted}, to split them"
-    )
-    return replace(scene, notes=(*scene.notes, note))
+    ]
 
 
-def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: bool) -> tuple[Scene, tuple]:
+def _darkened(materials: Iterable[Material]) -> list[str]:
+    """Return a note per material whose model is darkened, as it would reflect more light than arrives."""
+    limited = {}
+    for m in materials:
+        if m.scaled and m.brdf:
+            with suppress(ValueError):  # refused with the surfaces
+                limited[m.name] = tabulate(m.brdf, True).limited
+    return [f'material "{name}": {where}: darkened there' for name, where in limited.items() if where]
+
+
+def _fine(mesh: Mesh) -> Mesh:
+    """Return the mesh of a mobile with flat sides split, since light at their corners alone shows no shading."""
+    return tessellate(mesh, COARSEST * float(np.ptp(mesh.vertices, axis=0).max()))
+
+
+def _with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: bool) -> tuple[Scene, tuple]:
     """Return a scene with one more mobile from a mesh file, not yet placed, and the up axis of the file.
 
     name: None: that of the file, with a number if it is taken. Raises SceneError.
@@ -247,14 +350,24 @@ def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: 
     return scene, UP[r.up]
 
 
-def finished(mobile: Mobile) -> Mobile:
-    """Return a placed mobile from a mesh file, its edges fine enough to show shading."""
-    return mobile._replace(mesh=_fine(mobile.mesh))
+def inserted(scene: Scene, path: Path, name: str, pose: Pose | None, allow_outside: bool) -> Scene:
+    """Return a loaded scene with one more mobile from a mesh file, by the same steps; pose: None: on a free floor.
 
-
-def cut_for_light(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
-    """Return the mesh of an object without invisible faces, and with corners where its parts touch."""
-    return with_corners_at_crossings(without_holes(mesh), materials)
+    Raises SceneError.
+    """
+    origin = origin_of(scene.static)
+    scene, up = _with_mobile_file(translated(scene, -origin), path, name, allow_outside)
+    scene, *_ = complete(scene, [(len(scene.mobiles) - 1, up)], bare=False)
+    *before, mobile = scene.mobiles
+    scene = with_gloss_classes(replace(scene, mobiles=(*before, mobile._replace(mesh=_fine(mobile.mesh)))))
+    *before, mobile = scene.mobiles
+    mesh = with_corners_at_crossings(without_holes(mobile.mesh), scene.materials)
+    scene = translated(replace(scene, mobiles=(*before, mobile._replace(mesh=mesh))), origin)
+    if pose is None:
+        return scene
+    *before, mobile = scene.mobiles
+    mobile = mobile._replace(pose=as_pose(pose, f"{scene.name}: mobile {shown(name)}"))
+    return replace(scene, mobiles=(*before, mobile))
 
 
 def free_name(names: Iterable[str], name: str) -> str:
@@ -263,68 +376,6 @@ def free_name(names: Iterable[str], name: str) -> str:
     while out in names:
         out, k = f"{name} {k}", k + 1
     return out
-
-
-def _check_dark(mesh: Mesh, materials: list[Material], where: str) -> None:
-    for i in np.unique(mesh.face_material):
-        if any(materials[i].emission):
-            raise SceneError(
-                f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
-                f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
-            )
-
-
-def _fine(mesh: Mesh) -> Mesh:
-    """Return the mesh of a mobile with flat sides split, since light at their corners alone shows no shading."""
-    return tessellate(mesh, COARSEST * float(np.ptp(mesh.vertices, axis=0).max()))
-
-
-def join(meshes: list[Mesh], materials) -> Mesh:
-    """Return several meshes as one; face materials already index the same list."""
-    if len(meshes) == 1:
-        return meshes[0]
-    first = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    normals = colours = None
-    if any(m.corner_normals is not None for m in meshes):
-        from gi_core.files.formats.mesh_file import crease_corner_normals
-
-        normals = np.concatenate(
-            [m.corner_normals if m.corner_normals is not None else crease_corner_normals(m) for m in meshes]
-        )
-    if any(m.face_reflectance is not None for m in meshes):
-        rho = np.array([m.reflectance for m in materials])
-        colours = np.concatenate(
-            [m.face_reflectance if m.face_reflectance is not None else rho[m.face_material] for m in meshes]
-        )
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + o for m, o in zip(meshes, first, strict=False)]).astype(np.int32),
-        np.concatenate([m.face_material for m in meshes]).astype(np.int32),
-        normals,
-        colours,
-        join_paints(meshes, materials),
-        join_finishes(meshes),
-    )
-
-
-def _check_models(materials: Iterable[Material], where: str) -> None:
-    """Raise SceneError for a material whose model would reflect more light than arrives."""
-    for m in materials:
-        if m.brdf:
-            try:
-                tabulate(m.brdf, m.scaled)
-            except ValueError as error:
-                raise SceneError(f'{where}: material "{m.name}": {error}') from None
-
-
-def _darkened(materials: Iterable[Material]) -> list[str]:
-    """Return a note per material whose model is darkened, as it would reflect more light than arrives."""
-    found = {}
-    for m in materials:
-        if m.scaled and m.brdf:
-            with suppress(ValueError):  # refused with the surfaces
-                found[m.name] = tabulate(m.brdf, True).limited
-    return [f'material "{name}": {limited}: darkened there' for name, limited in found.items() if limited]
 
 
 def _checked_up(up, where: str):

@@ -132,7 +132,7 @@ def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
 def test_numbers_in_the_text_are_those_of_the_program():
     from gi_core.defaults import choose
     from gi_core.files import load
-    from gi_core.files.completion import placement, refinement
+    from gi_core.files.completion import completion, refinement
     from gi_core.files.formats import mesh_file
     from gi_core.geometry import receivers
 
@@ -145,7 +145,8 @@ def test_numbers_in_the_text_are_those_of_the_program():
         f"as many as {choose.MOST_SECONDS:g} s on two cores allow",
         f"| at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces |",
         f"| `neighbours` | {choose.NEIGHBOURS} |",
-        f"longer than {one_over(placement.LARGEST)} of the scene or shorter than {one_over(placement.SMALLEST)} of it",
+        f"longer than {one_over(completion.LARGEST)} of the scene "
+        f"or shorter than {one_over(completion.SMALLEST)} of it",
         f"split to {one_over(refinement.COARSEST)} of their length",
     ):
         assert sentence in text

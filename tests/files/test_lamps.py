@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.files.completion.lamp_orientation import facing_the_scene
+from gi_core.files.completion.sides import facing_the_scene
 from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
 from gi_core.scene import Scene

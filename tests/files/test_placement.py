@@ -9,8 +9,7 @@ import pytest
 
 from app.settings import OPTIONS, Settings, open_scene
 from gi_core.files.completion.camera_view import in_frame, picture_rays
-from gi_core.files.completion.completion import complete
-from gi_core.files.completion.default_lights import RADIANCE
+from gi_core.files.completion.completion import RADIANCE, complete
 from gi_core.files.load import load_scene
 from gi_core.scene import Camera, Mesh, Mobile, Scene
 from gi_core.scene.pose import to_world

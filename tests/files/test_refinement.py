@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.files.completion.dark_sides import one_sided_where_dark
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import FINEST, UNSEEN, refined
+from gi_core.files.completion.sides import one_sided_where_dark
 from gi_core.files.load import load_scene
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals, flatten

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.files.completion.placement import SCALED
+from gi_core.files.completion.completion import SCALED
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from gi_core.solver import Solver

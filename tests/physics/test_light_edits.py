@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.files.completion import default_lights
+from gi_core.files.completion.completion import DEFAULT_LAMP, lit_by_stand_ins
 from gi_core.files.edits import Darken, Light, edited, removed_lamps, with_edit
 from gi_core.files.load import load_scene
 from gi_core.scene.errors import SceneError
@@ -70,10 +70,10 @@ def test_the_plate_of_a_default_light_goes_with_it(tmp_path):
     scene = load_scene(str(write_glb(tmp_path / "room.glb", 3 * BOX, BOX_FACES[:, ::-1])))
     own = Light("own", (("type", "point"), ("position", (0.1, 0.2, 0.3)), ("flux", (1.0, 1.0, 1.0))))
     lamps = {m.name for m in scene.materials if max(m.emission) > 0}
-    assert lamps == {default_lights.NAME} and default_lights.lit_by_stand_ins(scene)
-    lit = edited(scene, [own, Darken(default_lights.NAME)])
+    assert lamps == {DEFAULT_LAMP} and lit_by_stand_ins(scene)
+    lit = edited(scene, [own, Darken(DEFAULT_LAMP)])
     assert Solver(lit, photons=0).lamps.names == ("own",)
-    of_plate = np.array([m.name == default_lights.NAME for m in scene.materials])[scene.static.face_material]
+    of_plate = np.array([m.name == DEFAULT_LAMP for m in scene.materials])[scene.static.face_material]
     assert of_plate.any() and len(lit.static.faces) == len(scene.static.faces) - of_plate.sum()
 
 

@@ -1,4 +1,8 @@
-"""Completion of a scene whose file lacks places of mobiles, a light or a camera."""
+"""Completion of a scene whose file lacks places of mobiles, a light or a camera.
+
+Mobiles stand upright, sized to the scene, on the nearest floor in view. A lamp hangs below the ceiling, or
+above a scene in the open.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from gi_core.files.completion.default_lights import headroom, lamp_below_ceiling, lamp_in_the_open, stand_of
+from gi_core.base.vectors import length
+from gi_core.files.completion.camera_view import unit
 from gi_core.files.completion.floors import Column, floor_spot
-from gi_core.files.completion.pilot import Rays, is_lit, useful_box
-from gi_core.files.completion.placement import place, sized
+from gi_core.files.completion.pilot import Box, Rays, bottom_centre, corners_of, horizontal, is_lit, ring, useful_box
 from gi_core.files.completion.viewpoint import default_camera
-from gi_core.scene.types import Scene
+from gi_core.geometry.paint import join_finishes, join_paints
+from gi_core.scene.pose import to_world
+from gi_core.scene.types import Material, Mesh, Pose, Scene, SkyLight
 
 DEFAULT_COLUMN = 1 / 12  # of the scene's size: height of the object that a scene without mobiles is shown for
+SMALLEST, LARGEST = 1 / 150, 1 / 3  # of the scene's size: a mobile beyond is in other units
+SCALED = 1 / 8  # of the scene's size, after scaling
+RADIANCE = 10.0  # [W/m2/sr]; exposure is metered, so only its colour matters
+SKY = 0.05 * RADIANCE  # in the open: nothing else brings light to the sides that the lamp does not see
+LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
+LAMP_SIDE = 0.3  # of the headroom
+LEAST_SIDE = 0.08  # the same, where beams or furniture leave little room
+LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp must see it
+ASIDE = (0.25, 0.5, 0.8)  # of the headroom: where else it may hang
+OPEN_AWAY = 0.5  # of the scene's size: without a ceiling, how far the lamp is above everything, and towards the camera
+OPEN_SIDE = 0.8  # of the scene's size
+DEFAULT_LAMP = "default light"  # material of the lamp
+SAID = "no light in the file: "  # the note about it begins so
 
 
 def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
@@ -89,3 +108,171 @@ def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:
     size = DEFAULT_COLUMN * box.size
     spot = floor_spot(replace(scene, camera=None), rays, box, Column(size, size / 2), (), is_lit(scene))
     return spot.point, spot.headroom if spot.indoors else np.inf
+
+
+# Mobiles --------------------------------------------------------------------------------------------
+
+
+def sized(scene: Scene, index: int, file_up, size: float) -> Scene:
+    """Return the scene with one mobile made ready: upright, its origin below its middle, at home in `size` [m].
+
+    file_up: the up axis of the mobile's file. Scaled with a note if it is too large or too small.
+    """
+    mobile, up = scene.mobiles[index], np.array(scene.up)
+    mesh = mobile.mesh
+    R = turn(np.asarray(file_up, np.float64), up)
+    mesh = mesh._replace(vertices=mesh.vertices @ R.T)
+    if mesh.corner_normals is not None:
+        mesh = mesh._replace(corner_normals=mesh.corner_normals @ R.T)
+    mesh = mesh._replace(vertices=mesh.vertices - bottom_centre(mesh.vertices, up))
+    longest = float(np.ptp(mesh.vertices, axis=0).max())
+    share = longest / size
+    factor = 1.0 if SMALLEST <= share <= LARGEST else SCALED / share
+    notes = scene.notes
+    if factor != 1.0:
+        mesh = mesh._replace(vertices=mesh.vertices * factor)
+        note = f'mobile "{mobile.name}" scaled by {factor:.3g}: it is {longest:.3g} long in a scene of {size:.3g}'
+        notes = (*notes, note)
+    return replace(scene, mobiles=_with(scene, index, mobile._replace(mesh=mesh)), notes=notes)
+
+
+def column(scene: Scene, index: int) -> Column:
+    """Return the upright cylinder round a mobile, about the centre of its bottom."""
+    up = np.array(scene.up)
+    v = scene.mobiles[index].mesh.vertices
+    off = v - bottom_centre(v, up)
+    flat = off - (off @ up)[:, None] * up
+    return Column(float((off @ up).max()), float(length(flat).max()))
+
+
+def place(scene: Scene, index: int, rays: Rays, box: Box, others: list[int], lit: bool) -> tuple[Scene, bool]:
+    """Return the scene with one mobile resting on the floor, clear of `others`; and whether the camera shows it whole.
+
+    With a camera the floor is the nearest in its view; without one, where a camera would look.
+    """
+    mobile, up = scene.mobiles[index], np.array(scene.up)
+    spot = floor_spot(scene, rays, box, column(scene, index), _standing(scene, others), lit)
+    notes = scene.notes
+    if not spot.found:
+        notes = (*notes, f'no free floor found for mobile "{mobile.name}": it stands where there is most room; drag it')
+    pose = Pose(tuple(float(x) for x in spot.point - bottom_centre(mobile.mesh.vertices, up)))
+    return replace(scene, mobiles=_with(scene, index, mobile._replace(pose=pose)), notes=notes), spot.shown
+
+
+def _standing(scene: Scene, others: list[int]) -> list[tuple[np.ndarray, float]]:
+    """Return the middle (3,) [m] and radius [m] of each mobile that has its place."""
+    balls = []
+    for i in others:
+        v = to_world(scene.mobiles[i].pose, scene.mobiles[i].mesh.vertices)
+        middle = (v.min(axis=0) + v.max(axis=0)) / 2
+        balls.append((middle, float(length(v - middle).max())))
+    return balls
+
+
+def _with(scene: Scene, index: int, mobile):
+    return (*scene.mobiles[:index], mobile, *scene.mobiles[index + 1 :])
+
+
+def turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) of least angle that carries unit vector a to b."""
+    c = float(a @ b)
+    if c < -1 + 1e-9:
+        e = horizontal(a)[0]
+        return 2 * np.outer(e, e) - np.eye(3)
+    k = np.cross(a, b)
+    K = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+    return np.eye(3) + K + K @ K / (1 + c)
+
+
+# Lights ---------------------------------------------------------------------------------------------
+
+
+def lit_by_stand_ins(scene: Scene) -> bool:
+    """Return whether all light of the scene is a default light."""
+    return any(note.startswith(SAID) for note in scene.notes)
+
+
+def headroom(scene: Scene, rays: Rays, box: Box, stand: np.ndarray) -> float:
+    """Return the height [m] above `stand` (3,) of the first thing over the first mobile; inf under the sky."""
+    up = np.array(scene.up)
+    top = float((to_world(scene.mobiles[0].pose, scene.mobiles[0].mesh.vertices) @ up).max() - stand @ up)
+    start = max(top * 1.02, 1e-3 * box.size)
+    t, _ = rays.hits((stand + up * start)[None], up[None])
+    return float(t[0]) + start
+
+
+def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: float) -> Scene:
+    """Return the scene with a square lamp over `stand` (3,), just below the ceiling at `height` [m], facing down.
+
+    Under a beam or a cupboard it hangs beside instead, in sight of the place below.
+    """
+    up = np.array(scene.up)
+    around = ring(up, 8)
+    low = stand + up * LOOK_UP * height
+    best, side = stand + up * height * (1 - LAMP_DROP), 0.0
+    for offset in (np.zeros(3), *(share * height * d for share in ASIDE for d in around)):
+        above, _ = rays.hits((low + offset)[None], up[None])
+        top = float(above[0]) + LOOK_UP * height
+        if not (top <= height * 1.5 and rays.sees(low, (low + offset)[None])[0]):
+            continue  # under the sky, or behind a wall
+        centre = stand + offset + up * top * (1 - LAMP_DROP)
+        if not rays.sees(centre, low[None])[0]:
+            continue
+        t, _ = rays.hits(np.broadcast_to(centre, around.shape), around)
+        free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
+        if free > side:
+            best, side = centre, free
+    where = "below the object over the mobile" if scene.mobiles else "below the ceiling"
+    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, around[0], where)
+
+
+def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
+    """Return the scene with a square lamp above everything, towards the camera, facing the middle; and a dim sky."""
+    up = np.array(scene.up)
+    middle = (box.low + box.high) / 2
+    centre = middle + up * (float((corners_of(rays.low, rays.high) @ up).max()) - float(middle @ up))
+    centre += OPEN_AWAY * box.size * up
+    if scene.camera is not None:
+        towards = np.subtract(scene.camera.position, middle)
+        centre = centre + OPEN_AWAY * box.size * unit(towards - (towards @ up) * up)
+    normal = unit(middle - centre)
+    across = unit(np.cross(normal, horizontal(up)[1]))
+    sky = SkyLight("default sky", (SKY,) * 3)
+    lit = _with_lamp(scene, centre, OPEN_SIDE * box.size, normal, across, "above the scene, under a dim sky")
+    return replace(lit, lights=(*lit.lights, sky))
+
+
+def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) -> Scene:
+    along = np.cross(normal, across)
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    corners = np.array([centre + side / 2 * (a * across + b * along) for a, b in signs])
+    material = Material(DEFAULT_LAMP, (0.0, 0.0, 0.0), (RADIANCE,) * 3)
+    note = f"{SAID}a lamp of {side:.3g} x {side:.3g} m hangs {where}"
+    return replace(
+        scene,
+        static=_with_quad(scene, corners, normal),
+        materials=(*scene.materials, material),
+        notes=(*scene.notes, note),
+    )
+
+
+def _with_quad(scene: Scene, corners: np.ndarray, normal: np.ndarray) -> Mesh:
+    m = scene.static
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + len(m.vertices)
+    normals, colours = m.corner_normals, m.face_reflectance
+    quad = Mesh(corners, faces, np.zeros(2, np.int32), None, np.zeros((2, 3)))
+    return m._replace(
+        vertices=np.concatenate([m.vertices, corners]),
+        faces=np.concatenate([m.faces, faces]).astype(np.int32),
+        face_material=np.concatenate([m.face_material, [len(scene.materials)] * 2]).astype(np.int32),
+        corner_normals=None if normals is None else np.concatenate([normals, np.broadcast_to(normal, (2, 3, 3))]),
+        face_reflectance=None if colours is None else np.concatenate([colours, np.zeros((2, 3))]),
+        paint=join_paints([m, quad], scene.materials),
+        finish=join_finishes([m, quad]),
+    )
+
+
+def stand_of(scene: Scene) -> np.ndarray:
+    """Return the middle of the bottom of the first mobile's box. (3,) [m]."""
+    mobile = scene.mobiles[0]
+    return bottom_centre(to_world(mobile.pose, mobile.mesh.vertices), np.array(scene.up))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import numpy as np
 
@@ -19,13 +19,26 @@ from gi_core.files.formats.gltf_file import read_gltf
 from gi_core.files.formats.obj_file import read_obj
 from gi_core.files.formats.trimesh_file import read_with_trimesh
 from gi_core.files.formats.winding import faces_to_turn, with_turned
+from gi_core.geometry.mesh_parts import compact, crease_corner_normals
 from gi_core.geometry.paint import each_layer, rows_of
-from gi_core.geometry.receivers import STEPS, build_receivers, weld
+from gi_core.geometry.receivers import STEPS, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line, shown
 from gi_core.scene.rules import LARGEST
-from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint
+from gi_core.scene.types import (
+    Camera,
+    DirectionalLight,
+    Finish,
+    Light,
+    Material,
+    Mesh,
+    Paint,
+    PhotometricLight,
+    PointLight,
+    SkyLight,
+    SpotLight,
+)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
@@ -142,29 +155,6 @@ def _tamed(part: Part) -> Part:
 
 def _tamed_uv(uv: np.ndarray | None) -> np.ndarray | None:
     return None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV)
-
-
-def compact(mesh: Mesh) -> Mesh:
-    """Drop vertices that no face uses."""
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    return mesh._replace(
-        vertices=np.ascontiguousarray(mesh.vertices[used]), faces=faces.reshape(-1, 3).astype(np.int32)
-    )
-
-
-def part_of(mesh: Mesh, rows: np.ndarray) -> Mesh:
-    """Return the mesh of some of the faces, rows (F,) bool, and of their vertices alone."""
-    paint, normals, colours = mesh.paint, mesh.corner_normals, mesh.face_reflectance
-    return compact(
-        Mesh(
-            mesh.vertices,
-            mesh.faces[rows],
-            mesh.face_material[rows],
-            None if normals is None else normals[rows],
-            None if colours is None else colours[rows],
-            None if paint is None else rows_of(paint, rows),
-        )
-    )
 
 
 def _clamped(materials: list[Material], plain: set[int], notes: list[str], where: str) -> list[Material]:
@@ -317,12 +307,6 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
     return result
 
 
-def crease_corner_normals(mesh: Mesh) -> np.ndarray:
-    """Return corner normals (F, 3, 3) smoothed across edges that turn by less than the crease angle."""
-    built = build_receivers(mesh, *face_normals(mesh), np.zeros(len(mesh.faces), bool))
-    return built.receivers.normals[built.corner_front]
-
-
 def _textured(part: Part) -> np.ndarray:
     return np.zeros(len(part.faces), bool) if part.face_texture is None else part.face_texture >= 0
 
@@ -371,3 +355,37 @@ def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Pai
         np.concatenate(uv),
         np.concatenate(colour).astype(np.float32),
     )
+
+
+def scaled(read: MeshFile, factor: float) -> MeshFile:
+    """Return the file with every length times `factor`, and the same picture.
+
+    Irradiance falls with the square of the distance: lamps with a place get the square of the factor, so that
+    irradiance stays. Radiance and sunlight do not depend on distance and stay.
+    """
+    if factor == 1.0:
+        return read
+    camera = read.camera
+    if camera is not None:
+        camera = Camera(_times(camera.position, factor), _times(camera.target, factor), camera.vertical_fov_degrees)
+    return read._replace(
+        mesh=read.mesh._replace(vertices=read.mesh.vertices * factor),
+        lights=[_scaled_light(light, factor) for light in read.lights],
+        camera=camera,
+    )
+
+
+def _scaled_light(light: Light, factor: float) -> Light:
+    match light:
+        case PointLight() | PhotometricLight():
+            return light._replace(position=_times(light.position, factor), flux=_times(light.flux, factor**2))
+        case SpotLight():
+            return light._replace(position=_times(light.position, factor), intensity=_times(light.intensity, factor**2))
+        case DirectionalLight() | SkyLight():
+            return light
+        case _:
+            assert_never(light)
+
+
+def _times(values, factor: float) -> tuple[float, float, float]:
+    return tuple(v * factor for v in values)

@@ -9,9 +9,8 @@ import numpy as np
 from gi_core.base.grouping import components, group_of, order_of
 from gi_core.base.vectors import cross, dot, every, length
 from gi_core.files.formats.file_parts import Part
-from gi_core.geometry.paint import each_layer
+from gi_core.geometry.mesh_parts import flipped
 from gi_core.geometry.receivers import weld
-from gi_core.scene.types import Mesh
 
 OPPOSED = 0.5  # cosine: normals that lean farther than that to the other side mean it
 
@@ -113,28 +112,6 @@ def with_turned(part: Part, turn: np.ndarray) -> Part:
     for name in part._fields:
         value = getattr(part, name)
         if value is not None and (name == "faces" or name.startswith("corner_")):
-            changed[name] = _flipped(value, turn)
-    changed["finish"] = tuple(p and p._replace(uv=_flipped(p.uv, turn)) for p in part.finish)
+            changed[name] = flipped(value, turn)
+    changed["finish"] = tuple(p and p._replace(uv=flipped(p.uv, turn)) for p in part.finish)
     return part._replace(**changed)
-
-
-def _flipped(corners: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return values (F, 3, ...) per corner of faces, some wound the other way."""
-    corners = corners.copy()
-    corners[turn] = corners[turn][:, ::-1]
-    return corners
-
-
-def turned_mesh(mesh: Mesh, turn: np.ndarray) -> Mesh:
-    """Return the mesh with some faces wound the other way, with all their values per corner."""
-
-    def turned(paint):
-        uv, colour = (_flipped(a, turn) for a in (paint.corner_uv, paint.corner_colour))
-        return paint._replace(corner_uv=uv, corner_colour=colour)
-
-    normals = mesh.corner_normals
-    if normals is not None:
-        normals = _flipped(normals, turn)
-        normals[turn] = -normals[turn]
-    paint, finish = None if mesh.paint is None else turned(mesh.paint), each_layer(mesh.finish, turned)
-    return mesh._replace(faces=_flipped(mesh.faces, turn), corner_normals=normals, paint=paint, finish=finish)
