@@ -245,10 +245,19 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
     """All settings."""
 
     @property
-    def of_solver(self) -> dict[str, object]:
-        """Settings of the solver. While two estimators are compared, each shows the light of its own photons."""
-        method = {f.name: getattr(self, f.name) for f in fields(Method)}
-        return method | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
+    def method(self) -> dict[str, Any]:
+        """The fields of Method, with the light chosen, as arguments of the solver."""
+        return {f.name: getattr(self, f.name) for f in fields(Method)} | {"light": self.light_chosen}
+
+    @property
+    def of_solver(self) -> dict[str, Any]:
+        """The method on show. While two estimators are compared, each shows the light of its own photons."""
+        return self.method | ({} if self.compare in ("", REFERENCE) else {"light": "photons"})
+
+    def with_method_of(self, solver: Solver) -> Settings:
+        """Return settings that name the method of a solver, whatever was open."""
+        setting = {name: value for name, value in solver.setting._asdict().items() if name in TABLE}
+        return replace(self, **setting, photons=solver.photons, light=solver.light)
 
     def in_light_scene(self, lamps: tuple[LampSetting, ...]) -> Settings:
         """Return settings of these lamps; all others are as in the scene file."""
@@ -429,21 +438,8 @@ def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None
         raise SceneError(
             f'{scene.name}: [defaults]: estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"'
         )
+    lamps = {name: level for name, level in settings.levels(()).items() if name not in removed}
+    method = {**settings.method, "estimator": estimator}
     return Solver(
-        scene,
-        estimator=estimator,
-        photons=settings.photons,
-        radius=settings.radius,
-        neighbours=settings.neighbours,
-        seed=settings.seed,
-        threads=threads,
-        control=settings.control,
-        search=settings.search,
-        border_correction=settings.border_correction,
-        textbook=settings.textbook,
-        light=settings.light_chosen,
-        gloss=settings.gloss,
-        lamps={name: level for name, level in settings.levels(()).items() if name not in removed},
-        rays=settings.rays,
-        earlier=earlier,
+        scene, seed=settings.seed, threads=threads, lamps=lamps, rays=settings.rays, earlier=earlier, **method
     )

@@ -50,7 +50,8 @@ def command_line(settings: Settings) -> str:
         else:
             several = value if row.flag else [value]
             several = settings.levels(()).items() if field == "lamps" else several
-            words += [f"{flag_of(field)}={_word(field, v)}" for v in several]
+            written = [(flag_of(field), _word(field, v)) for v in several]
+            words += [w for flag, v in written for w in ([f"{flag}={v}"] if v.startswith("-") else [flag, v])]
     return shlex.join(words)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import shlex
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from app import values
-from app.cli import options
+from app.cli import options, saved_scene
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, solve
@@ -91,20 +91,12 @@ def _choice(found: Tuned, budget: float, error: float | None) -> list[str]:
 def command_line(settings: Settings, found: Tuned) -> str:
     """Return the command that opens the window with the choice."""
     chosen = found.choice.setting
-    words = ["gi-viewer", settings.scene, *(w for file in settings.mobiles for w in ("--mobile", file))]
-    for name, numbers in settings.poses:
-        words += ["--pose", f"{name}={','.join(map(str, numbers))}"]
-    for name, level in settings.levels(()).items():
-        words += ["--lamp", f"{name}={','.join(map(str, level))}"]
-    values = {
-        "max-edge": settings.max_edge, "up": settings.up, "seed": settings.seed or None,
-        "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",
-        "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}", "light": settings.light_chosen,
-        "rays": settings.rays,
-    }  # fmt: skip
-    words += [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]
-    flags = {"--allow-outside": settings.allow_outside, "--no-control": not chosen.control}
-    return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
+    return saved_scene.command_line(
+        replace(
+            settings, estimator=chosen.estimator, photons=found.choice.photons, radius=float(f"{chosen.radius:.4g}"),
+            neighbours=chosen.neighbours, control=chosen.control, light=settings.light_chosen,
+        )
+    )  # fmt: skip
 
 
 def _gathered(found: Tuned) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from importlib import metadata
 from typing import TYPE_CHECKING
 
@@ -35,9 +34,7 @@ def info(settings: Settings) -> list[str]:
 
     with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
-        chosen = replace(
-            settings, photons=solver.photons, radius=solver.setting.radius, neighbours=solver.setting.neighbours
-        )
+        chosen = settings.with_method_of(solver)
         bar("tracing", 0.5)
         control = _control(solver, settings)
         solver.configure(estimator=CHEAPEST, photons=min(PILOT, chosen.photons))

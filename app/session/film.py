@@ -65,15 +65,13 @@ def elsewhere(
     machines: Machines, shot: Shot, scene: Scene, poses: Sequence[Mapping[str, Pose]], linear: bool = False
 ) -> Iterator[Still]:
     """Yield the pictures of along(), drawn by other processes; scene: that of the shot, as it was loaded."""
-    solver, setting = shot.solver, shot.solver.setting
+    solver = shot.solver
     if poses[0]:
         solver.move_all(poses[0])
     shot.expose()
     shot.scale = None if linear else shot.fitted_scale()
-    settings = replace(
-        shot.settings, estimator=setting.estimator, photons=solver.frame.photons_at_rest, radius=setting.radius,
-        neighbours=setting.neighbours, light=solver.light, exposure=shot.exposure,
-    )  # fmt: skip
+    asked = shot.settings.with_method_of(solver)
+    settings = replace(asked, photons=solver.frame.photons_at_rest, exposure=shot.exposure)
     gathered = solver.frame_light.static.gathered
     film = Film(scene, settings, shot.scale, None if gathered is None else gathered.estimate, linear)
     yield from machines.crew(_ready, film).map(_drawn, [(at,) for at in poses])

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -185,16 +184,8 @@ class Opening:
                 break
         if solver.poses and not (self._before is not None and self._before.opened.solver.poses):
             solver.move_all(solver.poses)  # loads the kernels of a drag's frames
-        settings = replace(
-            self.settings,
-            estimator=solver.setting.estimator,
-            photons=solver.photons,
-            radius=solver.setting.radius,
-            neighbours=solver.setting.neighbours,
-            light=solver.light,
-        )
         self.warnings += problems
-        return Opened(settings, solver, versions, meshes, picker)
+        return Opened(self.settings.with_method_of(solver), solver, versions, meshes, picker)
 
     def _drawn(self, model: Model, earlier: Model | None) -> tuple[tuple[DrawMesh, ...], Picker]:
         """Return draw meshes and picker of a model: those of the scene on show where they are the same."""
