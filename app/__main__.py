@@ -7,16 +7,42 @@ Exit codes: 0 done, 1 done in part, 2 usage, 3 the scene cannot be used, 4 no Op
 from __future__ import annotations
 
 import argparse
+import difflib
+import re
 import sys
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 
 from app import values
-from app.cli.exit_codes import SCENE, STOPPED, USAGE, fail
-from app.cli.parser import Parser, did_you_mean
-from app.cli.terminal import guarded
+from app.cli.terminal import SCENE, STOPPED, USAGE, fail, guarded
 from app.commands import COMMANDS, VIEW, Command
 from app.settings import UsageError
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse's parser; an error is one line that names --help. A list of numbers may begin with a negative one."""
+
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse's own takes -1,2 for an option
+
+    def error(self, message: str):
+        meant = [m for word in message.split() if word.startswith("--") for m in self._nearest_options(word)]
+        unknown = message.startswith("unrecognized")
+        hint = f"; did you mean {meant[0]}?" if meant and unknown else ""
+        if unknown and Path(message.split()[-1]).suffix.lower() in values.SCENE_SUFFIXES:
+            hint = "; only one scene; write --mobile FILE to add a mobile"
+        self.exit(2, f"{self.prog}: {message}{hint}; `{self.prog} --help` lists the options\n")
+
+    def _nearest_options(self, word: str) -> list[str]:
+        names = {option.lstrip("-"): option for option in self._option_string_actions}
+        return [names[name] for name in did_you_mean(word.partition("=")[0].lstrip("-"), names)]
+
+
+def did_you_mean(word: str, words: Iterable[str]) -> list[str]:
+    """Return up to 3 known words similar to a mistyped one, the most similar first."""
+    return difflib.get_close_matches(word, list(words))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -51,6 +52,7 @@ class Row(NamedTuple):
 
     option: Mapping[str, Any]  # arguments of argparse.add_argument; {}: the command line has none
     flag: str = ""  # the option, where it is not the name
+    among: str = ""  # the registry of the names that it can be, imported for others than the default
     kept: str = ""  # the key of a saved scene that holds the value, TOGETHER for most; "": none does
     counts: bool = True  # the window asks to save a change
     of_scene: bool = False  # another scene resets it
@@ -126,9 +128,10 @@ class Source:
 class Method:
     """How light is computed: arguments of Solver.configure(). A change computes the frame again."""
 
-    estimator: str | None = option(  # a key of gi_core.estimators.ESTIMATORS
-        None, None, "NAME", "estimator of irradiance; `gi-viewer info` lists them (tangent_plane)", counts=False
-    )
+    estimator: str | None = option(
+        None, None, "NAME", "estimator of irradiance; `gi-viewer info` lists them (tangent_plane)", counts=False,
+        among="gi_core.estimators.ESTIMATORS",
+    )  # fmt: skip
     photons: int | None = option(
         None, values.positive_int, "N", "photons to trace, 1e6 is allowed (the scene's, else chosen)", of_scene=True
     )
@@ -144,9 +147,10 @@ class Method:
     )
     border_correction: bool = switch(True, "photon_map without alpha / 2 pi at borders, which are then dark")
     textbook: bool = switch(False, "photon_map counts the k-th hit too: k / (k - 1) times the light")
-    search: str = option(  # a key of gi_core.discs.search.SEARCHES
-        "disc_index", None, "NAME", "disc search of tangent_plane; pictures do not depend on it (disc_index)"
-    )
+    search: str = option(
+        "disc_index", None, "NAME", "disc search of tangent_plane; pictures do not depend on it (disc_index)",
+        among="gi_core.discs.search.SEARCHES",
+    )  # fmt: skip
     light: str | None = choice(  # None: see `light_chosen`
         None, LIGHTS,
         "best: gathered along paths, on mobiles per frame and on the static part at rest; photons: the estimator"
@@ -177,9 +181,10 @@ class Lighting:
 class Tracing:
     """How paths are traced. A change opens the scene again."""
 
-    rays: str | None = option(  # a key of gi_core.rays.structures.STRUCTURES
+    rays: str | None = option(
         None, None, "NAME",
         "structure that traces rays; `gi-viewer info` lists them (embree, or bvh where it is missing)",
+        among="gi_core.rays.structures.STRUCTURES",
     )  # fmt: skip
     seed: int = option(0, values.seed, "N", "seed of the photons (0)", resets=False)
 
@@ -267,8 +272,7 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
         """Return settings of the same levels of these lamps, in which none is alone."""
         if not self.solo:
             return self
-        given = {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
-        lit = (lamp._replace(on=lamp.on and name == self.solo) for name, lamp in given.items())
+        lit = (lamp._replace(on=lamp.on and name == self.solo) for name, lamp in self._lamps(names).items())
         return replace(self, lamps=tuple(lit), solo="")
 
     def with_light_scene(self, name: str, names: Iterable[str]) -> Settings:
@@ -276,13 +280,17 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
         now = self.without_solo(names).lamps
         return replace(self, light_scenes=tuple({**dict(self.light_scenes), name: now}.items()))
 
+    def _lamps(self, names: Iterable[str]) -> dict[str, LampSetting]:
+        """Return the state of each of these lamps, and of those that are set."""
+        return {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
+
     def levels(self, names: Iterable[str]) -> dict[str, tuple[float, float, float]]:
         """Return the level per channel of each of these lamps, and of those that are set."""
-        given = {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
-        lit = {name: lamp.on and self.solo in ("", name) for name, lamp in given.items()}
+        lamps = self._lamps(names)
+        lit = {name: lamp.on and self.solo in ("", name) for name, lamp in lamps.items()}
         return {
             name: tuple(lamp.dim * c * lit[name] for c in lamp.colour)  # type: ignore[misc]
-            for name, lamp in given.items()
+            for name, lamp in lamps.items()
         }
 
     @property
@@ -380,14 +388,14 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
     from gi_core.scene import Pose, SceneError
     from gi_core.scene.pose import as_pose, four, three
 
-    known = {m.name: m for m in scene.mobiles}
+    mobiles = {m.name: m for m in scene.mobiles}
     poses = {}
     for name, numbers in settings.poses:
-        if name not in known:
-            there = ", ".join(known) or "none"
+        if name not in mobiles:
+            names = ", ".join(mobiles) or "none"
             where = _place_of(settings, "poses", name) or f"{scene.name}: --pose"
-            raise SceneError(f'{where} names the mobile "{name}", but the mobiles of this scene are: {there}')
-        quaternion = numbers[3:] or known[name].pose.quaternion
+            raise SceneError(f'{where} names the mobile "{name}", but the mobiles of this scene are: {names}')
+        quaternion = numbers[3:] or mobiles[name].pose.quaternion
         place = _place_of(settings, "poses", name)
         poses[name] = as_pose(Pose(three(numbers[:3]), four(quaternion)), f"{place or '--pose'} {name}")
     return poses
@@ -408,17 +416,13 @@ def _place_of(settings: Settings, table: str, name: str, otherwise: str = "") ->
 
 def check_names(settings: Settings) -> None:
     """Raise UsageError for an unknown estimator, search or structure of rays. Default names need no import."""
-    given = [(name, getattr(settings, name)) for name in ("estimator", "search", "rays")]
-    if all(value in (None, getattr(Settings, name)) for name, value in given):
-        return
-    from gi_core.discs.search import SEARCHES
-    from gi_core.estimators import ESTIMATORS
-    from gi_core.rays.structures import STRUCTURES
-
-    known_names: tuple[Mapping[str, object], ...] = ESTIMATORS, SEARCHES, STRUCTURES
-    for (name, value), known in zip(given, known_names, strict=True):
-        if value is not None and value not in known:
-            raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
+    for name, row in TABLE.items():
+        value = getattr(settings, name)
+        if row.among and value not in (None, getattr(Settings, name)):
+            module, _, registry = row.among.rpartition(".")
+            names = getattr(import_module(module), registry)
+            if value not in names:
+                raise UsageError(f'--{name} must be one of {", ".join(names)}, got "{value}"')
 
 
 def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None, threads: int | None = None) -> Solver:

@@ -15,7 +15,7 @@ SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
 LEAST_LIGHT_MAP = 16  # pixels per side
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
-LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
+MOST_EXPOSURE = 64.0  # EV, of either sign; beyond, every picture is black or white
 
 
 class LampSetting(NamedTuple):
@@ -61,7 +61,7 @@ def finite(text: str) -> float:
 
 def exposure(text: str) -> float:
     value = finite(text)
-    _require(LEAST_EXPOSURE <= value <= MOST_EXPOSURE, f"{LEAST_EXPOSURE:g} .. {MOST_EXPOSURE:g} stops", text)
+    _require(abs(value) <= MOST_EXPOSURE, f"{-MOST_EXPOSURE:g} .. {MOST_EXPOSURE:g} stops", text)
     return value
 
 

@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.cli.exit_codes import OK, USAGE, fail
 from app.cli.progress import Bar
+from app.cli.terminal import OK, USAGE, fail
 from app.cli.writable import check_writable
 from app.measure.bench.row import ROOT, Failed, run_apart
 from app.measure.bench.rows import PHOTONS, Row

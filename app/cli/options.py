@@ -78,13 +78,13 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
 
     Raises UsageError for an unknown estimator or search, SceneError for a bad saved scene.
     """
-    given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
-    settings = opened(Settings(scene=given.pop("scene")), given.get("allow_outside", False))
+    chosen = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
+    settings = opened(Settings(scene=chosen.pop("scene")), chosen.get("allow_outside", False))
     for name in ("mobiles", "poses", "lamps"):
-        if name in given:
+        if name in chosen:
             before = () if name == "mobiles" else getattr(settings, name)
-            given[name] = (*before, *given[name])
-    settings = replace(settings, **given)
+            chosen[name] = (*before, *chosen[name])
+    settings = replace(settings, **chosen)
     check_names(settings)
     return settings
 

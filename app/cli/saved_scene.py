@@ -120,11 +120,11 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     views = Table(root.values.get("cameras", {}), f"{path}: [cameras]", None).values
     cameras = tuple((name, _camera(view, f"{path}: [cameras.{name}]")) for name, view in views.items())
     edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "edit")))
-    scene, *others = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
+    scene, *more = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
     return Settings(
         document=path,
         scene=scene,
-        mobiles=tuple(others),
+        mobiles=tuple(more),
         edits=edits,
         poses=poses,
         camera=camera,
@@ -268,23 +268,23 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
 
     of = f"{where}: edit {number + 1}"
     kind = KINDS[Table({"kind": values.get("kind")}, of, None).text("kind", choices=tuple(KINDS))]
-    table, given = Table(values, of, ("kind", *kind._fields)), {}
+    table, fields = Table(values, of, ("kind", *kind._fields)), {}
     for field in kind._fields:
         if field in ("reflectance", "point"):
-            given[field] = table.vector(field)
+            fields[field] = table.vector(field)
         elif field == "pose":
             if field in table or field not in kind._field_defaults:
                 x, y, z, *quaternion = table.vector(field, 7)
-                given[field] = Pose((x, y, z), tuple(quaternion))
+                fields[field] = Pose((x, y, z), tuple(quaternion))
         elif field in VALUES:
-            given[field] = _frozen(table.table(field))
+            fields[field] = _frozen(table.table(field))
         elif field == "number":
-            given[field] = table.count(field, kind._field_defaults[field])
+            fields[field] = table.count(field, kind._field_defaults[field])
         elif field == "file" and (field in table or field not in kind._field_defaults):
-            given[field] = _found(table.text(field), file, boundary, of)
+            fields[field] = _found(table.text(field), file, boundary, of)
         elif field in table or field not in kind._field_defaults:
-            given[field] = table.text(field)
-    return kind(**given)
+            fields[field] = table.text(field)
+    return kind(**fields)
 
 
 def _camera_table(camera: tuple[float, ...]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The terminal: output is printable in its encoding, and a closed pipe ends the program quietly.
+"""The terminal: exit codes with their line on stderr, printable output, a quiet end at a closed pipe.
 
 Names in files may contain terminal commands, and letters outside its encoding.
 """
@@ -6,11 +6,19 @@ Names in files may contain terminal commands, and letters outside its encoding.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout
 
-from app.cli.exit_codes import UNREAD, USAGE, fail
+OK, INCOMPLETE, USAGE, SCENE, NO_GL, STOPPED = 0, 1, 2, 3, 4, 130
+UNREAD = 141  # closed pipe: 128 + SIGPIPE, the shell's convention
+
+
+def fail(error: object, code: int) -> int:
+    """Print an error as one line on stderr; return `code`."""
+    print("gi-viewer: " + re.sub(r"\s*[^\S ]\s*", " ", str(error).strip()), file=sys.stderr)
+    return code
 
 
 class _Printable:

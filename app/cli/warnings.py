@@ -16,18 +16,18 @@ def warnings_of(solver: Solver) -> dict[str, str]:
     """Return one sentence per kind of warning: "memory", "escapes", "behind"; empty without any."""
     from gi_core.files.completion.completion import lit_by_stand_ins
 
-    found, chosen = {}, solver.chosen
+    sentences, chosen = {}, solver.chosen
     if solver.frame.store.memory_full:
         wanted = f"{solver.frame.photons:,} of the {solver.photons:,} photons wanted"
-        found["memory"] = f"memory holds no more than {wanted}"
+        sentences["memory"] = f"memory holds no more than {wanted}"
     if chosen.escaped_first > ESCAPES and not lit_by_stand_ins(solver.scene):  # added lights cannot be turned
-        found["escapes"] = (
+        sentences["escapes"] = (
             f"{100 * chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; close it, or turn "
             "its lights inwards: most photons are wasted and the picture is noisier than necessary"
         )
     if chosen.behind_first > BEHIND:
-        found["behind"] = (
+        sentences["behind"] = (
             f"{100 * chosen.behind_first:.0f} % of the light first meets backs of one-sided faces, which are black; "
             "turn these faces over, or make their materials two-sided"
         )
-    return found
+    return sentences

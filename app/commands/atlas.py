@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from app.cli import options
-from app.cli.exit_codes import OK
+from app.cli.terminal import OK
 from app.settings import Settings, check_names
 
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from app import values
 from app.cli import cluster, options
-from app.cli.exit_codes import OK
 from app.cli.extras import need
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
+from app.cli.terminal import OK
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 
@@ -87,13 +87,13 @@ def bake(
         shot, written = Shot(solver, settings), []
         shot.expose()
         light = shot.meshes, solver.irradiance, shot.camera, exposure, shot.gains, shot.exposure
-        found = baked(solver, *light, None if pixels is None else (pixels, image.name))
-        if found.light_map is not None:  # first: the other file names it
-            E, coverage = found.light_map
+        baking = baked(solver, *light, None if pixels is None else (pixels, image.name))
+        if baking.light_map is not None:  # first: the other file names it
+            E, coverage = baking.light_map
             channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
             about = {"content": f"irradiance [{units_of(scene.units).per_area}]", "glb": out.name}
             written = [write_channels(image, channels, about)]
-        write_whole(out, found.glb)
+        write_whole(out, baking.glb)
         if note := _left_out(scene):
             bar.say(f"gi-viewer: {note}")
         return [out.resolve(), *written]

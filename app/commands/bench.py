@@ -7,8 +7,8 @@ from pathlib import Path
 
 from app import values
 from app.cli import options
-from app.cli.exit_codes import OK
 from app.cli.options import settings_of
+from app.cli.terminal import OK
 from app.settings import STEP, UsageError
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from app import values
 from app.cli import cluster, options
-from app.cli.exit_codes import INCOMPLETE, OK, fail
 from app.cli.options import settings_of
+from app.cli.terminal import INCOMPLETE, OK, fail
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 
 from app.cli import options
-from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.cli.terminal import say
+from app.cli.terminal import OK, say
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from app import values
 from app.cli import options
-from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
-from app.cli.terminal import say
+from app.cli.terminal import OK, say
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 

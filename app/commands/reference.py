@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from app import values
 from app.cli import cluster, options
-from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
+from app.cli.terminal import OK
 from app.cli.writable import check_folder
 from app.settings import Settings, open_scene
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from app import values
 from app.cli import options, saved_scene
-from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, solve
-from app.cli.terminal import say
+from app.cli.terminal import OK, say
 from app.settings import Settings, UsageError, make_solver, open_moving_scene
 
 if TYPE_CHECKING:
@@ -46,23 +45,23 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
     with opened(settings, open_moving_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         solve(solver, bar)
-        found = tune(solver, 1e-3 * settings.budget, bar, None if error is None else 1e-2 * error)
-        lines = [*_models(found, settings.budget), "", *_choice(found, settings.budget, error)]
-        lines.append(command_line(settings, found))
+        tuned = tune(solver, 1e-3 * settings.budget, bar, None if error is None else 1e-2 * error)
+        lines = [*_models(tuned, settings.budget), "", *_choice(tuned, settings.budget, error)]
+        lines.append(command_line(settings, tuned))
         if check:
-            lines += ["", checked(solver, found, bar)]
+            lines += ["", checked(solver, tuned, bar)]
     return lines
 
 
-def _models(found: Tuned, budget: float) -> list[str]:
+def _models(tuned: Tuned, budget: float) -> list[str]:
     """Return a table of the settings tried; budget: [ms] per frame."""
     from app.measure.tuning import compared
 
     lines = [
         f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'per 1e5 photons':>16}{'in motion':>11}"
     ]
-    errors = compared(found, 1e-3 * budget)
-    for model, (error, in_noise) in zip(found.models, errors, strict=True):
+    errors = compared(tuned, 1e-3 * budget)
+    for model, (error, in_noise) in zip(tuned.models, errors, strict=True):
         lines.append(
             f"{_name(model.setting):<32}{100 * (model.noise / 1e6) ** 0.5:>11.1f} %{100 * model.bias:>6.1f} %"
             f"{1e3 * model.start:>11.1f} ms{1e8 * model.slope:>13.1f} ms"
@@ -70,37 +69,37 @@ def _models(found: Tuned, budget: float) -> list[str]:
         )
     if any(in_noise for _, in_noise in errors):
         lines.append("in noise: it differs from the choice by less than the trials scatter about their models")
-    for name, exponents in found.exponents.items():
+    for name, exponents in tuned.exponents.items():
         powers = ", ".join(f"{letter} r^{exponents[letter]:.2f}" for letter in ("A", "B", "c"))
         lines.append(f"{name}, by radius: {powers} (A / photons: noise squared; B: bias; c: time per photon)")
     return lines
 
 
-def _choice(found: Tuned, budget: float, error: float | None) -> list[str]:
+def _choice(tuned: Tuned, budget: float, error: float | None) -> list[str]:
     """Return the choice and its expected errors and frame time, in words."""
-    c = found.choice
+    c = tuned.choice
     asked = f"frames of {budget:g} ms" if error is None else f"{error:g} % at rest"
     met = "" if c.met else f" ({asked} is out of reach: this comes nearest)"
     return [
         f"for {asked}: {_name(c.setting)}, {c.photons:,} photons{met}",
         f"expected with moving objects: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
-        f"({c.frame:,} photons{_gathered(found)}, {1e3 * c.seconds:.1f} ms per frame)",
+        f"({c.frame:,} photons{_gathered(tuned)}, {1e3 * c.seconds:.1f} ms per frame)",
     ]
 
 
-def command_line(settings: Settings, found: Tuned) -> str:
+def command_line(settings: Settings, tuned: Tuned) -> str:
     """Return the command that opens the window with the choice."""
-    chosen = found.choice.setting
+    chosen = tuned.choice.setting
     return saved_scene.command_line(
         replace(
-            settings, estimator=chosen.estimator, photons=found.choice.photons, radius=float(f"{chosen.radius:.4g}"),
+            settings, estimator=chosen.estimator, photons=tuned.choice.photons, radius=float(f"{chosen.radius:.4g}"),
             neighbours=chosen.neighbours, control=chosen.control, light=settings.light_chosen,
         )
     )  # fmt: skip
 
 
-def _gathered(found: Tuned) -> str:
-    return f", {found.paths} paths per vertex of moving objects" if found.paths else ""
+def _gathered(tuned: Tuned) -> str:
+    return f", {tuned.paths} paths per vertex of moving objects" if tuned.paths else ""
 
 
 def _name(setting) -> str:
@@ -110,11 +109,11 @@ def _name(setting) -> str:
     return f"{setting.estimator}, {summary}" if summary else setting.estimator
 
 
-def checked(solver: Solver, found: Tuned, bar) -> str:
+def checked(solver: Solver, tuned: Tuned, bar) -> str:
     """Return the measured errors and frame time of the choice, in words."""
     from app.measure.tuning import measured
 
-    at_rest, moving, frame, seconds = measured(solver, found, bar)
+    at_rest, moving, frame, seconds = measured(solver, tuned, bar)
     return (
         f"measured: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
         f"({frame:,} photons, {1e3 * seconds:.1f} ms per frame)"

@@ -7,8 +7,8 @@ import sys
 
 from app import values
 from app.cli import options
-from app.cli.exit_codes import NO_GL, OK, fail
 from app.cli.options import settings_of
+from app.cli.terminal import NO_GL, OK, fail
 from app.commands.render import FALLBACK_PICTURE
 
 

@@ -34,44 +34,44 @@ class FileDialog:
 
     def __init__(self) -> None:
         self._native: native.open_file | native.save_file | None = None
-        self._then: Callable[[str], str | None] | None = None
+        self._answered: Callable[[str], str | None] | None = None
         self._problem = ""  # why the last answer will not do
         self._title, self._path, self._appears = "", "", False
-        self._suffix = ""  # that `then` appends to a path without it; "": the file is read
+        self._suffix = ""  # that `answered` appends to a path without it; "": the file is read
         self._sure = ""  # path of a file that may be replaced
 
     @property
     def is_open(self) -> bool:
-        return self._then is not None
+        return self._answered is not None
 
-    def open(self, title: str, folder: str, filters: Sequence[str], then: Callable[[str], None]) -> None:
-        """Ask for a file that exists; `then` receives its path."""
-        self._begin(title, "", then)
+    def open(self, title: str, folder: str, filters: Sequence[str], answered: Callable[[str], None]) -> None:
+        """Ask for a file that exists; `answered` receives its path."""
+        self._begin(title, "", answered)
         if has_native():
             self._native = native.open_file(title, folder, list(filters))
 
     def save(
-        self, title: str, path: str, filters: Sequence[str], then: Callable[[str], str | None], problem: str = ""
+        self, title: str, path: str, filters: Sequence[str], answered: Callable[[str], str | None], problem: str = ""
     ) -> None:
         """Ask for a file to write, and again where it exists.
 
-        `then` receives its path. What it returns is the problem with that path, and the dialog stays; problem: of the
-        path that it begins with.
+        `answered` receives its path. What it returns is the problem with that path, and the dialog stays;
+        problem: of the path that it begins with.
         """
-        self._begin(title, path, then)
+        self._begin(title, path, answered)
         self._suffix = filters[1].removeprefix("*")
         self._problem = problem
         if has_native() and not problem:
             self._native = native.save_file(title, path, list(filters))
 
-    def _begin(self, title: str, path: str, then: Callable[[str], str | None]) -> None:
-        self._native, self._then, self._title, self._path, self._appears = None, then, title, path, True
+    def _begin(self, title: str, path: str, answered: Callable[[str], str | None]) -> None:
+        self._native, self._answered, self._title, self._path, self._appears = None, answered, title, path, True
         self._suffix = self._sure = self._problem = ""
 
     def _end(self, path: str) -> None:
-        then, self._then, self._native = self._then, None, None
-        if path and then is not None and (problem := then(path)):
-            self._then, self._path, self._problem, self._appears = then, path, problem, True
+        answered, self._answered, self._native = self._answered, None, None
+        if path and answered is not None and (problem := answered(path)):
+            self._answered, self._path, self._problem, self._appears = answered, path, problem, True
 
     def poll(self) -> None:
         """Take the system's answer, if there is one."""
@@ -81,7 +81,7 @@ class FileDialog:
 
     def draw(self) -> None:
         """Draw the field for a path, where the system has no dialog."""
-        if self._then is None or self._native is not None:
+        if self._answered is None or self._native is not None:
             return
         name = f"{self._title}###File"
         if self._appears:
@@ -134,14 +134,14 @@ class Question:
 
     def __init__(self) -> None:
         self.is_open = False
-        self.then: Callable[[], None] = lambda: None  # what the changes are in the way of
+        self.go_on: Callable[[], None] = lambda: None  # what the changes are in the way of
         self._otherwise = ""
         self._appears = False
 
-    def ask(self, otherwise: str, then: Callable[[], None]) -> None:
-        """Ask before `then`; otherwise: the words for doing it without saving."""
+    def ask(self, otherwise: str, go_on: Callable[[], None]) -> None:
+        """Ask before `go_on`; otherwise: the words for doing it without saving."""
         self.is_open = self._appears = True
-        self._otherwise, self.then = otherwise, then
+        self._otherwise, self.go_on = otherwise, go_on
 
     def draw(self, name: str) -> str:
         """Draw the question about the scene `name`; return the answer: "save", "discard", "cancel", "": none yet."""

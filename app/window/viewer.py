@@ -260,11 +260,11 @@ class Viewer:
             self._do("save")
             self._waits_for_save = True
         elif answer == "discard":
-            self.files.question.then()
+            self.files.question.go_on()
         if self._waits_for_save and not self.files.dialog.is_open:
             self._waits_for_save = False
             if not self.files.has_changed(self.session):  # else the dialog was cancelled, or saving has failed
-                self.files.question.then()
+                self.files.question.go_on()
         if self.files.changed_on_disk(time.monotonic()) and self.session.ready:
             self._do("reload")
 
