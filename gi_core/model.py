@@ -20,8 +20,8 @@ from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
 from gi_core.lights.light_sampling import Lights, at_levels, lights_of
-from gi_core.photons.paths import END_EXTENSION
-from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.rays.accelerator import LIFT, Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.rays.all_objects import nearest_in_world
 from gi_core.rays.structures import checked
 from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
@@ -76,7 +76,7 @@ class Model:
         _check_reach(scene, self.surfaces, max(self.world.size, 2 * lit[1] * distant))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
-        self.eps = np.float32(END_EXTENSION * self.world.size)
+        self.farthest = float(np.abs(lit[0]).max() + 1.5 * lit[1])  # [m], largest coordinate of lights and of photons
 
     def relit(self, scene: Scene) -> Model | None:
         """Return the model of a scene that differs in lights and poses alone, with the same geometry; None: in more.
@@ -238,6 +238,36 @@ class Model:
     def evaluation_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Evaluation points of all receivers [m] and their normals, both (R, 3) float64, in object space."""
         return evaluation_points(self.surfaces, self.object_receivers)
+
+    @cached_property
+    def lifts(self) -> np.ndarray:
+        """How far rays start off the evaluation points of the static part's receivers, (n,) float64 [m]."""
+        points, normals = (a[self.surfaces.receiver_range(0)] for a in self.evaluation_points)
+        out, probes = LIFT * np.abs(points).max(axis=1, initial=0.0), slice(self.first_probe, None)
+        out[probes] = self.lifts_at(self.static, points[probes], normals[probes])  # others are off their faces
+        return out
+
+    def lifts_at(self, at: Transforms, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return how far (n,) [m] rays start off points of the world: past the rounding of a face that they lie on.
+
+        A ray meets a face with an error that grows with the face's coordinates, such as those of a lawn under a chair.
+        """
+        face, reach = self.faces_at(at, positions, normals, LIFT), np.append(self.world.reach, 0.0)
+        return LIFT * np.maximum(np.abs(positions).max(axis=1, initial=0.0), reach[face])
+
+    def faces_at(self, at: Transforms, positions: np.ndarray, normals: np.ndarray, share: float) -> np.ndarray:
+        """Return the face (n,) int64 that each point of the world lies on, -1 for none.
+
+        share: of the face's largest coordinate, the distance along the normal (n, 3) up to which a point lies on it.
+        """
+        reach, n = np.append(self.world.reach, 0.0), len(positions)
+        out, nearest = np.full(n, -1), np.full(n, np.inf)
+        for way in (-normals, normals):
+            limits = np.full(n, share * reach.max())
+            distance, face = nearest_in_world(self.accelerator, at, positions, way, limits)
+            on = (face >= 0) & (distance <= share * reach[face]) & (distance < nearest)
+            out[on], nearest[on] = face[on], distance[on]
+        return out
 
     @cached_property
     def covered_share(self) -> np.ndarray:

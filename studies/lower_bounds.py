@@ -29,7 +29,7 @@ from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.photon_map import PhotonMap
 from gi_core.instruments.search_timing import search_run
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT
+from gi_core.rays.accelerator import FAR, LIFT
 from gi_core.rays.all_objects import rays_to_object
 from gi_core.retrace.broad_phase import PAD, ScanBuffers
 from gi_core.retrace.cuts import candidate_segments
@@ -206,7 +206,7 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     paths = solver.frame.store.subset(photons)[0]
     for first in range(0, photons, CHUNK):
         last = min(first + CHUNK, photons)
-        twin.add_background(segments_of(paths, solver.model.eps, first, last), 0)
+        twin.add_background(segments_of(paths, first, last), 0)
 
     def run() -> None:
         for _ in twin.prepare(photons):
@@ -242,7 +242,7 @@ def _rays(solver: Solver) -> list[Work]:
     paths, coarse = solver.frame.store.subset(frame.photons)
     wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near_mobiles))
     rows = candidate_segments(model, coarse, frame.at, wanted, ScanBuffers())
-    near = segments_at(paths, model.eps, *rows, model.threads)
+    near = segments_at(paths, *rows, model.threads)
     work = [_cast(solver, "suffixes", 0, *_as_rays(solver, 0, frame.new_suffixes))]
     for stage, segments in (("cuts", near), ("suffixes", frame.new_suffixes)):
         pass_by = select(model, frame.at, segments.origin, segments.end, -PAD * model.world.size, wanted.boxes[:0])
@@ -257,7 +257,7 @@ def _as_rays(solver: Solver, o: int, segments: Segments):
     way = segments.end.astype(np.float64) - segments.origin
     length = np.maximum(np.sqrt((way * way).sum(axis=1)), 1e-30)
     d = way / length[:, None]
-    origins, directions = segments.origin + ORIGIN_LIFT * model.world.size * d, d
+    origins, directions = segments.origin + LIFT * np.abs(segments.origin).max(axis=1, keepdims=True) * d, d
     limits = np.full(len(length), FAR * model.world.size) if o == 0 else length
     return *rays_to_object(at, o, origins.astype(np.float32), directions.astype(np.float32)), limits
 

@@ -14,7 +14,7 @@ import numpy as np
 from app.session.strokes import ADDED, KEPT, REMOVED, Strokes, joined, rows_of, strokes
 from gi_core.base.random_numbers import basis
 from gi_core.base.vectors import dot
-from gi_core.discs.region import COS, SIN
+from gi_core.discs.region import COS, EXTENSION, SIN
 from gi_core.estimators.photon_map import PhotonMap
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.geometry.sides import NONE
@@ -69,6 +69,7 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     position = R @ model.object_receivers.positions[receiver] + shift
     setting = solver.frame.background.setting  # the solver's may be that of a frame to come
     here = Receiver(receiver, position, R @ model.object_receivers.normals[receiver], setting.radius)
+    extension = np.float32(EXTENSION * setting.radius)
 
     def hits(rule: Rule) -> Parts:
         return _parts(solver, paths, changed, rule, of_hits=True)
@@ -86,7 +87,7 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
         found = hits(lambda origin, end, side: _ends(np.isin(side, sides), origin, end))
         outline, about = _triangles(solver, faces, o, R, shift), f"hits on the {len(faces)} faces around"
     across = found if isinstance(estimator, TangentPlane) else _parts(
-        solver, paths, changed, lambda origin, end, side: _crossing(origin, end, here, model.eps)
+        solver, paths, changed, lambda origin, end, side: _crossing(origin, end, here, extension)
     )  # fmt: skip
     kept, lost, new = (s.size for s in found)
     flux = np.array([s.flux.sum(axis=0, dtype=np.int64) for s in found])
@@ -121,7 +122,7 @@ def _parts(
     gone = (rows > cut_at[photon]) | ((rows == cut_at[photon]) & (distance >= cut_low[photon]))
     # The part of a cut segment that is kept ends at a new hit, on the mobile.
     prefixes, added = (rows_of(s, rule(s.origin, s.hit, s.hit_side)[0]) for s in (changed.kept_prefixes, new))
-    old = segments_at(paths, removed.eps, photon, rows, solver.model.threads)
+    old = segments_at(paths, photon, rows, solver.model.threads)
     if of_hits:
         return rows_of(old, ~gone), rows_of(old, gone), joined([added, prefixes])
     if current:
@@ -136,11 +137,11 @@ def _accepted(
 
     Some segments count that end before they cross it: see `predicate.accepts`.
     """
-    model, at, behind = solver.model, changed.at, np.float32(2 * here.radius)
+    model, at, behind = solver.model, changed.at, np.float32((2 + EXTENSION) * here.radius)
     o, disc, current = estimator.disc(here.row, at)
 
     def may_cross(origin, end, side):
-        return _crossing(origin, end, here, model.eps + behind)
+        return _crossing(origin, end, here, behind)
 
     def counts(s: Segments) -> Segments:
         return rows_of(s, estimator.crossing(here.row, s, at))

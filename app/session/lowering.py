@@ -10,7 +10,7 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import three
 
 RAYS = 4096  # downwards from vertices
-LIFT = 0.1  # of the object's height: it may begin so deep in the floor
+SUNK = 0.1  # of the object's height: it may begin so deep in the floor
 AWAY = 1e3  # of the scene's box: where the object itself is out of the rays' way
 GAP = 1e-5  # of the scene's box between object and floor: their faces must not coincide
 
@@ -25,7 +25,7 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
     size = float(np.ptp(model.surfaces.vertices[0], axis=0).max()) if len(model.surfaces.vertices[0]) else 1.0
     # The lowest vertices decide on level ground, the others on steps.
     points = points[np.argsort(heights, kind="stable")[:RAYS]]
-    lift = LIFT * max(float(np.ptp(heights)), GAP * size)
+    lift = SUNK * max(float(np.ptp(heights)), GAP * size)
     pose = poses[name]
     gone = pose._replace(position=three(np.array(pose.position) + AWAY * size * up))
     start = np.ascontiguousarray(points + lift * up, np.float32)

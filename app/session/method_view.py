@@ -102,10 +102,10 @@ def _sample(solver: Solver, paths: PathVertices, changed: PoseChange) -> Strokes
     cut = removed.photon[rows]
     photons, vertices = _vertices(paths.offsets[whole], paths.offsets[whole + 1] - 1, whole)
     before = _vertices(paths.offsets[cut], removed.vertex[rows], cut)
-    eps, threads = removed.eps, solver.model.threads
+    threads = solver.model.threads
     parts = [
-        strokes(segments_at(paths, eps, photons, vertices, threads), KEPT),
-        strokes(segments_at(paths, eps, *before, threads), KEPT),
+        strokes(segments_at(paths, photons, vertices, threads), KEPT),
+        strokes(segments_at(paths, *before, threads), KEPT),
         strokes(rows_of(changed.kept_prefixes, rows), KEPT),
         strokes(removed.of(rows).segments(), REMOVED),
         strokes(rows_of(changed.new_suffixes, np.isin(changed.new_suffixes.photon, cut)), ADDED),

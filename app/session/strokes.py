@@ -29,7 +29,7 @@ def strokes(s: Segments, kind: int) -> Strokes:
     origin, end, hit = (a.astype(np.float64) for a in (s.origin, s.end, s.hit))
     along = end - origin
     length = np.sqrt(dot(along, along))
-    begin = np.minimum(s.low / np.maximum(length, 1e-30), 1.0)
+    begin = np.clip(s.low / np.maximum(length, 1e-30), 0.0, 1.0)
     ends = np.stack([origin + begin[:, None] * along, hit], axis=1)
     return Strokes(ends, np.full(len(origin), kind), s.hit_side >= 0)
 

@@ -21,6 +21,12 @@ def dot(a, b):
 
 
 @inlined
+def largest(a):
+    """Return the largest absolute coordinate."""
+    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
+
+
+@inlined
 def difference(a, b):
     """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]

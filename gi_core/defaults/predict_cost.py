@@ -41,7 +41,7 @@ def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float
     stands_for = max(1, len(rows) // DISCS)
     rows = rows[::stands_for]
     photons = len(paths.offsets) - 1
-    segments = segments_of(paths, model.eps, 0, photons)
+    segments = segments_of(paths, 0, photons)
     if not len(rows) or not segments.size:
         return 0.0, 0.0
     p, n = model.object_receivers.positions[rows], model.object_receivers.normals[rows]

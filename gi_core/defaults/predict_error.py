@@ -90,8 +90,7 @@ def _seen(model: Model, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     way /= distance[:, None]
     ahead = -(way @ forward) > math.cos(math.radians(0.75 * camera.vertical_fov_degrees))
     facing = (way * normals).sum(axis=1) > 0
-    lifted = points + 1e-5 * model.world.size * normals
-    _, face = _nearest(model, lifted, way, distance * (1 - 1e-3))
+    _, face = _nearest(model, points + 1e-3 * distance[:, None] * way, way, distance * (1 - 2e-3))
     return ahead & facing & (face < 0)
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import allocating, kernel
+from gi_core.discs.search.predicate import begins
 from gi_core.photons.flux_sums import CHUNK_BITS, IntersectionLog, Sums
 from gi_core.photons.paths import Segments
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
@@ -106,9 +107,10 @@ class IntersectionCache:
                 merged = end // STEP
                 yield
 
-    def subtract(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
-        """Subtract removed suffixes first .. last - 1 from the sums; return the number of intersections."""
-        return _subtract(self._first, self._receiver, self._distance, removed_suffixes, first, last, sums)
+    def subtract(self, removed_suffixes: RemovedSuffixes, radius: float, first: int, last: int, sums: Sums) -> int:
+        """Subtract removed suffixes first .. last - 1 from the sums of discs; return the number of intersections."""
+        removed = removed_suffixes.of(slice(first, last))
+        return _subtract(self._first, self._receiver, self._distance, removed, begins(removed, radius), sums)
 
 
 def _grown(array: np.ndarray, used: int, n: int) -> Generator[None, None, np.ndarray]:
@@ -143,14 +145,14 @@ def _by_vertex(bounce, log, n, count, receiver, distance):
 
 
 @kernel
-def _subtract(first, receiver, distance, removed, a, b, sums):
+def _subtract(first, receiver, distance, removed, low, sums):
     total = 0
-    for j in range(a, b):
+    for j in range(len(low)):
         v, end = removed.vertex[j], removed.paths.offsets[removed.photon[j] + 1] - 1
         first_channel = 3 * removed.paths.lamp[removed.photon[j]]
         for k in range(v, end):
             for e in range(first[k], first[k + 1]):
-                if k > v or distance[e] >= removed.low[j]:
+                if k > v or distance[e] >= low[j]:
                     i = receiver[e]
                     sums.touched[(sums.first + i) >> CHUNK_BITS] = True
                     for c in range(3):

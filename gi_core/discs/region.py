@@ -26,6 +26,7 @@ from gi_core.model import Model
 RAYS = 32  # the polygon of a free disc has 99.4 % of its area; intersections outside it do not count
 PROBES = 8  # directions of the first test; a receiver with none of them blocked keeps the whole disc
 CHUNK = 2048  # receivers per step: some 5 ms
+EXTENSION = 1e-2  # of the radius: segments end behind their hit, so that discs in the plane of the hit are crossed
 REGION_LIFT = 2e-3  # of the radius: ray origins above the receiver's own flat surface
 NUDGE = 1e-2  # of the way to the mean centroid, or of the radius: ray origins away from edges, which lie in the
 # neighbour's plane, but not through a wall beside a corner that `files/completion/crossings.py` put there
@@ -61,10 +62,9 @@ def whole_discs(model: Model, o: int, radius: float) -> Regions:
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
     """Measure the regions of object o's receivers, in steps of a few ms; the generator returns them. radius [m]."""
-    given = radius, float(model.eps)
-    if (known := model.shapes.find("regions", o, *given)) is None:
+    if (known := model.shapes.find("regions", o, radius)) is None:
         known = yield from _measured(model, o, radius)
-        model.shapes.keep("regions", o, known, *given)
+        model.shapes.keep("regions", o, known, radius)
     return Regions(known.row.copy(), known.reach, known.area.copy())
 
 
@@ -149,14 +149,14 @@ def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: f
     """Correct near and far distances (n, RAYS, 2) float32 [m] for steps too low to block light.
 
     In the grout between tiles one millimetre high, a region would be a thousandth of the disc, and its noise half of
-    a tiled kitchen's. But segments end `eps` behind their hit, so those that land on the tiles also cross the plane of
-    the grout, except at grazing angles. Narrow regions are therefore measured again from half that height. At worst
+    a tiled kitchen's. But segments end a little behind their hit, so those that land on the tiles also cross the plane
+    of the grout, except at grazing angles. Narrow regions are therefore measured again from half that height. At worst
     this loses light within 30 degrees of the plane, a quarter of all.
     """
-    higher = 0.5 * float(model.eps) - REGION_LIFT * radius
+    higher = (0.5 * EXTENSION - REGION_LIFT) * radius
     areas = _areas(free)
     narrow = np.flatnonzero(areas < NARROW * math.pi * radius * radius)
-    if higher > 0 and len(narrow):
+    if len(narrow):
         raised = points[narrow] + higher * normals[narrow]
         again = _distances(model, o, raised, normals[narrow], patch[narrow], radius, np.arange(RAYS))
         wider = _areas(again) > areas[narrow]

@@ -6,7 +6,7 @@ import numpy as np
 
 from gi_core.model import Model
 
-FACE_SEARCH_LIFT = 1e-4  # of the world's size: start of the ray that finds the face under a probe
+ON_FACE = 1e-4  # of a face's largest coordinate: a probe so near lies on it
 
 
 def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> dict[str, np.ndarray]:
@@ -21,15 +21,14 @@ def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> di
 
 
 def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarray:
-    r, s, lift = model.object_receivers, model.surfaces, FACE_SEARCH_LIFT * model.world.size
-    origins = (r.positions[rows] + lift * r.normals[rows]).astype(np.float32)
-    directions = (-r.normals[rows]).astype(np.float32)
-    _, face = model.accelerator.nearest(0, origins, directions, np.full(len(origins), 2 * lift, np.float32))
-    out = np.zeros((len(origins), 3))
+    r, s = model.object_receivers, model.surfaces
+    positions, normals = r.positions[rows], r.normals[rows]
+    face = model.faces_at(model.static, positions, normals, ON_FACE)
+    out = np.zeros((len(face), 3))
     for k in np.flatnonzero(face >= 0):
         a, *ends = s.vertices[0][s.faces[0][face[k]]]
-        u, v = np.linalg.lstsq((ends - a).T, r.positions[rows][k] - a, rcond=None)[0]  # of the foot in the face's plane
-        front = directions[k] @ s.normals[face[k]] < 0
+        u, v = np.linalg.lstsq((ends - a).T, positions[k] - a, rcond=None)[0]  # of the foot in the face's plane
+        front = normals[k] @ s.normals[face[k]] > 0
         index = (s.corner_front if front else s.corner_back)[face[k]]
         out[k] = np.where(index[:, None] >= 0, irradiance[index], 0).T @ (1 - u - v, u, v)
     return out

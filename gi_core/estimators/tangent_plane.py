@@ -238,7 +238,7 @@ class TangentPlane:
             if removed_suffixes is not None:
                 gone = share(len(removed_suffixes.photon), part, threads)
                 sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
-                self._intersections.subtract(removed_suffixes, *gone, sums)
+                self._intersections.subtract(removed_suffixes, self.radius, *gone, sums)
             for o, segments, sign, to in batches:
                 rows = self.model.surfaces.receiver_range(o)
                 self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)

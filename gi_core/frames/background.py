@@ -212,7 +212,7 @@ class Photons:
 
         def work(thread, first, last):
             for at in range(added + first, added + last, part):
-                segments = segments_of(known, m.eps, at, min(at + part, added + last))
+                segments = segments_of(known, at, min(at + part, added + last))
                 b.estimate.add_background(segments, thread)
 
         try:

@@ -20,12 +20,11 @@ from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import difference, rotate_back, row
+from gi_core.base.vec import difference, largest, rotate_back, row
 from gi_core.gather.hit_cache import pose_bits
-from gi_core.gather.path_tracer import SHADOW_GAP
 from gi_core.lights.light_points import LightPoints, light_points, strength_of, way_to
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.accelerator import FAR, GAP, Transforms
 from gi_core.rays.structures import any_hit, new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
@@ -81,7 +80,7 @@ class DirectLight:
         if self.is_known or self._points is None or self._model.surfaces.objects == 1:
             return
         m, static = self._model, self._model.surfaces.receiver_range(0)
-        groups = _groups(*(a[static] for a in m.evaluation_points), ORIGIN_LIFT * m.world.size, len(self._points.kind))
+        groups = _groups(*(a[static] for a in m.evaluation_points), m.lifts, len(self._points.kind))
         light, at, pace = np.zeros((static.stop, m.lights.channels)), 0, Pace(FIRST_SECONDS, LEAST, MOST)
         yield
         while at < len(groups.radius):
@@ -95,7 +94,7 @@ class DirectLight:
     def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> None:
         """Measure the light of `count` groups from `at` on."""
         m = self._model
-        given = m.accelerator.scenes, self._points, m.lights.area, m.lights.delta, *_lengths(m), groups
+        given = m.accelerator.scenes, self._points, m.lights.area, m.lights.delta, _far(m), groups
 
         def work(_, first, last):
             _see(*given, new_ray(), at + first, at + last, light)
@@ -130,15 +129,15 @@ class DirectLight:
             ray = new_ray()
             for k, part in itertools.product(moved, range(first, last)):
                 o, of = k + 1, (part, m.threads)  # shadows lie in few groups, close by: each thread takes every n-th
-                given = m.accelerator.scenes, m.accelerator.boxes[o], at, o, there[k], p.distant, *_lengths(m), groups
+                given = m.accelerator.scenes, m.accelerator.boxes[o], at, o, there[k], p.reach, _far(m), groups
                 _block(*given, ray, *of, rays[k], some[k])
 
         run_ranges(work, m.threads, m.threads, 1)
 
 
-def _lengths(model: Model) -> tuple[float, float]:
-    """Return how far [m] a distant light is, and the gap between a ray's end and its light."""
-    return float(np.float32(FAR * model.world.size)), SHADOW_GAP * model.world.size
+def _far(model: Model) -> float:
+    """Return how far [m] a distant light is."""
+    return float(np.float32(FAR * model.world.size))
 
 
 def _in_object(at: Transforms, o: int, points: LightPoints) -> np.ndarray:
@@ -146,11 +145,11 @@ def _in_object(at: Transforms, o: int, points: LightPoints) -> np.ndarray:
     return (points.place - np.where(points.distant[:, None], 0.0, at.position[o])) @ at.rotation[o]
 
 
-def _groups(position: np.ndarray, normal: np.ndarray, lift: float, points: int) -> Groups:
-    """Return groups of receivers (n, 3), without light."""
+def _groups(position: np.ndarray, normal: np.ndarray, lift: np.ndarray, points: int) -> Groups:
+    """Return groups of receivers (n, 3), without light; lift (n,) [m]: of rays off the surface."""
     n, count = len(position), -(-len(position) // GROUP)
     order = np.resize(hilbert_order(position), count * GROUP)
-    place = (position + lift * normal)[order].astype(np.float32).reshape(count, GROUP, 3)
+    place = (position + lift[:, None] * normal)[order].astype(np.float32).reshape(count, GROUP, 3)
     up = normal[order]
     up[n:] = 0.0
     low, high = place.min(axis=1).astype(np.float64), place.max(axis=1).astype(np.float64)
@@ -168,18 +167,25 @@ def _end(place, distant, far, start):
     return place
 
 
+@inlined
+def _limit(distance, reach, position):
+    """Return the length of a ray from a receiver at `position` to a point on a light, float32 [m]; see LightPoints."""
+    gap = GAP * max(reach, largest(position)) if reach < np.inf else 0.0
+    return np.float32(max(distance - gap, 0.0))
+
+
 @kernel
-def _see(scenes, points, area, delta, far, gap, groups, ray, first, last, light):
+def _see(scenes, points, area, delta, far, groups, ray, first, last, light):
     """Write the strengths and the light of groups first .. last - 1."""
     for g in range(first, last):
         for k in range(GROUP):
             position, normal, r = row(groups.position[g], k), row(groups.normal[g], k), groups.receiver[g, k]
             for j in range(len(points.kind)):
-                u, v, w, d = way = way_to(row(points.place, j), points.distant[j], far, position)
+                u, v, w, d = way = way_to(row(points.place, j), points.reach[j] == np.inf, far, position)
                 strength = np.float32(strength_of(points, area, delta, j, far, position, normal, way))
                 if strength <= 0.0:
                     continue
-                u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), np.float32(max(d - gap, 0.0))
+                u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), _limit(d, points.reach[j], position)
                 if any_hit(scenes, 0, ray, position[0], position[1], position[2], u, v, w, limit):
                     continue
                 groups.strength[g, j, k], groups.lit[g, j] = strength, True
@@ -203,10 +209,10 @@ def _misses(start, end, box, pad):
 
 
 @allocating
-def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, step, rays, some):
+def _block(scenes, box, at, o, there, reach, far, groups, ray, first, step, rays, some):
     """Write the rays (g, P) that mobile o blocks, and where it does (g,), of groups first, first + step ...
 
-    box (2, 3): of the mobile; there (P, 3): places of the points, both in its space.
+    box (2, 3): of the mobile; there (P, 3): places of the points, both in its space; reach (P,): of LightPoints.
     """
     local, middle, half = np.empty((GROUP, 3), np.float32), np.empty(3), np.empty(3)
     for c in range(3):
@@ -215,12 +221,12 @@ def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, ste
     for g in range(first, len(some), step):
         centre = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
         is_local, some[g] = False, False
-        for j in range(len(distant)):
+        for j in range(len(reach)):
             rays[g, j] = 0
             if not groups.lit[g, j]:
                 continue
-            place = row(there, j)
-            if _misses(centre, _end(place, distant[j], far, centre), around, groups.radius[g]):
+            place, distant = row(there, j), reach[j] == np.inf
+            if _misses(centre, _end(place, distant, far, centre), around, groups.radius[g]):
                 continue
             if not is_local:
                 _to_local(at, o, groups.position[g], local)
@@ -230,10 +236,11 @@ def _block(scenes, box, at, o, there, distant, far, gap, groups, ray, first, ste
                 if groups.strength[g, j, k] == 0.0:
                     continue
                 start = row(local, k)
-                if _misses(start, _end(place, distant[j], far, start), around, 0.0):
+                if _misses(start, _end(place, distant, far, start), around, 0.0):
                     continue
-                u, v, w, d = way_to(place, distant[j], far, start)
-                u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), np.float32(max(d - gap, 0.0))
+                u, v, w, d = way_to(place, distant, far, start)
+                u, v, w = np.float32(u), np.float32(v), np.float32(w)
+                limit = _limit(d, reach[j], row(groups.position[g], k))
                 if any_hit(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit):
                     hidden |= 1 << k
             if hidden:

@@ -19,13 +19,13 @@ import numpy as np
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
 from gi_core.gather.path_ends import BounceHits, OneBounce, arrive, starts
-from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter
+from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import picks
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT
+from gi_core.rays.accelerator import FAR
 from gi_core.rays.all_objects import nearest_in_world
 
 STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
@@ -44,7 +44,7 @@ class FinalGather:
 
     def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
-        self._positions, self._normals = positions + ORIGIN_LIFT * model.world.size * normals, normals
+        self._starts = positions, normals, model.lifts
         self.weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
         self._lights = model.lights
         shape = len(positions), self._lights.channels
@@ -132,19 +132,19 @@ class FinalGather:
     def _block(self, rows: np.ndarray, number: int, m: int, some: Candidates, field: np.ndarray) -> np.ndarray:
         model, lights, s, world = self._model, self._lights, self._model.surfaces, self._model.world
         n, count, at, far = len(rows), len(rows) << m, model.static, float(np.float32(FAR * world.size))
-        positions, normals, total = self._positions[rows], self._normals[rows], np.zeros((n, lights.channels))
+        start, total = [a[rows] for a in self._starts], np.zeros((n, lights.channels))
         path = (number * SET + rows[:, None] << m) + np.arange(1 << m)
         pick = picks(self._seed, m, 0, path, lights.delta)
-        ends = starts(rows, np.arange(n), positions, normals)
-        rays = join_lamps(world.bsdfs, some, pick, 1 << m, ends, lights, far, SHADOW_GAP * world.size)
+        ends = starts(rows, np.arange(n), *start)
+        rays = join_lamps(world.bsdfs, some, pick, 1 << m, ends, lights, far)
         add_unblocked(model, at, rays, len(rays.row), total)
-        start = np.repeat(positions, 1 << m, axis=0), np.repeat(normals, 1 << m, axis=0)
-        ends = starts(path.reshape(-1), np.repeat(np.arange(n), 1 << m), *start)
+        each = (np.repeat(a, 1 << m, axis=0) for a in start)
+        ends = starts(path.reshape(-1), np.repeat(np.arange(n), 1 << m), *each)
         origin, direction = np.empty((2, count, 3), np.float32)
         scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
         limits = np.full(count, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        bounces = BounceHits(1 << m, np.arange(n + 1) << m, normals, at.rotation[0], direction, distance, face)
+        bounces = BounceHits(1 << m, np.arange(n + 1) << m, start[1], at.rotation[0], direction, distance, face)
         ending = OneBounce(s.corner_front, s.corner_back, field)
         arrive(world, at, lights.area, lights.sky, bounces, ending, total)
         return total

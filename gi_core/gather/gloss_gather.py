@@ -21,7 +21,7 @@ from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
 from gi_core.gather.path_ends import InKnownLight, in_known_light, starts
-from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, SHADOW_GAP, PathTracer
+from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, PathTracer
 from gi_core.gather.pose_gather import KEPT, key_of
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.hemisphere import (
@@ -38,7 +38,7 @@ from gi_core.gloss.hemisphere import (
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import join_area, join_delta, picks, points_on_lamps, room_for_shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import occluded_in_world
 from gi_core.scene.pose import to_world_at
 
@@ -72,7 +72,7 @@ class GlossGather:
         self._normals = receivers.normals[rows]
         points, normals = (a[rows] for a in model.evaluation_points)
         R, p = at.rotation[self._object], at.position[self._object]
-        self._points = to_world_at(R, p, points + ORIGIN_LIFT * model.world.size * normals)
+        self._points = to_world_at(R, p, points)
         self._up = to_world_at(R, 0 * p, normals)  # 0: black
 
     def copied(self, model: Model) -> GlossGather:
@@ -112,8 +112,7 @@ class GlossGather:
     def _round(self, part: slice) -> np.ndarray:
         """Return the light (k, CELLS, SUMS) of the next round at some receivers."""
         model, at, lights, seed, *_ = self._tracer
-        world, size, k = model.world, model.world.size, part.stop - part.start
-        far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
+        world, k, far = model.world, part.stop - part.start, float(np.float32(FAR * model.world.size))
         own = self._normals[part], at.rotation[self._object[part]]
         number = (self.rows[part] * ROUNDS_AT_POSES + self.rounds)[:, None] * RAYS
         path = number + np.arange(RAYS)
@@ -123,11 +122,11 @@ class GlossGather:
         ends = starts(path.reshape(-1), *(np.repeat(a, RAYS, axis=0) for a in self._starts(part)))
         if len(lights.area.cdf):
             points = points_on_lamps(seed, LOG2_RAYS, 0, path.reshape(-1, 1), lights.area)
-            self._join(rays, join_area(world.bsdfs, points, ends, lights.area, gap, rays), 1 / RAYS, own, out)
+            self._join(rays, join_area(world.bsdfs, points, ends, lights.area, rays), 1 / RAYS, own, out)
         if delta := min(len(lights.delta.kind), MOST_DELTA):
             pick = picks(seed, 0, 0, path[:, :delta], lights.delta)
             few, room = starts(path[:, 0].copy(), *self._starts(part)), room_for_shadows(k * delta)
-            n = join_delta(world.bsdfs, pick, delta, few, lights.delta, far, gap, 0, room, 1)
+            n = join_delta(world.bsdfs, pick, delta, few, lights.delta, far, 0, room, 1)
             self._join(room, n, 1 / delta, own, out)
 
         # Send rays through the cells, and on from glossy surfaces.

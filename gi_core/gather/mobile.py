@@ -33,7 +33,6 @@ from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, bounce_shares, closeness, kinds, near_receivers
 from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, add_exchanged, direct_light, for_cells
 from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
-from gi_core.gather.path_tracer import SHADOW_GAP
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
@@ -41,7 +40,7 @@ from gi_core.lights.candidates import PATHS_PER_SHADOW, Candidates, candidates, 
 from gi_core.lights.light_sampling import Lights, aimed, steady
 from gi_core.lights.next_event import add_lit, picks
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.accelerator import FAR, LIFT, Transforms
 from gi_core.rays.two_level import World
 from gi_core.scene.pose import to_world_at
 
@@ -94,8 +93,7 @@ class MobileGather:
     def __init__(self, model: Model, seed: int):
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
-        positions, self._normals = (a[self.first :] for a in model.evaluation_points)
-        self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
+        self._positions, self._normals = (a[self.first :] for a in model.evaluation_points)
         s = model.surfaces
         self._faces = StaticFaces.of(s)
         # Lights, static light at rest and reflectance of the last call, and the luminance of `_faces` by these.
@@ -104,7 +102,7 @@ class MobileGather:
         self._aimed: dict[int, tuple[bytes, Lights, BrightFaces]] = {}  # by mobile: cell of its position, lights there
         self._views: dict[int, tuple[bytes, np.ndarray]] = {}  # by mobile: its cell, and its view of `_faces`
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
-        self._near = near_receivers(positions, self._normals, corners - self.first)
+        self._near = near_receivers(self._positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
         self._directions: dict[int, np.ndarray] = {}  # by number of bounces
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by number of paths
@@ -201,7 +199,7 @@ class MobileGather:
         """Return the lights with area lights sampled by importance for mobile o at its pose, and its bright faces."""
         world = self._model.world
         centre = to_world_at(at.rotation[o, None], at.position[o, None], world.sphere_centre[o, None])[0]
-        radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
+        radius = max(float(world.sphere_radius[o]), LIFT * float(np.abs(centre).max()), 1e-9)
         centre = steady(centre, radius)
         cell, lights = centre.tobytes(), self._light[0]
         if self._views.get(o, (None,))[0] != cell:
@@ -247,7 +245,9 @@ class MobileGather:
         directions = np.empty((first[-1], 3), np.float32)
         for count in np.unique(counts).tolist():
             bounces(self._directions[count], self._kinds[rows], self._normals[rows], first, directions)
-        origins = np.repeat(self._positions[rows].astype(np.float32), counts, axis=0)
+        positions, normals = self._positions[rows], self._normals[rows]
+        lift = LIFT * np.abs(positions).max(axis=1, keepdims=True, initial=0.0)
+        origins = np.repeat((positions + lift * normals).astype(np.float32), counts, axis=0)
         rays, shadows = BounceRays(self._model, mobile, origins, directions), partial(ShadowRays, self._model, mobile)
         return ReceiverBatch(mobile, rows, first, directions, rays, shadows(), shadows())
 
@@ -296,15 +296,15 @@ class MobileGather:
         """
         s, (lights, every, in_cells, pick, bright, on_bright, relative) = self._model.surfaces, lamps
         (positions, normals), n, R = places, places.shape[1], at.rotation[batch.mobile]
-        far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
+        far = float(np.float32(FAR * world.size))
 
         ends = starts(np.arange(n), np.arange(n), positions, normals)
-        to_lamps = every, pick, paths, ends, lights, far, gap
+        to_lamps = every, pick, paths, ends, lights, far
         rays, blocked = batch.shadow.occluded(at, lambda: join_lamps(world.bsdfs, *to_lamps))
         add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
         if len(bright.face):
             kind = self._kinds[batch.rows].astype(np.uint64)
-            to_bright = on_bright, kind, paths, ends, bright.lights, gap
+            to_bright = on_bright, kind, paths, ends, bright.lights
             of_bright = batch.to_bright.occluded(at, lambda: rays_to_candidates(*to_bright))
             add_reflected(*of_bright, relative, light.bounced)
         distance, face = batch.bounce.nearest(at)

@@ -19,9 +19,10 @@ from gi_core.base import strata
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import barycentric, dot, rotate, row
 from gi_core.bsdf import lambertian, surface
-from gi_core.lights.next_event import share_of_bounce
+from gi_core.lights.next_event import lifted, share_of_bounce
 from gi_core.model import Model
-from gi_core.rays.accelerator import ORIGIN_LIFT, Transforms
+from gi_core.rays.accelerator import LIFT, Transforms
+from gi_core.rays.two_level import lift_off, on_plane
 from gi_core.scene.pose import to_world_at
 
 ROULETTE_FROM = 2  # first bounce with Russian roulette: the first two carry most of the light
@@ -37,8 +38,9 @@ class PathEnds(NamedTuple):
 
     path: np.ndarray  # (n,) int64, path number
     row: np.ndarray  # (n,) int64, row of its sum
-    position: np.ndarray  # (n, 3) float64 [m], lifted off the surface
+    position: np.ndarray  # (n, 3) float64 [m]
     normal: np.ndarray  # (n, 3) float64, of the side of the vertex
+    lift: np.ndarray  # (n,) float64 [m]: rays start so far off the surface
     throughput: np.ndarray  # (n, 3) float64, factor of irradiance at this vertex; of pi L on a glossy face
     face: np.ndarray  # (n,) int32, glossy face of the vertex; -1: start, or a diffuse face
     arrival: np.ndarray  # (n, 3) float64 unit, to the vertex before, of glossy vertices
@@ -46,11 +48,16 @@ class PathEnds(NamedTuple):
     density: np.ndarray  # (n,) float64 [1/sr], of the direction sampled at a glossy vertex; < 0: a mirror's
 
 
-def starts(path, row, position, normal) -> PathEnds:
-    """Return the starts of n paths that estimate irradiance, with views of the arrays given."""
+def starts(path, row, position, normal, lift: np.ndarray | None = None) -> PathEnds:
+    """Return the starts of n paths that estimate irradiance, with views of the arrays given.
+
+    lift (n,) float64 [m]: rays start so far off the surface; None: as far as coordinates are rounded.
+    """
     n = len(path)
+    if lift is None:
+        lift = LIFT * np.abs(position).max(axis=1, initial=0.0)
     one = np.ones((n, 3)), np.full(n, -1, np.int32), *np.zeros((2, n, 3)), np.zeros(n)
-    return PathEnds(path, row, position, normal, *one)
+    return PathEnds(path, row, position, normal, lift, *one)
 
 
 class PathHits(NamedTuple):
@@ -261,11 +268,10 @@ def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, to
     there. Throughput is therefore multiplied by rho alone; by f cos / pdf when a glossy vertex scatters.
     """
     f, ends, t = rays.face[k], rays.ends, float(rays.distance[k])
-    rho, glossy = world.bsdfs.albedo[f], surface.is_glossy(world.bsdfs, f)
+    rho, glossy, x = world.bsdfs.albedo[f], surface.is_glossy(world.bsdfs, f), lifted(ends, k)
+    place = x[0] + t * d[0], x[1] + t * d[1], x[2] + t * d[2]
     if not glossy and f < len(ending.least) and rays.distance[k] > ending.least[f]:
         j = ending.corner_front[f] if facing > 0.0 else ending.corner_back[f]
-        x = ends.position[k]
-        place = x[0] + t * d[0], x[1] + t * d[1], x[2] + t * d[2]
         u, v, w = barycentric(ending.points[j[0]], ending.points[j[1]], ending.points[j[2]], place)
         for c in range(3):
             E = u * ending.irradiance[j[0], c] + v * ending.irradiance[j[1], c] + w * ending.irradiance[j[2], c]
@@ -279,12 +285,13 @@ def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, to
     s = 1.0 if facing > 0.0 else -1.0
     ends.path[n], ends.row[n] = path, i  # n <= k: overwritten rows have been read
     ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * normal[0], s * normal[1], s * normal[2]
-    ends.face[n] = f if glossy else -1
+    place = on_plane(world, at, f, place)
+    ends.position[n, 0], ends.position[n, 1], ends.position[n, 2] = place
+    ends.lift[n], ends.face[n] = lift_off(world, f, place), f if glossy else -1
     if glossy:
         along = surface.tangent_of(world.bsdfs, at.rotation[world.face_object[f]], f)
         ends.tangent[n, 0], ends.tangent[n, 1], ends.tangent[n, 2] = along
     for c in range(3):
-        ends.position[n, c] = ends.position[k, c] + t * d[c] + ORIGIN_LIFT * world.size * ends.normal[n, c]
         ends.arrival[n, c] = -d[c]
         weight = 1.0 if glossy else lambertian.weight(rho[c])
         ends.throughput[n, c] = ends.throughput[k, c] * (weight / survival)

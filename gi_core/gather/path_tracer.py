@@ -22,17 +22,17 @@ from gi_core.lights.next_event import (
     add_lit,
     join_area,
     join_delta,
+    lifted,
     picks,
     points_on_lamps,
     room_for_shadows,
 )
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 GRAIN = 1 << 10  # paths per thread: steps of 10 ms hold some 5,000 paths per core
-SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light
 
 # Dimensions after those of path_ends.py; scattering needs a pair.
 PART, SCATTER_U, SCATTER_V = 5, 6, 7
@@ -62,7 +62,7 @@ class PathTracer(NamedTuple):
                 self.join_lights(vertex, ends, rays, total)
                 scatter(model.world.bsdfs, self.seed, self.m, vertex, ends, origin, direction)
             else:
-                origin[:], direction[:] = ends.position, first
+                origin[:], direction[:] = ends.position + ends.lift[:, None] * ends.normal, first
             limits = np.full(n, far, np.float32)
             hits = nearest_in_world(model.accelerator, self.at, origin, direction, limits)
             arrivals = PathHits(ends, self.seed, self.m, vertex, direction, *hits)
@@ -76,24 +76,23 @@ class PathTracer(NamedTuple):
         `rays` is a buffer with a row per end, overwritten.
         """
         model, lights, seed, m = self.model, self.lights, self.seed, self.m
-        size, bsdfs = model.world.size, model.world.bsdfs
-        far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
+        bsdfs, far = model.world.bsdfs, float(np.float32(FAR * model.world.size))
         path = ends.path[:, None]
         if len(lights.delta.kind):
             pick = picks(seed, m, vertex, path, lights.delta)
             together = 1 << m if vertex == 0 else 1  # a set of paths begins at one point
-            count = join_delta(bsdfs, pick, 1, ends, lights.delta, far, gap, 0, rays, together)
+            count = join_delta(bsdfs, pick, 1, ends, lights.delta, far, 0, rays, together)
             add_unblocked(model, self.at, rays, count, total)
         points = points_on_lamps(seed, m, vertex, path, lights.area)
-        add_unblocked(model, self.at, rays, join_area(bsdfs, points, ends, lights.area, gap, rays), total)
+        add_unblocked(model, self.at, rays, join_area(bsdfs, points, ends, lights.area, rays), total)
 
 
 def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0,
-           ending: InKnownLight = WHOLE):  # fmt: skip
+           ending: InKnownLight = WHOLE, lift: np.ndarray | None = None):  # fmt: skip
     """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
     path (n,) int64: path numbers, in sets of 2^m (see strata) that begin at one point. position [m] and normal (n, 3)
-    float64 of the starts, lifted off the surface. `light_sampling` False finds emissive faces by hits only. An estimate
+    float64 of the starts; lift: see starts(). `light_sampling` False finds emissive faces by hits only. An estimate
     depends on its own path alone; the mean of a set has no noise of delta lights at its start.
     """
     total = np.zeros((len(path), lights.channels))
@@ -105,7 +104,8 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
     def work(_, a, b):
         for first in range(a, b, BLOCK):
             s = slice(first, min(first + BLOCK, b))
-            ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy())
+            off = None if lift is None else lift[s].copy()
+            ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(), off)
             tracer.follow(ends, total[s])
 
     run_ranges(work, len(path), model.threads, GRAIN)
@@ -150,5 +150,4 @@ def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
             ends.throughput[k, 1] *= weight[1]
             ends.throughput[k, 2] *= weight[2]
         direction[k, 0], direction[k, 1], direction[k, 2] = x, y, z
-        for c in range(3):
-            origin[k, c] = ends.position[k, c]
+        origin[k, 0], origin[k, 1], origin[k, 2] = lifted(ends, k)

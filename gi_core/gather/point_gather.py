@@ -14,7 +14,6 @@ from gi_core.gather.path_tracer import gather
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
-from gi_core.rays.accelerator import ORIGIN_LIFT
 from gi_core.scene.types import Scene
 
 STREAM = 0x9E1E  # separates the reference's random numbers from those of photons with the same seed
@@ -45,7 +44,8 @@ class Gatherer:
         length = np.sqrt((normals * normals).sum(axis=1))
         self.lit = np.flatnonzero(length > 0)  # points with a normal
         self._normals = normals / np.where(length > 0, length, 1)[:, None]
-        self.positions = positions - self.model.origins[0] + ORIGIN_LIFT * self.model.world.size * self._normals
+        self.positions = positions - self.model.origins[0]
+        self._lift = self.model.lifts_at(self._at, self.positions, self._normals)
 
     def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
         """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].
@@ -54,9 +54,9 @@ class Gatherer:
         Paths come in sets of 2^m, see strata.py; `stream` selects independent paths of the same numbers.
         """
         path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
-        start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))
+        *start, lift = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals, self._lift))
         seed = self._seed ^ (stream << 24)
-        values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m)
+        values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m, lift=lift)
         if self.per_lamp:
             values = np.concatenate([sum_of_lamps(values), values], axis=1)
         values = values.reshape(len(rows), count, -1)

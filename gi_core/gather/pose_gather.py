@@ -36,7 +36,7 @@ from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
-from gi_core.rays.accelerator import ORIGIN_LIFT, Transforms
+from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.scene.pose import to_world_at
 
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
@@ -164,11 +164,13 @@ class PosePaths:
         p, receivers = self._points, self._rows[rows]
         path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
         positions, normals = p.at(receivers, self._at)
+        still, lift = receivers < p.static, LIFT * np.abs(positions).max(axis=1, initial=0.0)
+        lift[still] = p.model.lifts[receivers[still]]
 
         def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight = WHOLE) -> np.ndarray:
-            start = (np.repeat(a[of], count, axis=0) for a in (positions, normals))
+            *start, off = (np.repeat(a[of], count, axis=0) for a in (positions, normals, lift))
             given = p.seed ^ (stream << 24), path[of].reshape(-1), *start
-            return gather(p.model, at, self._lights, *given, m=m, ending=ending).reshape(-1, count, 3)
+            return gather(p.model, at, self._lights, *given, m=m, ending=ending, lift=off).reshape(-1, count, 3)
 
         out, mobile = np.zeros((len(rows), count, 6)), self.mobile[rows]
         out[mobile, :, :3] = irradiance(mobile, self._at, self._ending)
@@ -224,9 +226,8 @@ class ReceiverPoints:
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [m] and normals (R, 3), in object space, lifted off the surface; normal 0: black."""
-        points, normals = self.model.evaluation_points
-        return points + ORIGIN_LIFT * self.model.world.size * normals, normals
+        """Positions [m] and normals (R, 3), in object space; normal 0: black."""
+        return self.model.evaluation_points
 
     @cached_property
     def face_lengths(self) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.files.completion.camera_view import picture_rays
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT
+from gi_core.rays.accelerator import FAR, LIFT
 
 GRID = (32, 20)  # rays through the picture
 BACKS = 4  # of one-sided faces, which the camera sees through
@@ -49,7 +49,10 @@ def _median_in_view(model: Model, E: np.ndarray) -> float:
         back = ~front & s.two_sided[face]
         found.append(E[s.corner_back[face[back]]].mean(axis=1))
         on = ~front & ~back
-        origin, way = origin[on] + (distance[on] + ORIGIN_LIFT * model.world.size)[:, None] * way[on], way[on]
+        past = distance[on] + LIFT * np.maximum(
+            model.world.reach[face[on]], np.abs(origin[on]).max(axis=1, initial=0.0)
+        )
+        origin, way = origin[on] + past[:, None] * way[on], way[on]
     seen = np.concatenate(found)
     return float(np.median(seen)) if len(seen) else 0.0
 

@@ -13,12 +13,12 @@ import numpy as np
 from gi_core.base import vec
 from gi_core.base.grouping import components, group_of, order_of
 from gi_core.base.jit import allocating
-from gi_core.base.vectors import box, cross, dot, length
+from gi_core.base.vectors import cross, dot, length
 from gi_core.scene.types import Mesh
 
 CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
 STEPS = 3  # faces at one edge that a face is compared with
-WELD = 1e-6  # of the mesh's extent: nearer vertices are merged (float32 files repeat them)
+WELD = 1e-6  # of the extent of what lies around: nearer vertices are merged (float32 files repeat them)
 
 
 class Receivers(NamedTuple):
@@ -96,12 +96,19 @@ def no_receivers(mesh: Mesh) -> Built:
 
 
 def weld(vertices: np.ndarray) -> np.ndarray:
-    """Return the id (V,) of each vertex's position; vertices in one small cell share it."""
+    """Return the id (V,) of each vertex's position; vertices in one small cell share it.
+
+    Cells grow eightfold from shell to shell around the middle, as the rounding of coordinates does: vertices far away
+    must not merge those of a room. The innermost shell holds a tenth of all vertices or more.
+    """
     if not len(vertices):
         return np.zeros(0, np.int64)
-    low, high = box(vertices)
-    cell = max(float((high - low).max()) * WELD, 1e-30)
-    return group_of(np.round((vertices - low) / cell).astype(np.int64).T)
+    around = vertices - np.median(vertices, axis=0)
+    away = np.abs(around).max(axis=1)
+    inner = max(float(np.quantile(away, 0.1)), 1e-24)
+    shell = np.maximum(np.ceil(np.log2(np.maximum(away / inner, 1.0)) / 3), 1.0)
+    cell = WELD * 2 * inner * 8.0 ** (shell - 1)
+    return group_of((shell.astype(np.int64), *np.round(around / cell[:, None]).astype(np.int64).T))
 
 
 def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:

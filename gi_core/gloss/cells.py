@@ -101,7 +101,7 @@ class GlossCells:
         count, model = min(len(paths.offsets) - 1, MOST_PHOTONS), self.discs.model
         while self.photons < count:
             last = self._intake.end_of_part(count)
-            self._deposit([(1, segments_of(paths, model.eps, self.photons, last))], model.static, self._static.photons)
+            self._deposit([(1, segments_of(paths, self.photons, last))], model.static, self._static.photons)
             self._intake.photons = last
             yield
         if self._lit_by != self.photons:

@@ -71,7 +71,7 @@ class RayLists:
         held = len(self._rays.key) + sum(len(p.key) for p in self._parts)
         while self.photons < count and held < MOST_RAYS:
             last = self._intake.end_of_part(count)
-            self._parts.append(self._found(0, segments_of(paths, model.eps, self.photons, last), model.static))
+            self._parts.append(self._found(0, segments_of(paths, self.photons, last), model.static))
             self._intake.photons, held = last, held + len(self._parts[-1].key)
             yield
         if self._parts:

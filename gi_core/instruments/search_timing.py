@@ -37,7 +37,7 @@ def static_discs(model: Model, radius: float, materials: Iterable[str] | None = 
 def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
     """Return all background segments of the first `photons` traced photons, prepared for static discs."""
     paths = solver.frame.store.subset(photons)[0]
-    return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
+    return _ready(solver, segments_of(paths, 0, photons), radius)
 
 
 def frame_lines(solver: Solver, radius: float) -> Lines:

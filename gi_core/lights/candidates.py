@@ -22,7 +22,7 @@ from gi_core.lights.next_event import (
     LIGHT_U,
     LIGHT_V,
     Shadows,
-    aim_ray,
+    aim_at_lamp,
     join_delta,
     point_on_lamp,
     room_for_shadows,
@@ -87,28 +87,28 @@ def _draw(seed, lights, point, normal, density, power, colour, face, pick, sets)
         pick[j] = random_numbers.independent(seed, j, 0, PICK)
 
 
-def join_lamps(bsdfs, some: Candidates, picks: np.ndarray, paths: int, ends, lights: Lights, far, gap) -> Shadows:
+def join_lamps(bsdfs, some: Candidates, picks: np.ndarray, paths: int, ends, lights: Lights, far) -> Shadows:
     """Return shadow rays from n path starts on diffuse surfaces to all lamps.
 
     Values [W/m2] of a start sum to `paths` times its irradiance. picks: of delta lights, see `next_event.picks`.
-    Directional lights are `far` [m] away. Rays end `gap` [m] before the lamp.
+    Directional lights are `far` [m] away.
     """
     rays = room_for_shadows(len(ends.row) * (some.strata + min(len(lights.delta.kind), paths)))
     sets = sets_by_chance(some, ends.path)
-    count = join_candidates(some, sets, paths, ends, lights.area, gap, rays)
-    count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, gap, count, rays, 1)
+    count = join_candidates(some, sets, paths, ends, lights.area, rays)
+    count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, count, rays, 1)
     return Shadows(*(a[:count] for a in rays))
 
 
-def rays_to_candidates(some: Candidates, sets: np.ndarray, paths: int, ends, lights: AreaLights, gap) -> Shadows:
+def rays_to_candidates(some: Candidates, sets: np.ndarray, paths: int, ends, lights: AreaLights) -> Shadows:
     """Return the rays of join_candidates()."""
     rays = room_for_shadows(len(ends.row) * some.strata)
-    count = join_candidates(some, sets, paths, ends, lights, gap, rays)
+    count = join_candidates(some, sets, paths, ends, lights, rays)
     return Shadows(*(a[:count] for a in rays))
 
 
 @allocating
-def join_candidates(of, sets, paths, ends, lights, gap, out):
+def join_candidates(of, sets, paths, ends, lights, out):
     """Write shadow rays from n path starts to area lights, one per stratum of candidates; return their number.
 
     sets (n,) uint64: of candidates, one per start, see sets_by_chance(). Values are those of join_lamps(), weighted
@@ -135,12 +135,12 @@ def join_candidates(of, sets, paths, ends, lights, gap, out):
                     if left < 0.0:
                         break
             chosen = before + np.uint64(chosen)
-            value, out.lamp[count] = scale * total, lights.lamp[of.face[chosen]]
+            e, value = of.face[chosen], scale * total
+            out.lamp[count] = lights.lamp[e]
             for c in range(3):
                 out.value[count, c] = value * of.colour[c, chosen]
-            way = difference((of.point[0, chosen], of.point[1, chosen], of.point[2, chosen]), position)
-            d = math.sqrt(dot(way, way))
-            aim_ray(ends.row[k], position, (way[0] / d, way[1] / d, way[2] / d), max(d - gap, 0.0), out, count)
+            point = of.point[0, chosen], of.point[1, chosen], of.point[2, chosen]
+            aim_at_lamp(ends, k, lights.corners[e], point, out, count)
             out.stratum[count] = j
             count += 1
     return count

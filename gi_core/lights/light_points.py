@@ -27,9 +27,14 @@ class LightPoints(NamedTuple):
     kind: np.ndarray  # (P,) int64
     index: np.ndarray  # (P,) int64, of the area or delta light
     place: np.ndarray  # (P, 3) float64 [m]; of a direction: unit, towards the light
-    distant: np.ndarray  # (P,) bool: `place` is a direction
+    reach: np.ndarray  # (P,) float64 [m], largest coordinate of the light; inf: `place` is a direction
     value: np.ndarray  # (P, 3) float64: irradiance over that of strength_of()
     lamp: np.ndarray  # (P,) int64
+
+    @property
+    def distant(self) -> np.ndarray:
+        """Whether `place` is a direction, (P,) bool."""
+        return np.isinf(self.reach)
 
 
 def light_points(lights: Lights, seed: int) -> LightPoints | None:
@@ -45,20 +50,21 @@ def light_points(lights: Lights, seed: int) -> LightPoints | None:
     for lamp in lamps:
         rows = np.flatnonzero((area.lamp == lamp) & (share > 0))
         face, place, each = _on_faces(seed ^ int(lamp), count, area, rows, share[rows])
-        near, lamp_of = np.zeros(count, bool), np.full(count, lamp)
-        parts.append((FACE, face, place, near, area.radiance[face] * each[:, None], lamp_of))
+        reach, lamp_of = np.abs(area.corners[face]).max(axis=1), np.full(count, lamp)
+        parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of))
     if sky.radiance.any():
         towards, each = _to_sky(seed, sky.up), 2 * math.pi / POINTS
         value, lamp_of = np.tile(sky.radiance * each, (POINTS, 1)), np.full(POINTS, sky.lamp)
-        parts.append((SKY, np.zeros(POINTS, np.int64), towards, np.ones(POINTS, bool), value, lamp_of))
+        parts.append((SKY, np.zeros(POINTS, np.int64), towards, np.full(POINTS, np.inf), value, lamp_of))
     kinds = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
-    index, place, distant, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
-    return LightPoints(kinds, index, place, distant, value, lamp)
+    index, place, reach, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
+    return LightPoints(kinds, index, place, reach, value, lamp)
 
 
 def _delta_places(delta: DeltaLights) -> tuple[np.ndarray, np.ndarray]:
     distant = delta.kind == DIRECTIONAL
-    return np.where(distant[:, None], -delta.parameters[:, 3:6], delta.parameters[:, :3]), distant
+    place = np.where(distant[:, None], -delta.parameters[:, 3:6], delta.parameters[:, :3])
+    return place, np.where(distant, np.inf, np.abs(delta.parameters[:, :3]).max(axis=1, initial=0.0))
 
 
 def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: np.ndarray):

@@ -13,10 +13,11 @@ import numpy as np
 
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
-from gi_core.base.vec import difference, dot, row, weighted
+from gi_core.base.vec import difference, dot, largest, row, weighted
 from gi_core.bsdf import lambertian, surface
 from gi_core.lights.light_sampling import DIRECTIONAL, PHOTOMETRIC, SPOT, AreaLights, DeltaLights, triangle_area
 from gi_core.lights.photometric import density
+from gi_core.rays.accelerator import GAP
 
 MOST_EXACT = 16  # delta lights for which sets of paths are enlarged
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
@@ -97,11 +98,10 @@ def _pick(seed, m, vertex, path, out):
 
 
 @kernel
-def join_area(bsdfs, points, ends, lights, gap, out):
+def join_area(bsdfs, points, ends, lights, out):
     """Write shadow rays from n path ends to LampPoints; return their number.
 
-    Ends that face away get no ray. Values [W/m2] of a start sum to P times its irradiance. Rays end `gap` [m] before
-    the lamp.
+    Ends that face away get no ray. Values [W/m2] of a start sum to P times its irradiance.
 
     Weighted by the balance heuristic against bounces: E = Le cos cos' / d^2 / (p_light + p_bounce), both densities per
     area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no bound there.
@@ -117,7 +117,7 @@ def join_area(bsdfs, points, ends, lights, gap, out):
                 at_light = math.pi * density(lights.tables, lights.table[e], axis, c0, -way[0], -way[1], -way[2])
             if not (cosine > 0.0 and at_light > 0.0):
                 continue
-            d, T, p_bounce = math.sqrt(d2), _reflected(bsdfs, ends, k, way), 0.0
+            T, p_bounce = _reflected(bsdfs, ends, k, way), 0.0
             if lights.table[e] < 0:  # no bounce hits a luminaire
                 p_bounce = _density(bsdfs, ends, k, way, cosine)
             geometry = cosine * at_light / d2 / (points.density[k, j] + p_bounce * at_light / d2)
@@ -126,25 +126,24 @@ def join_area(bsdfs, points, ends, lights, gap, out):
             out.value[count, 1] = T[1] * radiance[1] * geometry
             out.value[count, 2] = T[2] * radiance[2] * geometry
             out.lamp[count] = lights.lamp[e]
-            aim_ray(ends.row[k], position, way, max(d - gap, 0.0), out, count)
+            aim_at_lamp(ends, k, lights.corners[e], p, out, count)
             count += 1
     return count
 
 
 @allocating
-def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out, together):
+def join_delta(bsdfs, pick, paths, ends, lights, far, first, out, together):
     """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
     With no more delta lights than paths, each end samples all of them, so their light is exact. Otherwise each path
     picks one by pick (n, paths), in proportion to its unoccluded contribution; starts share pick (1, paths). together:
     ends of a set that are one point; they distribute the lights among themselves, so the light of a set is exact.
-    Values and gap as in join_area().
+    Values as in join_area().
     """
     lamps, count, own = len(lights.kind), first, len(pick) > 1
     reached, weight = np.empty((lamps, 5)), np.empty(lamps)
     for k in range(len(ends.row)):
-        row, position, normal = ends.row[k], ends.position[k], ends.normal[k]
-        total = 0.0
+        position, normal, total = ends.position[k], ends.normal[k], 0.0
         for e in range(lamps):
             reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = delta_light_at(
                 lights.kind[e], lights.parameters[e], lights.tables, position, normal, far
@@ -158,7 +157,7 @@ def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out, together)
                 if weight[e] > 0.0:
                     strength, T = paths * together * reached[e, 0], _reflected(bsdfs, ends, k, reached[e, 1:4])
                     out.lamp[count] = lights.lamp[e]
-                    _reach(row, position, T, reached[e], strength, lights.value[e], gap, out, count)
+                    _reach(ends, k, T, lights, e, reached[e], strength, out, count)
                     count += 1
             continue
         for j in range(paths):
@@ -174,17 +173,21 @@ def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out, together)
                 _reflected(bsdfs, ends, k, reached[chosen, 1:4]),
             )
             out.lamp[count] = lights.lamp[chosen]
-            _reach(row, position, T, reached[chosen], strength, lights.value[chosen], gap, out, count)
+            _reach(ends, k, T, lights, chosen, reached[chosen], strength, out, count)
             count += 1
     return count
 
 
 @kernel
-def _reach(row, position, throughput, reached, strength, value, gap, out, count):
+def _reach(ends, k, throughput, lights, e, reached, strength, out, count):
+    value = lights.value[e]
     out.value[count, 0] = throughput[0] * value[0] * strength
     out.value[count, 1] = throughput[1] * value[1] * strength
     out.value[count, 2] = throughput[2] * value[2] * strength
-    aim_ray(row, position, reached[1:4], max(reached[4] - gap, 0.0), out, count)
+    if lights.kind[e] == DIRECTIONAL:
+        aim_ray(ends.row[k], lifted(ends, k), reached[1:4], reached[4], out, count)
+    else:
+        aim_at(ends, k, lights.parameters[e], GAP * largest(lights.parameters[e]), out, count)
 
 
 @kernel
@@ -251,6 +254,37 @@ def share_of_bounce(p, facing, distance, density):
     """
     p_bounce = p * facing / max(distance * distance, 1e-30)
     return 1.0 if p < 0.0 else (p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0)
+
+
+@inlined
+def lifted(ends, k):
+    """Return where rays from path end k start (x, y, z) [m]."""
+    x, n, lift = row(ends.position, k), row(ends.normal, k), ends.lift[k]
+    return x[0] + lift * n[0], x[1] + lift * n[1], x[2] + lift * n[2]
+
+
+@kernel
+def gap_before(corners, start):
+    """Return how far [m] before a triangle of corners (9,) a shadow ray from `start` ends."""
+    reach = max(largest(corners[0:3]), max(largest(corners[3:6]), largest(corners[6:9])))
+    return GAP * max(reach, largest(start))
+
+
+@kernel
+def aim_at_lamp(ends, k, corners, point, out, j):
+    """Write ray j, from path end k to a point on a triangle of corners (9,)."""
+    aim_at(ends, k, point, gap_before(corners, ends.position[k]), out, j)
+
+
+@kernel
+def aim_at(ends, k, point, gap, out, j):
+    """Write ray j, from path end k to a point, short of it by `gap` [m] at least."""
+    start = lifted(ends, k)
+    way = difference(point, start)
+    d = math.sqrt(dot(way, way))
+    s = 1.0 / d if d > 0.0 else 0.0
+    gap = max(gap, GAP * largest(start))
+    aim_ray(ends.row[k], start, (s * way[0], s * way[1], s * way[2]), max(d - gap, 0.0), out, j)
 
 
 @kernel

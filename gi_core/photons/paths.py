@@ -18,7 +18,6 @@ from gi_core.rays.accelerator import line
 
 WRITE_GRAIN = 4096  # segments per thread ...
 SUFFIX_GRAIN = 512  # ... or suffixes, of one segment or more
-END_EXTENSION = 1e-4  # of the world's size: extension behind the hit, so that discs in the plane of the hit are crossed
 
 
 class PathVertices(NamedTuple):
@@ -34,12 +33,13 @@ class PathVertices(NamedTuple):
 class Segments(NamedTuple):
     """Segments, or parts of them: an interval [low, high) of distance along a line.
 
-    The line runs from `origin` to `end` (its static end) and stays whole when a mobile cuts it.
+    The line runs from `origin` to `end` (its static end) and stays whole when a mobile cuts it. Discs lengthen parts
+    behind their hits, see `discs/search/predicate.py`.
     """
 
     origin: np.ndarray  # (S, 3) float32 [m]
     end: np.ndarray  # (S, 3) float32 [m]
-    low: np.ndarray  # (S,) float32 [m]
+    low: np.ndarray  # (S,) float32 [m]; -1: the part begins where the line does
     high: np.ndarray  # (S,) float32 [m]
     flux: np.ndarray  # (S, 3) int32, fixed-point units
     start_side: np.ndarray  # (S,) int32, side at the origin or NONE
@@ -164,18 +164,7 @@ def concatenate(parts: list[Segments]) -> Segments:
 
 
 @kernel
-def interval(length, hits, eps):
-    """Return [low, high) [m] of a whole segment.
-
-    The segment starts eps off its surface, or at half its length if that is shorter. It ends eps behind its hit, so the
-    segment that arrives crosses a disc in the plane of the surface, and the one that leaves does not. The interval is
-    half-open: prefix (up to t + eps) and removed suffix (from t + eps) of a cut at t sum to the whole exactly.
-    """
-    return min(eps, np.float32(0.5) * length), length + eps if hits else length
-
-
-@kernel
-def _write(offsets, position, side, flux, lamp, eps, photon, k, row, out):
+def _write(offsets, position, side, flux, lamp, photon, k, row, out):
     """Write the whole background segment that leaves vertex k of a photon to a row."""
     origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce, lamps = out
     for c in range(3):
@@ -186,7 +175,7 @@ def _write(offsets, position, side, flux, lamp, eps, photon, k, row, out):
     _, _, _, length = line(
         position[k, 0], position[k, 1], position[k, 2], position[k + 1, 0], position[k + 1, 1], position[k + 1, 2]
     )
-    low[row], high[row] = interval(length, side[k + 1] != NONE, eps)
+    low[row], high[row] = -1.0, length
     start_side[row] = side[k]
     end_side[row] = side[k + 1]
     cut_side[row] = NONE
@@ -196,61 +185,59 @@ def _write(offsets, position, side, flux, lamp, eps, photon, k, row, out):
 
 
 @kernel
-def _write_photons(offsets, position, side, flux, lamp, eps, first, last, out):
+def _write_photons(offsets, position, side, flux, lamp, first, last, out):
     row = 0
     for i in range(first, last):
         for k in range(offsets[i], offsets[i + 1] - 1):
-            _write(offsets, position, side, flux, lamp, eps, i, k, row, out)
+            _write(offsets, position, side, flux, lamp, i, k, row, out)
             row += 1
 
 
 @kernel
-def _write_rows(offsets, position, side, flux, lamp, eps, photons, rows, first, last, out):
+def _write_rows(offsets, position, side, flux, lamp, photons, rows, first, last, out):
     for j in range(first, last):
-        _write(offsets, position, side, flux, lamp, eps, photons[j], rows[j], j, out)
+        _write(offsets, position, side, flux, lamp, photons[j], rows[j], j, out)
 
 
 @kernel
-def _write_behind(offsets, position, side, flux, lamp, eps, photons, vertices, rows, first, last, out):
+def _write_behind(offsets, position, side, flux, lamp, photons, vertices, rows, first, last, out):
     for j in range(first, last):
         for k in range(vertices[j], offsets[photons[j] + 1] - 1):
-            _write(offsets, position, side, flux, lamp, eps, photons[j], k, rows[j] + k - vertices[j], out)
+            _write(offsets, position, side, flux, lamp, photons[j], k, rows[j] + k - vertices[j], out)
 
 
-def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int) -> Segments:
+def segments_of(paths: PathVertices, first: int, last: int) -> Segments:
     """Return the whole segments of photons first .. last - 1."""
     out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
-    _write_photons(*paths, eps, first, last, tuple(out))
+    _write_photons(*paths, first, last, tuple(out))
     return out
 
 
-def segments_at(
-    paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray, threads: int
-) -> Segments:
+def segments_at(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, threads: int) -> Segments:
     """Return the whole segments that leave the given vertices (n,) of the given photons (n,)."""
     out = empty_segments(len(vertices))
 
     def work(_, first, last):
-        _write_rows(*paths, eps, photons, vertices, first, last, tuple(out))
+        _write_rows(*paths, photons, vertices, first, last, tuple(out))
 
     run_ranges(work, len(vertices), threads, WRITE_GRAIN)
     return out
 
 
 def segments_behind(
-    paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray, low: np.ndarray, threads: int
+    paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, low: np.ndarray, threads: int
 ) -> Segments:
     """Return all segments of photons (n,) behind vertices (n,), photon-major; the first of each begins at low (n,).
 
-    Each suffix has a segment. A low of 0 keeps the first segment whole.
+    Each suffix has a segment. A low of -1 keeps the first segment whole.
     """
     counts = paths.offsets[photons + 1] - 1 - vertices
     ends = np.cumsum(counts)
     rows, out = ends - counts, empty_segments(int(ends[-1]) if len(ends) else 0)
 
     def work(_, first, last):
-        _write_behind(*paths, eps, photons, vertices, rows, first, last, tuple(out))
+        _write_behind(*paths, photons, vertices, rows, first, last, tuple(out))
 
     run_ranges(work, len(photons), threads, SUFFIX_GRAIN)
-    out.low[rows] = np.maximum(out.low[rows], low)
+    out.low[rows] = low
     return out

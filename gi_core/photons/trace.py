@@ -17,10 +17,10 @@ from gi_core.base.vec import row as row_of
 from gi_core.bsdf import lambertian, surface
 from gi_core.geometry.sides import NONE
 from gi_core.lights.emission import Emitters, emit
-from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown, interval
-from gi_core.rays.accelerator import Accelerator, Transforms, line, point_on_line
+from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown
+from gi_core.rays.accelerator import Accelerator, Transforms, line
 from gi_core.rays.structures import new_ray
-from gi_core.rays.two_level import World, mobile_cut, static_end, turned_normal
+from gi_core.rays.two_level import World, landing, mobile_cut, static_end, turned_normal
 
 USUAL = 4  # segments per path in the first allocation
 
@@ -248,11 +248,11 @@ def _reflect(world, at, seed, kept_prefixes, cut, hit, on, fates):
         start, end = row_of(kept_prefixes.origin, k), row_of(kept_prefixes.end, k)
         x, y, z = start
         dx, dy, dz, _ = line(x, y, z, end[0], end[1], end[2])
-        x, y, z = point_on_line(x, y, z, dx, dy, dz, cut[k])
+        side = kept_prefixes.cut_side[k]
+        x, y, z = landing(world, at, side >> 1, (x, y, z), (dx, dy, dz), cut[k])
         hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
         q = kept_prefixes.flux[k, 0], kept_prefixes.flux[k, 1], kept_prefixes.flux[k, 2]
-        vertex, side = np.int64(kept_prefixes.bounce[k] + 1), kept_prefixes.cut_side[k]
-        lamp = kept_prefixes.lamp[k]
+        vertex, lamp = np.int64(kept_prefixes.bounce[k] + 1), kept_prefixes.lamp[k]
         photon = kept_prefixes.photon[k]
         goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, start, end, side, q, lamp, fates)
         if goes_on:
@@ -266,17 +266,17 @@ def _reflect(world, at, seed, kept_prefixes, cut, hit, on, fates):
 
 
 def follow(
-    accelerator: Accelerator, world: World, at: Transforms, seed: int, eps: np.float32, rays: PhotonRays, fates: Fates
+    accelerator: Accelerator, world: World, at: Transforms, seed: int, rays: PhotonRays, fates: Fates
 ) -> Segments:
     """Trace rays among static part and mobiles until all paths have ended, in this thread; adds to `fates`.
 
-    Returns their segments, photon-major; each ends eps behind its hit.
+    Returns their segments, photon-major.
     """
     ray, sums = new_ray(), np.zeros((3, len(fates.emitted)), np.int64)
     out = empty_segments(USUAL * len(rays.photon))
     done = row = 0
     while done < len(rays.photon):
-        done, row = _follow(accelerator.scenes, ray, world, at, seed, eps, rays, done, out, row, sums)
+        done, row = _follow(accelerator.scenes, ray, world, at, seed, rays, done, out, row, sums)
         if done < len(rays.photon):
             out = Segments(*(grown(a, 2 * len(a)) for a in out))
     add_to(fates, sums)
@@ -284,7 +284,7 @@ def follow(
 
 
 @kernel
-def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
+def _follow(scenes, ray, world, at, seed, rays, done, out, row, fates):
     """Trace rays from `done` on to segments from `row` on, while they fit; return both counters."""
     for k in range(done, len(rays.photon)):
         photon, vertex, side = rays.photon[k], np.int64(rays.bounce[k]), rays.side[k]
@@ -305,13 +305,11 @@ def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
             out.start_side[row], out.end_side[row], out.cut_side[row] = side, end_side, cut_side
             start, end = (ox, oy, oz), (x, y, z)
             dx, dy, dz, length = line(ox, oy, oz, x, y, z)
-            low, high = interval(length, end_side != NONE, eps)
-            side = end_side
+            side, high = end_side, length
             if cut_side != NONE:
-                x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, cut)
-                high = cut + eps
-                side = cut_side
-            out.low[row], out.high[row] = low, high
+                x, y, z = landing(world, at, cut_side >> 1, (ox, oy, oz), (dx, dy, dz), cut)
+                side, high = cut_side, cut
+            out.low[row], out.high[row] = -1.0, high
             out.hit[row, 0], out.hit[row, 1], out.hit[row, 2] = x, y, z
             row += 1
             vertex += 1

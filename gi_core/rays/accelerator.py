@@ -18,7 +18,10 @@ from gi_core.scene.pose import rotation
 from gi_core.scene.types import Pose
 
 RAY_GRAIN = 2048  # rays per thread: with fewer, starting a thread costs more than it saves
-ORIGIN_LIFT = 2e-6  # of the world's size: lifts a ray off the face that it leaves (float32 rounding is 6e-8)
+# Of the largest coordinate at hand, of an origin or a face; float32 rounds by 6e-8 of it. A share of the world's size
+# would move light as soon as anything far away is in the file.
+LIFT = 2e-6  # lifts a ray off the face that it leaves
+GAP = 8 * LIFT  # between the end of a shadow ray and its light: rays meet lamps at smaller angles than they leave faces
 CUT_PAD = 1e-5  # of a size: growth of bounding boxes, so that culling loses no hit
 FAR = 4.0  # of the world's size: length of a segment that hits nothing
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.vec import rotate, rotate_back
+from gi_core.base.vec import dot, largest, rotate, rotate_back
 from gi_core.base.vectors import box
 from gi_core.bsdf.surface import Bsdfs, build_bsdfs
 from gi_core.geometry.sides import NONE
@@ -21,7 +21,7 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.accelerator import (
     CUT_PAD,
     FAR,
-    ORIGIN_LIFT,
+    LIFT,
     Accelerator,
     bounding_boxes,
     bounding_spheres,
@@ -36,11 +36,13 @@ class World(NamedTuple):
     """Arrays of the scene that every kernel reads; F faces, object 0 is the static part."""
 
     normals: np.ndarray  # (F, 3) float64, object space
+    height: np.ndarray  # (F,) float64 [m], of the face's plane over the origin, along its normal
+    reach: np.ndarray  # (F,) float64 [m], largest coordinate of the face's corners, object space
     bsdfs: Bsdfs  # its type chooses the kernels' reflection models
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
     first_face: np.ndarray  # (objects + 1,) int64
-    size: float  # [m], diameter of a sphere around static part and lights; epsilons are shares of it
+    size: float  # [m], diameter of a sphere around static part and lights
     sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
     sphere_radius: np.ndarray  # (objects,) float64
     box_low: np.ndarray  # (objects, 3) float64, bounding boxes in object space
@@ -54,6 +56,28 @@ def turned_normal(world, at, f):
 
 
 @inlined
+def lift_off(world, f, origin):
+    """Return how far [m] a ray starts off face f, which it leaves from the world's point `origin`."""
+    return LIFT * max(world.reach[f], largest(origin))
+
+
+@inlined
+def on_plane(world, at, f, point):
+    """Return a point of the world moved onto the plane of face f: distances along rays from afar are rounded."""
+    o, n = world.face_object[f], turned_normal(world, at, f)
+    away = dot(n, point) - dot(n, at.position[o]) - world.height[f]
+    return point[0] - away * n[0], point[1] - away * n[1], point[2] - away * n[2]
+
+
+@inlined
+def landing(world, at, f, origin, direction, distance):
+    """Return the point (x, y, z) float32 where a line meets face f, in float32 at a distance."""
+    t, (x, y, z), (u, v, w) = np.float64(distance), origin, direction
+    x, y, z = on_plane(world, at, f, (x + t * u, y + t * v, z + t * w))
+    return np.float32(x), np.float32(y), np.float32(z)
+
+
+@inlined
 def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
     """Return the static end (x, y, z) float32 of a ray that leaves a side, and the side that it hits (NONE: no hit).
 
@@ -62,7 +86,8 @@ def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
     lx, ly, lz = ox, oy, oz
     if side >= 0:
         f = side >> 1
-        lift = ORIGIN_LIFT * world.size if side & 1 == 0 else -ORIGIN_LIFT * world.size
+        lift = lift_off(world, f, (ox, oy, oz))
+        lift = lift if side & 1 == 0 else -lift
         x, y, z = turned_normal(world, at, f)
         lx, ly, lz = np.float32(ox + lift * x), np.float32(oy + lift * y), np.float32(oz + lift * z)
     far = np.float32(FAR * world.size)
@@ -71,7 +96,7 @@ def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
         x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, far)
         end_side = NONE
     else:
-        x, y, z = point_on_line(lx, ly, lz, dx, dy, dz, distance)
+        x, y, z = landing(world, at, face, (lx, ly, lz), (dx, dy, dz), distance)
         n = world.normals  # faces of the static part come first
         behind = dx * n[face, 0] + dy * n[face, 1] + dz * n[face, 2] > 0.0
         end_side = 2 * face + (1 if behind else 0)
@@ -95,8 +120,9 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
         fx, fy, fz = np.float32(lx), np.float32(ly), np.float32(lz)
         dx, dy, dz, length = line(fx, fy, fz, np.float32(mx), np.float32(my), np.float32(mz))
         if side >= 0 and world.face_object[side >> 1] == o:
-            lift = ORIGIN_LIFT * world.size if side & 1 == 0 else -ORIGIN_LIFT * world.size
             n, f = world.normals, side >> 1
+            lift = lift_off(world, f, (ox, oy, oz))
+            lift = lift if side & 1 == 0 else -lift
             fx, fy, fz = (
                 np.float32(lx + lift * n[f, 0]),
                 np.float32(ly + lift * n[f, 1]),
@@ -128,8 +154,11 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray
     Its size covers the static part and the positions of `lights` (n, 3) [m], but no mobiles: the static solution is
     then the same with and without them.
     """
+    corners = np.concatenate([v[f] for v, f in zip(surfaces.vertices, surfaces.faces, strict=True)])
     return World(
         surfaces.normals,
+        (surfaces.normals * corners[:, 0]).sum(axis=1),
+        np.abs(corners).max(axis=(1, 2), initial=0.0),
         build_bsdfs(surfaces.reflectance, surfaces.lobe, surfaces.tables, surfaces.tangent),
         surfaces.two_sided,
         accelerator.face_object,

@@ -102,7 +102,7 @@ def change(
     if photons == 0 or len(at.position) == 1:
         nothing = empty_segments(0)
         removed_suffixes, near = (
-            no_removed_suffixes(paths, model.eps),
+            no_removed_suffixes(paths),
             (nothing,) * (len(at.position) - 1) * wanted.mobiles,
         )
         unchanged = no_flux(model.emitters.lamps.count)
@@ -117,11 +117,11 @@ def change(
     clock("cuts")
 
     # Split these paths into kept prefix and removed suffix, and trace the new suffixes off the mobiles.
-    photon, vertex, high = near.photon[first_cut], near.vertex[first_cut], cut[first_cut] + model.eps
-    kept_prefixes = segments_at(paths, model.eps, photon, vertex, model.threads)
+    photon, vertex, high = near.photon[first_cut], near.vertex[first_cut], cut[first_cut]
+    kept_prefixes = segments_at(paths, photon, vertex, model.threads)
     kept_prefixes = kept_prefixes._replace(high=high, cut_side=cut_side[first_cut])
-    removed_suffixes = RemovedSuffixes(paths, model.eps, photon, vertex, high)
-    hit, new_suffixes, fates = _new_suffixes(model, at, seed, kept_prefixes, cut[first_cut])
+    removed_suffixes = RemovedSuffixes(paths, photon, vertex, high)
+    hit, new_suffixes, fates = _new_suffixes(model, at, seed, kept_prefixes, high)
     kept_prefixes = kept_prefixes._replace(hit=hit)
     clock("suffixes")
 
@@ -174,7 +174,7 @@ def _seen(
         photon, vertex = near.photon[rows], near.vertex[rows]
         bounce = vertex - paths.offsets[photon]
         before = _before_cut(photon, bounce, kept_prefixes.photon, kept_prefixes.bounce)
-        background = segments_at(paths, model.eps, photon[before], vertex[before], model.threads)
+        background = segments_at(paths, photon[before], vertex[before], model.threads)
         some = [take(s, np.flatnonzero(sees[o])) for s, sees in zip((kept_prefixes, new_suffixes), others, strict=True)]
         return concatenate([background, *some])
 
@@ -219,7 +219,7 @@ def _new_suffixes(model: Model, at: Transforms, seed: int, kept_prefixes: Segmen
         part, fates = slice(first, last), no_flux(model.emitters.lamps.count)
         ended = Segments(*(a[part] for a in kept_prefixes))
         hit, rays = reflected(model.world, at, seed, ended, cut[part], fates)
-        return hit, follow(model.accelerator, model.world, at, seed, model.eps, rays, fates), fates
+        return hit, follow(model.accelerator, model.world, at, seed, rays, fates), fates
 
     hits, new_suffixes, fates = zip(*run_ranges(work, kept_prefixes.size, model.threads, FOLLOW_GRAIN), strict=True)
     return np.concatenate(hits), concatenate(list(new_suffixes)), _together(fates)
@@ -238,7 +238,7 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
     def work(_, a, b):
         fates = no_flux(model.emitters.lamps.count)
         rays = emitted_rays(model.emitters, seed, first + a, b - a, fates)
-        return follow(model.accelerator, model.world, at, seed, model.eps, rays, fates), fates
+        return follow(model.accelerator, model.world, at, seed, rays, fates), fates
 
     segments, fates = zip(*run_ranges(work, count, model.threads, FOLLOW_GRAIN), strict=True)
     return concatenate(list(segments)), _together(fates)

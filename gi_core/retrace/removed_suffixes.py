@@ -17,10 +17,9 @@ class RemovedSuffixes(NamedTuple):
     """Removed suffixes of n cut photons, photon-major."""
 
     paths: PathVertices  # of the background
-    eps: np.float32
     photon: np.ndarray  # (n,) int64
     vertex: np.ndarray  # (n,) int64, start vertex of the cut segment
-    low: np.ndarray  # (n,) float32 [m], distance along it where the suffix begins; 0: with the whole segment
+    low: np.ndarray  # (n,) float32 [m], distance along it where the suffix begins; -1: with the whole segment
 
     @property
     def size(self) -> int:
@@ -39,16 +38,16 @@ class RemovedSuffixes(NamedTuple):
     def bounced(self) -> RemovedSuffixes:
         """Return the suffixes without the segments that leave lamps."""
         first = self.bounce == 0
-        vertex, low = self.vertex + first, np.where(first, np.float32(0.0), self.low)
+        vertex, low = self.vertex + first, np.where(first, np.float32(-1.0), self.low)
         left = vertex < self.paths.offsets[self.photon + 1] - 1
         return self._replace(vertex=vertex, low=low).of(left)
 
     def segments(self, threads: int = 1) -> Segments:
         """Return the suffixes as segments, photon-major."""
-        return segments_behind(self.paths, self.eps, self.photon, self.vertex, self.low, threads)
+        return segments_behind(self.paths, self.photon, self.vertex, self.low, threads)
 
 
-def no_removed_suffixes(paths: PathVertices, eps: np.float32) -> RemovedSuffixes:
+def no_removed_suffixes(paths: PathVertices) -> RemovedSuffixes:
     """Return the removed suffixes of no photon."""
     nobody = np.empty(0, np.int64)
-    return RemovedSuffixes(paths, eps, nobody, nobody, empty_segments(0).low)
+    return RemovedSuffixes(paths, nobody, nobody, empty_segments(0).low)

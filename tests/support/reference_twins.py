@@ -16,13 +16,14 @@ from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import kernel
 from gi_core.base.steps import finish
 from gi_core.bsdf import lambertian, surface
-from gi_core.discs.region import regions
+from gi_core.discs.region import EXTENSION, regions
 from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
 from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.photons.hit_grid import OTHER_SIDE
+from gi_core.rays.accelerator import GAP
 from gi_core.rays.structures import new_ray
-from gi_core.rays.two_level import nearest_mobile, static_end
+from gi_core.rays.two_level import landing, nearest_mobile, static_end
 from gi_core.scene.pose import rotation
 from tests.support.contact_twin import regions_in_company
 
@@ -42,6 +43,11 @@ def _tangent(bsdfs, R, f):
 @kernel
 def _scattered(bsdfs, f, i, n, t, u, v, s, w):
     return surface.scattered(bsdfs, f, i, n, t, u, v, s, w)
+
+
+@kernel
+def _landing(world, at, f, origin, direction, distance):
+    return landing(world, at, f, origin, direction, distance)
 
 
 class Twin:
@@ -70,13 +76,16 @@ class Twin:
             d, length = _line(origin[0], end[0])
             segment = {
                 "photon": i, "bounce": bounce, "flux": tuple(q), "origin": origin[0], "end": end[0],
-                "low": min(m.eps, F32(0.5) * F32(length)), "high": length + m.eps if end_side[0] >= 0 else length,
+                "low": min(self._extended(origin[0], F32(0)), F32(0.5) * F32(length)),
+                "high": self._extended(origin[0], length) if end_side[0] >= 0 else length,
                 "start_side": int(side[0]), "end_side": int(end_side[0]), "cut_side": int(cut_side[0]),
                 "hit": end[0], "hit_side": int(end_side[0]),
             }  # fmt: skip
             if cut_side[0] >= 0:
-                segment["high"] = cut[0] + m.eps
-                segment["hit"] = (origin[0].astype(float) + float(cut[0]) * d.astype(float)).astype(F32)
+                segment["high"] = self._extended(origin[0], cut[0])
+                segment["hit"] = np.array(
+                    _landing(world, at, cut_side[0] >> 1, tuple(origin[0]), tuple(d), cut[0]), F32
+                )
                 segment["hit_side"] = int(cut_side[0])
             yield segment
             side = np.array([segment["hit_side"]], np.int32)
@@ -104,6 +113,10 @@ class Twin:
             n = self._side_normal(side[0], at)
             direction = np.array([random_numbers.from_frame(*lambertian.sample(u / survival, v), *n)], F32)
             origin = segment["hit"][None]
+
+    def _extended(self, origin, t):
+        """Return a distance t that ends a part, lengthened by a share of the radius or of the coordinates."""
+        return t + max(F32(EXTENSION * self.radius), F32(GAP) * (np.abs(origin).max() + t))
 
     def _side_normal(self, side: int, at):
         """Return the world normal [x, y, z] of a side."""

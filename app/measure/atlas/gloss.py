@@ -139,7 +139,7 @@ def shading_normals() -> AtlasRow:
         angles = np.radians(np.arange(0.0, 40.0, 0.25))
         seen = [float(radiance_of(solver, *rays, eye_at(angle))[:, 1].sum()) for angle in angles]
         paths, _ = solver.frame.store.subset(solver.frame.photons)
-        found = segments_of(paths, solver.model.eps, 0, solver.frame.photons)
+        found = segments_of(paths, 0, solver.frame.photons)
         bounced = found.bounce == 1
         way = (found.end - found.origin)[bounced].astype(float)
         caustic = way.sum(axis=0) / np.linalg.norm(way, axis=1).max()

@@ -18,7 +18,7 @@ from gi_core.discs.contact.contact import NO_REGIONS, ContactSearch, PoseContact
 from gi_core.discs.region import RAYS, Regions
 from gi_core.discs.search.brute_force import BruteForce
 from gi_core.discs.search.disc_grid import DiscGrid
-from gi_core.discs.search.predicate import Discs, lines, to_list
+from gi_core.discs.search.predicate import Discs, lines, longest_extension, to_list
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
@@ -82,20 +82,20 @@ class ContactDiscs:
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the segments that a frame needs: near stale receivers and, for the light of mobiles, near mobiles."""
         m, boxes = self.model, []
-        around = np.zeros(len(at.position) - 1)
+        around, reach = np.zeros(len(at.position) - 1), longest_extension(m, at, self.radius)
         positions, normals = m.object_receivers.positions, m.object_receivers.normals
         for k, rows in enumerate(self.contacts_at(at, mobiles).static_rows):
             if len(rows):
-                # A segment counts up to 2 r behind its hit on a concave side, up to eps on others.
+                # A segment counts up to 2 r more behind its hit on a concave side.
                 own = m.receiver_sides[rows]
                 behind = 2.0 * self.radius if m.concave[own[own >= 0]].any() else 0.0
-                half = self.radius * np.sqrt(np.clip(1 - normals[rows] ** 2, 0, 1)) + behind + 2 * float(m.eps)
+                half = self.radius * np.sqrt(np.clip(1 - normals[rows] ** 2, 0, 1)) + behind + 2 * reach
                 boxes.append([(positions[rows] - half).min(axis=0), (positions[rows] + half).max(axis=0)])
                 o = slice(k + 1, k + 2)
                 middle = to_world_at(at.rotation[o], at.position[o], m.world.sphere_centre[o])
                 off = positions[rows] - middle
                 far = np.sqrt((off * off).sum(axis=1).max())
-                around[k] = far + self.radius + behind + 2 * float(m.eps)
+                around[k] = far + self.radius + behind + 2 * reach
         return Wanted(self.radius if mobiles else 0.0, np.array(boxes).reshape(-1, 2, 3), around, mobiles)
 
     @contextmanager

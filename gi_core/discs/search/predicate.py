@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.vec import difference, dot, rotate_back
-from gi_core.discs.region import Regions, inside
+from gi_core.base.vec import difference, dot, largest, rotate_back, row
+from gi_core.discs.region import EXTENSION, Regions, inside
 from gi_core.geometry.sides import NONE
 from gi_core.model import BEHIND, Model
 from gi_core.photons.paths import Segments
-from gi_core.rays.accelerator import line
+from gi_core.rays.accelerator import GAP, Transforms, line
+from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 LANES = 16  # discs tested at a time: two AVX2 vectors, one of AVX-512
 DISC_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the slope
@@ -54,19 +55,61 @@ class Lines(NamedTuple):
 
     origin: np.ndarray  # (S, 3) float32
     direction: np.ndarray  # (S, 3) float32 unit
-    low: np.ndarray  # (S,) float32
-    stop: np.ndarray  # (S,) float32, where the segment ends ...
-    high: np.ndarray  # (S,) float32, ... and where its extension behind the hit ends
+    low: np.ndarray  # (S,) float32, where the segment begins ...
+    stop: np.ndarray  # (S,) float32, ... and ends, see extended()
+    high: np.ndarray  # (S,) float32, where its extension on a concave side ends
     flux: np.ndarray  # (S, 3) int32
     lamp: np.ndarray  # (S,) uint8, lamp of the photon
     patches: np.ndarray  # (S, 3) int32, 2 patch + side at start, static end, cut; NONE
     touches: np.ndarray  # (S, 3, 3) float32, those three points
 
 
+@inlined
+def extended(t, origin, least):
+    """Return where a part ends that ends at distance t of a line, and where the rest begins, float32 [m].
+
+    The part that arrives at a surface then crosses a disc in its plane, and the one that leaves does not. least
+    (float32) [m]: to add, more where the coordinates of a long line are rounded more.
+    """
+    return t + max(least, np.float32(GAP) * (largest(origin) + t))
+
+
 @kernel
-def _carry(R, p, segments, patch, concave, extension, out):
+def _begins(removed, least, out):
+    """Write where removed suffixes begin (n,)."""
+    for j in range(len(out)):
+        out[j] = removed.low[j]
+        if removed.low[j] >= 0.0:
+            out[j] = extended(removed.low[j], row(removed.paths.position, removed.vertex[j]), least)
+
+
+def begins(removed: RemovedSuffixes, radius: float) -> np.ndarray:
+    """Return from where on intersections of the cut segments count as removed, (n,) float32 [m]."""
+    out = np.empty(len(removed.low), np.float32)
+    _begins(removed, np.float32(EXTENSION * radius), out)
+    return out
+
+
+def longest_extension(model: Model, at: Transforms, radius: float) -> float:
+    """Return the most [m] by which extended() lengthens a segment that lands at objects in `at`."""
+    reach = np.abs(at.position) + np.abs([model.world.box_low, model.world.box_high]).max(axis=(0, 2))[:, None]
+    return max(EXTENSION * radius, 4 * GAP * max(model.farthest, float(reach.max())))
+
+
+@kernel
+def _carry(R, p, segments, patch, concave, radius, out):
     """Write lines of segments: R, p the pose of the discs' object, patch (F,), concave (2 patches,)."""
+    least = np.float32(EXTENSION * radius)
     for k in range(len(out.stop)):
+        start = row(segments.origin, k)
+        if segments.low[k] < 0.0:
+            end = row(segments.end, k)
+            half = np.float32(0.5) * line(start[0], start[1], start[2], end[0], end[1], end[2])[3]
+            out.low[k] = min(extended(np.float32(0.0), start, least), half)
+        else:
+            out.low[k] = extended(segments.low[k], start, least)
+        lands = segments.end_side[k] != NONE or segments.cut_side[k] != NONE
+        out.stop[k] = extended(segments.high[k], start, least) if lands else segments.high[k]
         _put(out.touches[k, 0], rotate_back(R, difference(segments.origin[k], p)))
         _put(out.touches[k, 1], rotate_back(R, difference(segments.end[k], p)))
         _put(out.touches[k, 2], rotate_back(R, difference(segments.hit[k], p)))
@@ -80,7 +123,7 @@ def _carry(R, p, segments, patch, concave, extension, out):
         landed = out.patches[k, 2] if out.patches[k, 2] != NONE else out.patches[k, 1]
         out.high[k] = out.stop[k]
         if landed != NONE and concave[landed]:
-            out.high[k] += extension
+            out.high[k] += np.float32(2.0 * radius)
 
 
 @inlined
@@ -107,18 +150,14 @@ def lines(segments: Segments, rotation, position, model: Model, radius: float) -
     """
     s, n = segments, segments.size
     out = Lines(
-        np.empty((n, 3), np.float32),
-        np.empty((n, 3), np.float32),
-        s.low,
-        s.high,
-        np.empty(n, np.float32),
+        *np.empty((2, n, 3), np.float32),
+        *np.empty((3, n), np.float32),
         s.flux,
         s.lamp,
         np.empty((n, 3), np.int32),
         np.empty((n, 3, 3), np.float32),
     )
-    extension = np.float32(2 * radius)
-    _carry(rotation, position, segments, model.surfaces.patch, model.concave, extension, out)
+    _carry(rotation, position, segments, model.surfaces.patch, model.concave, radius, out)
     return out
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, assert_never
 import numpy as np
 
 from gi_core.base.grouping import group_of, order_of
-from gi_core.base.vectors import box, cross, dot, every, greatest, length
+from gi_core.base.vectors import cross, dot, every, greatest, length
 from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
 from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
 from gi_core.files.formats.gltf_file import read_gltf
@@ -41,7 +41,7 @@ from gi_core.scene.types import (
 )
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
+DEGENERATE = 2e-7  # of its coordinates: a face lower than that is a line (float32 files cannot say it better)
 APART = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
 ALIKE = 1e-4  # colours and places in a texture that differ by less are the same
 FLAT = 1 - 1e-6  # cosine between normals of faces that lie in one plane
@@ -197,9 +197,9 @@ def _repair(vertices, faces, material, look, materials, notes):
     p = vertices[faces]
     double = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     longest = greatest(length(p - p[:, [2, 0, 1]]))
-    extent = float(np.subtract(*box(p)[::-1]).max())
+    reach = np.abs(p - np.median(p, axis=(0, 1))).max(axis=(1, 2), initial=0.0)
     height = length(double) / np.where(longest > 0, longest, 1)
-    solid = np.flatnonzero(height > DEGENERATE * extent)
+    solid = np.flatnonzero(height > DEGENERATE * reach)
 
     # Faces on the same three places: keep the emissive one, else the first, and one back to back that looks different.
     ids = weld(vertices)[faces[solid]]

@@ -162,7 +162,7 @@ def test_predicted_work_is_near_that_of_the_disc_index(radius):
     solver.solve()
     discs = solver.frame.background.estimate.searches[0].discs
     paths, _ = trace_background(model.accelerator, model.world, model.static, model.emitters, 3, 0, 2000)
-    s = segments_of(paths, model.eps, 0, 2000)
+    s = segments_of(paths, 0, 2000)
     over = lines(s, model.static.rotation[0], model.static.position[0], model, radius)
     counted = candidates(discs, over) / 2000
     _, predicted = predict_cost.work(model, paths, radius)

@@ -14,7 +14,6 @@ from gi_core.gather.path_tracer import PathTracer
 from gi_core.gather.reference import reference_irradiance
 from gi_core.gloss.sharp import sharp_lobe
 from gi_core.model import Model
-from gi_core.rays.accelerator import ORIGIN_LIFT
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -82,9 +81,7 @@ def test_gloss_and_diffuse_light_together_are_the_light_of_whole_paths():
     position, normal, face, to_eye = (
         np.repeat(a, paths, axis=0) for a in (views.positions, views.normals, views.face, views.to_eye)
     )
-    ends = starts(
-        np.arange(n * paths), np.arange(n * paths), position + ORIGIN_LIFT * model.world.size * normal, normal
-    )
+    ends = starts(np.arange(n * paths), np.arange(n * paths), position, normal)
     ends = ends._replace(face=face.astype(np.int32), arrival=to_eye.copy())
     total = np.zeros((n * paths, lights.channels))
     PathTracer(model, at, lights, 7).follow(ends, total)

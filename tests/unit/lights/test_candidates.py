@@ -43,7 +43,7 @@ def found(lights, seed: int, behind: float, sets: int = 1) -> np.ndarray:
     rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) * RAYS)
     some = candidates(seed, 1 << M, lights.area, sets)
     count = join_candidates(
-        some, sets_by_chance(some, rows), 1 << M, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays
+        some, sets_by_chance(some, rows), 1 << M, starts(rows, rows, PLACES, NORMALS), lights.area, rays
     )
     return lit(rays, count, behind) / (1 << M)
 
@@ -54,7 +54,7 @@ def plain(model: Model, lights: Lights, m: int, seed: int, behind: float) -> np.
     paths = np.tile(np.arange(1 << m), (len(PLACES), 1))
     points = points_on_lamps(seed, m, 0, paths, lights.area)
     ends = starts(rows, rows, PLACES, NORMALS)
-    return lit(rays, join_area(model.world.bsdfs, points, ends, lights.area, 1e-6, rays), behind) / (1 << m)
+    return lit(rays, join_area(model.world.bsdfs, points, ends, lights.area, rays), behind) / (1 << m)
 
 
 @pytest.mark.parametrize("behind", [2.0, 0.58], ids=["whole", "half in shadow"])
@@ -97,7 +97,7 @@ def test_sets_are_independent_and_receivers_take_them_by_chance():
         ends = starts(rows, rows, at, np.tile(NORMALS[0], (places, 1)))
         some = candidates(3, 1 << M, area, sets)
         assert some.strata == RAYS and len(some.face) == sets * RAYS * CANDIDATES
-        count = join_candidates(some, sets_by_chance(some, rows), 1 << M, ends, area, 1e-6, rays)
+        count = join_candidates(some, sets_by_chance(some, rows), 1 << M, ends, area, rays)
         light[sets] = np.zeros((places, 3))
         np.add.at(light[sets], rays.row[:count], rays.value[:count])
     assert len(np.unique(light[1], axis=0)) == 1
