@@ -54,8 +54,8 @@ class Model:
             raise SceneError(f"{scene.name}: the names of mobiles must differ, got {self.names}")
         self.scene = scene = self._shifted(scene)
         self.threads = available_cores() if threads is None else threads
-        known = None if before is None else (before.scene, before.surfaces)
-        self.surfaces, self.object_receivers = flatten(scene, before=known)
+        earlier = None if before is None else (before.scene, before.surfaces)
+        self.surfaces, self.object_receivers = flatten(scene, before=earlier)
         self.accelerator = Accelerator(self.surfaces, self.threads, checked(rays))
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)

@@ -32,8 +32,7 @@ from gi_core.photons.paths import Segments, empty_segments, segments_at, segment
 from gi_core.rays.accelerator import FAR, LIFT
 from gi_core.rays.all_objects import rays_to_object
 from gi_core.retrace.broad_phase import PAD, ScanBuffers
-from gi_core.retrace.cuts import candidate_segments
-from gi_core.retrace.select_segments import select
+from gi_core.retrace.cuts import candidate_segments, select
 from gi_core.solver import Solver
 
 VERTEX_BYTES = 28  # per path vertex: position, side, flux

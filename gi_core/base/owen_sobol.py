@@ -35,7 +35,7 @@ def _columns(degree: int, inner: int, first: tuple[int, ...]) -> np.ndarray:
 def _table() -> np.ndarray:
     """Return (4, 8, 16) uint32: the XOR term of each value of each 4-bit group of an index."""
     bits = np.arange(16)[:, None] >> np.arange(4) & 1
-    columns = np.array([_columns(*given) for given in _JOE_KUO]).reshape(len(_JOE_KUO), 8, 1, 4)
+    columns = np.array([_columns(*polynomial) for polynomial in _JOE_KUO]).reshape(len(_JOE_KUO), 8, 1, 4)
     return np.bitwise_xor.reduce(np.where(bits, columns, np.uint32(0)), axis=-1).astype(np.uint32)
 
 

@@ -126,11 +126,11 @@ def _by_type(query, diffuse, glossy, tabulated) -> None:
 
     Functions that are no kernels are compiled with each caller, in half the time.
     """
-    found = {Diffuse: diffuse, Glossy: glossy, Tabulated: tabulated}
+    functions = {Diffuse: diffuse, Glossy: glossy, Tabulated: tabulated}
 
     @overload(query, strict=False)
     def _(bsdfs, *rest):
-        call = found[bsdfs.instance_class]
+        call = functions[bsdfs.instance_class]
         return (lambda bsdfs, *rest: call(bsdfs, *rest)) if hasattr(call, "py_func") else call
 
 

@@ -119,8 +119,8 @@ def _grown(array: np.ndarray, used: int, n: int) -> Generator[None, None, np.nda
         return array
     out = np.empty(max(n, len(array) * 5 // 4), array.dtype)
     for first in range(0, used, STEP):
-        some = slice(first, min(first + STEP, used))
-        out[some] = array[some]
+        part = slice(first, min(first + STEP, used))
+        out[part] = array[part]
         yield
     return out
 

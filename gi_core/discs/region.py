@@ -62,10 +62,10 @@ def whole_discs(model: Model, o: int, radius: float) -> Regions:
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
     """Measure the regions of object o's receivers, in steps of a few ms; the generator returns them. radius [m]."""
-    if (known := model.shapes.find("regions", o, radius)) is None:
-        known = yield from _measured(model, o, radius)
-        model.shapes.keep("regions", o, known, radius)
-    return Regions(known.row.copy(), known.reach, known.area.copy())
+    if (whole := model.shapes.find("regions", o, radius)) is None:
+        whole = yield from _measured(model, o, radius)
+        model.shapes.keep("regions", o, whole, radius)
+    return Regions(whole.row.copy(), whole.reach, whole.area.copy())
 
 
 def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:

@@ -109,12 +109,12 @@ class PhotonMap:
         uncut = np.full(max(photons, 1), NEVER, np.int32)
         points, normals = self._receivers(self.model.static, self._static)
         nothing = build(_joined([]), self.radius)
-        found = []
+        estimates = []
         for first in range(0, len(points), QUERY_STEP):
             rows = slice(first, first + QUERY_STEP)
-            found.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
+            estimates.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
             yield
-        sums, area, reach2 = (np.concatenate(a) for a in zip(*found, strict=True))
+        sums, area, reach2 = (np.concatenate(a) for a in zip(*estimates, strict=True))
         self.subsets[photons] = _Prepared(sums, area, reach2, grid, uncut)
         self.photons = photons
 
@@ -154,9 +154,9 @@ class PhotonMap:
             grids = background.grid, added
             for first in range(0, len(rows), QUERY_STEP):
                 pause()
-                some = slice(first, first + QUERY_STEP)
-                given = rows[some], points[some], normals[some], grids, background.cut_bounce
-                sums[rows[some]], area[rows[some]], _ = self._query(*given)
+                part = slice(first, first + QUERY_STEP)
+                estimate = self._query(rows[part], points[part], normals[part], grids, background.cut_bounce)
+                sums[rows[part]], area[rows[part]], _ = estimate
         finally:
             background.cut_bounce[frame.removed_suffixes.photon] = NEVER
         changed = np.zeros(chunks_of(len(sums)), bool)
@@ -196,13 +196,12 @@ class PhotonMap:
         """Return sums (n, 3 G) int64, area (n,), and the squared reach (n,) float32 of each estimate."""
         n = len(points)
         sums, area, reach2 = np.zeros((n, self._channels), np.int64), np.empty(n), np.empty(n, np.float32)
-        side, share = self._side[rows], self._share[rows]
+        receivers = points, normals, self._side[rows], self._share[rows]
         radius, counted = np.float32(self.radius), self.k if self.textbook else self.k - 1
 
         def work(_, first, last):
             to = sums, area, reach2
-            points_here = points, normals, side, share
-            _estimate(*points_here, radius, counted, *grids, cut_bounce, first, last, Nearest.of(self.k), to)
+            _estimate(receivers, radius, counted, grids, cut_bounce, first, last, Nearest.of(self.k), to)
 
         run_ranges(work, n, self.model.threads, QUERY_GRAIN)
         return sums, area, reach2
@@ -227,9 +226,9 @@ def _no_numbers(n: int) -> tuple[np.ndarray, ...]:
 
 
 @kernel
-def _estimate(points, normals, side, share, radius, counted, background, added, cut_bounce, first, last, heap, out):
+def _estimate(receivers, radius, counted, grids, cut_bounce, first, last, heap, out):
     """Write sums, area and squared reach of receivers first .. last - 1 to `out`; a heap of k serves each in turn."""
-    sums, area, reach2 = out
+    (points, normals, side, share), (background, added), (sums, area, reach2) = receivers, grids, out
     k, flux, more, lamps, more_lamps = len(heap.d2), background[0][2], added[0][2], background[0][6], added[0][6]
     for r in range(first, last):
         n = gather(points[r], normals[r], side[r], radius, background, 0, cut_bounce, heap, 0)

@@ -123,8 +123,8 @@ class TangentPlane:
         o = int(np.searchsorted(first[1:], receiver, side="right"))
         i, discs = receiver - int(first[o]), self.searches[o].discs
         row, reach, area = discs.regions
-        some = reach[row[i] : row[i] + 1] if row[i] >= 0 else reach[:0]
-        own = Regions(np.minimum(row[i : i + 1], 0), some, area[i : i + 1])
+        distances = reach[row[i] : row[i] + 1] if row[i] >= 0 else reach[:0]
+        own = Regions(np.minimum(row[i : i + 1], 0), distances, area[i : i + 1])
         shortened = self._contact.contacts_at(at, mobiles=True).regions[o]
         k = int(np.searchsorted(shortened.rows, i))
         if is_shortened := k < len(shortened.rows) and bool(shortened.rows[k] == i):

@@ -23,11 +23,11 @@ def cover_of(alpha: np.ndarray, factor: float, cutoff: float) -> np.ndarray:
 
 def bled(pixels: np.ndarray, cover: np.ndarray) -> np.ndarray:
     """Return pixels (h, w, 3) with cut-out ones in the mean colour of the rest: interpolation mixes them in."""
-    there = cover >= HALF
-    if there.all() or not there.any():
+    solid = cover >= HALF
+    if solid.all() or not solid.any():
         return pixels
     filled = pixels.copy()
-    filled[~there] = np.round(pixels[there].mean(axis=0)).astype(np.uint8)
+    filled[~solid] = np.round(pixels[solid].mean(axis=0)).astype(np.uint8)
     return filled
 
 
@@ -87,8 +87,8 @@ def _anything(texture: Texture, uv: np.ndarray) -> np.ndarray:
     high = np.minimum(high - low, size) + low % size
     low = low % size
     (x, y), (u, v) = low.T, high.T
-    found = before(v, u) - before(y, u) - before(v, x) + before(y, x) > 0
-    return found | ~(inside | repeats).all(axis=1)  # beyond an edge that does not repeat: kept
+    covers = before(v, u) - before(y, u) - before(v, x) + before(y, x) > 0
+    return covers | ~(inside | repeats).all(axis=1)  # beyond an edge that does not repeat: kept
 
 
 def _wrapped(i: np.ndarray, n: int, way: str) -> np.ndarray:

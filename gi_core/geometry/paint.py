@@ -39,8 +39,8 @@ def join_finishes(meshes: Sequence[Mesh]) -> Finish | None:
     white = [np.ones((len(m.faces), 3, 3), np.float32) for m in meshes]
     layers = []
     for paints in zip(*(m.finish or Finish() for m in meshes), strict=True):
-        some = any(p is not None for p in paints)
-        layers.append(_joined([p or _untextured(w) for p, w in zip(paints, white, strict=True)]) if some else None)
+        textured = any(p is not None for p in paints)
+        layers.append(_joined([p or _untextured(w) for p, w in zip(paints, white, strict=True)]) if textured else None)
     return Finish(*layers)
 
 

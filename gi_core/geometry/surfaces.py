@@ -62,7 +62,7 @@ def flatten(
     before: another version of the scene, whose means of paints are taken over where the paint is the same record.
     """
     meshes = [scene.static, *(m.mesh for m in scene.mobiles)]
-    known = {} if before is None else _means_of(*before)
+    means_before = {} if before is None else _means_of(*before)
     rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
     sided = np.array([m.two_sided for m in scene.materials], bool)
@@ -81,7 +81,7 @@ def flatten(
         back = np.where(built.corner_back >= 0, built.corner_back + receiver_count, -1)
         reflectance = mesh.face_reflectance
         if reflectance is None:
-            reflectance = rho[mesh.face_material] if mesh.paint is None else known.get(id(mesh.paint))
+            reflectance = rho[mesh.face_material] if mesh.paint is None else means_before.get(id(mesh.paint))
             reflectance = mean_colours(mesh.paint) if reflectance is None else reflectance
         means.append(reflectance if mesh.face_reflectance is None and mesh.paint is not None else None)
         lobe, reflectance, paint = lobes[mesh.face_material], np.asarray(reflectance, np.float64), mesh.paint
@@ -90,8 +90,8 @@ def flatten(
             reflectance, paint = reflectance.copy(), _without(paint, tabulated, rho[mesh.face_material])
             reflectance[tabulated] = rho[mesh.face_material][tabulated]
         if (lobe[:, 4] >= 0).any():
-            given, reflectance = reflectance, base_albedo(lobe, reflectance)
-            paint = _repainted(paint, given, reflectance)
+            textured, reflectance = reflectance, base_albedo(lobe, reflectance)
+            paint = _repainted(paint, textured, reflectance)
         paints.append(paint)
         sides = two_sided, front, back, built.patch + patch_count
         along = _tangents(normals, grain[mesh.face_material]) if tables else np.zeros((0, 3))
@@ -146,13 +146,13 @@ def tables_of(scene: Scene) -> dict[int, Table]:
     return out
 
 
-def _repainted(paint: Paint | None, given: np.ndarray, wanted: np.ndarray) -> Paint | None:
-    """Return paint of mean colours `wanted` (F, 3) in place of `given`: scaled, or plain where most is added to it."""
+def _repainted(paint: Paint | None, mean: np.ndarray, wanted: np.ndarray) -> Paint | None:
+    """Return paint of mean colours `wanted` (F, 3) in place of `mean`: scaled, or plain where most is added to it."""
     if paint is None:
         return None
-    paint = _without(paint, wanted.max(axis=1) > MOST_SCALE * given.max(axis=1), wanted)
-    scale = np.clip(wanted / np.maximum(given, 1e-12), 0, MOST_SCALE)
-    scale[wanted.max(axis=1) > MOST_SCALE * given.max(axis=1)] = 1.0
+    paint = _without(paint, wanted.max(axis=1) > MOST_SCALE * mean.max(axis=1), wanted)
+    scale = np.clip(wanted / np.maximum(mean, 1e-12), 0, MOST_SCALE)
+    scale[wanted.max(axis=1) > MOST_SCALE * mean.max(axis=1)] = 1.0
     return paint._replace(corner_colour=paint.corner_colour * scale[:, None].astype(np.float32))
 
 

@@ -81,10 +81,10 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray, most: float) ->
     table = LINEAR_BYTES if texture.linear else np.minimum(LINEAR, most)
     for k in np.unique(level):
         rows = np.flatnonzero(level == k)
-        pixels, given = chain[k], (uv[rows], colour[rows], samples[rows])
+        pixels, triangles = chain[k], (uv[rows], colour[rows], samples[rows])
 
-        def work(_, first, last, pixels=pixels, given=given):
-            return _under(pixels, table, u, v, *(a[first:last] for a in given))
+        def work(_, first, last, pixels=pixels, triangles=triangles):
+            return _under(pixels, table, u, v, *(a[first:last] for a in triangles))
 
         out[rows] = np.concatenate(run_ranges(work, len(rows), available_cores(), GRAIN))
     return out

@@ -12,14 +12,14 @@ from pathlib import Path
 OBJECTS = 100_000  # between collections: numba makes many that live on; a tenth less time than with Python's 700
 
 
-def start(module: str, *options: str, **others) -> subprocess.Popen:
-    """Start `python -m module` with an open pipe as its input; others: arguments of Popen."""
+def start(module: str, *options: str, **popen) -> subprocess.Popen:
+    """Start `python -m module` with an open pipe as its input; popen: arguments of Popen."""
     return subprocess.Popen(
         [sys.executable, "-m", module, *options],
         cwd=Path(__file__).parents[2],  # gi_core and app are importable there, installed or not
         stdin=subprocess.PIPE,  # closes when this process ends for any reason
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        **others,
+        **popen,
     )
 
 

@@ -177,19 +177,18 @@ def trace_background(
     if not len(emitters.kind):
         return PathVertices(offsets, *(a[:0] for a in vertices), np.zeros(count, np.uint8)), fates
     rays, done, row = emitted_rays(emitters, seed, first, among, fates, rows), 0, 0
+    out = PathVertices(offsets, *vertices, rays.lamp)
     ray, sums = new_ray(), np.zeros((3, len(fates.emitted)), np.int64)
     while done < count:
-        done, row = _trace_paths(
-            accelerator.scenes, ray, world, static, seed, rays, done, row, offsets, *vertices, sums
-        )
+        done, row = _trace_paths(accelerator.scenes, ray, world, static, seed, rays, done, out, row, sums)
         if done < count:
-            vertices = tuple(grown(a, 2 * len(a)) for a in vertices)
+            out = PathVertices(offsets, *(grown(a, 2 * len(a)) for a in out[1:-1]), rays.lamp)
     add_to(fates, sums)
-    return PathVertices(offsets, *(a[: offsets[count]] for a in vertices), rays.lamp), fates
+    return PathVertices(offsets, *(a[: offsets[count]] for a in out[1:-1]), rays.lamp), fates
 
 
 @kernel
-def _trace_paths(scenes, ray, world, at, seed, rays, done, row, offsets, position, side, flux, fates):
+def _trace_paths(scenes, ray, world, at, seed, rays, done, out, row, fates):
     """Trace rays from `done` on through the static part, photon-major, to vertices from `row` on, while they fit.
 
     Returns the number of rays done, and of rows.
@@ -201,12 +200,12 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, row, offsets, positio
         q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
         goes_on = True
         while True:
-            if row + goes_on >= len(side):  # the last vertex of a path always fits
+            if row + goes_on >= len(out.side):  # the last vertex of a path always fits
                 _wait(rays, k, vertex, (x, y, z), (dx, dy, dz), own, q)
                 return k, row
-            position[row, 0], position[row, 1], position[row, 2] = x, y, z
-            side[row] = own
-            flux[row, 0], flux[row, 1], flux[row, 2] = q[0], q[1], q[2]
+            out.position[row, 0], out.position[row, 1], out.position[row, 2] = x, y, z
+            out.side[row] = own
+            out.flux[row, 0], out.flux[row, 1], out.flux[row, 2] = q[0], q[1], q[2]
             row += 1
             if not goes_on:
                 break
@@ -216,7 +215,7 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, row, offsets, positio
             goes_on, dx, dy, dz, q = _scatter(
                 seed, world, at, photon, vertex, start, (x, y, z), own, q, rays.lamp[k], fates
             )
-        offsets[k + 1] = row
+        out.offsets[k + 1] = row
     return len(rays.photon), row
 
 

@@ -14,16 +14,16 @@ import numpy as np
 from gi_core.base.fixed_point import MAX_PATH
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import difference, rotate_back
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices, Segments, bounced, concatenate, empty_segments, segments_at, take
 from gi_core.photons.trace import Fates, add_fates_behind, add_to, emitted_rays, follow, no_flux, reflected
-from gi_core.rays.accelerator import Transforms
+from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile
-from gi_core.retrace.broad_phase import Coarse, ScanBuffers, find_near
+from gi_core.retrace.broad_phase import PAD, Coarse, ScanBuffers, find_near
 from gi_core.retrace.removed_suffixes import RemovedSuffixes, no_removed_suffixes
-from gi_core.retrace.select_segments import select
 
 CUT_GRAIN = 2048  # segments per thread
 FOLLOW_GRAIN = 128  # photons per thread
@@ -67,8 +67,8 @@ class PoseChange(NamedTuple):
     def fates(self) -> Fates:
         """Fates of all photons at these poses, minus those of the background."""
         sums, paths = np.zeros((3, len(self.new_fates.emitted)), np.int64), self.removed_suffixes.paths
-        given = paths.offsets, paths.side, paths.flux, paths.lamp
-        add_fates_behind(*given, self.removed_suffixes.photon, self.removed_suffixes.vertex, sums)
+        photon, vertex = self.removed_suffixes.photon, self.removed_suffixes.vertex
+        add_fates_behind(paths.offsets, paths.side, paths.flux, paths.lamp, photon, vertex, sums)
         fates = Fates(*(flux.copy() for flux in self.new_fates))
         add_to(fates, sums, -1)
         return fates
@@ -140,8 +140,7 @@ def _lines(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, threa
     """Return the background segments that leave the given vertices (n,) of the given photons (n,)."""
     n = len(vertices)
     lines = _Lines(photons, vertices, *np.empty((2, n, 3), np.float32), np.empty(n, np.int32))
-    given = paths.position, paths.side, *lines[1:]
-    run_ranges(lambda _, first, last: _read_lines(*given, first, last), n, threads, CUT_GRAIN)
+    run_ranges(lambda _, *rows: _read_lines(paths.position, paths.side, *lines[1:], *rows), n, threads, CUT_GRAIN)
     return lines
 
 
@@ -165,7 +164,7 @@ def _seen(
     if not wanted.mobiles and not len(wanted.boxes):
         return empty_segments(0), ()
     reach = wanted.reach if wanted.mobiles else None
-    uncut, *others = (
+    uncut, *changed = (
         select(model, at, lines.origin, lines.end, reach, wanted.boxes) for lines in (near, kept_prefixes, new_suffixes)
     )
 
@@ -175,8 +174,8 @@ def _seen(
         bounce = vertex - paths.offsets[photon]
         before = _before_cut(photon, bounce, kept_prefixes.photon, kept_prefixes.bounce)
         background = segments_at(paths, photon[before], vertex[before], model.threads)
-        some = [take(s, np.flatnonzero(sees[o])) for s, sees in zip((kept_prefixes, new_suffixes), others, strict=True)]
-        return concatenate([background, *some])
+        parts = zip((kept_prefixes, new_suffixes), changed, strict=True)
+        return concatenate([background, *(take(segments, np.flatnonzero(passes[o])) for segments, passes in parts)])
 
     near_boxes, *near_mobiles = (collected(o) for o in range(len(at.position) if wanted.mobiles else 1))
     return near_boxes, tuple(near_mobiles)
@@ -252,3 +251,38 @@ def split_at_cuts(segments: Segments) -> tuple[Segments, Segments]:
     np.minimum.at(first, photon[cut], segments.bounce[cut])
     kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
     return take(segments, kept_prefixes), take(segments, segments.bounce > first[photon])
+
+
+# Culling against boxes: those of mobiles, padded by the reach of a disc, and those of a frame's stale receivers -----
+
+
+def select(
+    model: Model, at: Transforms, origin: np.ndarray, end: np.ndarray, reach: float | None, boxes: np.ndarray
+) -> np.ndarray:
+    """Return (1 + mobiles, n) bool: row 0, the lines that pass any of the boxes; row o, those that pass mobile o's box.
+
+    origin, end: (n, 3) float32 [m], of the lines.
+    reach: growth of the mobiles' boxes [m], None leaves their rows False. boxes: (b, 2, 3) float64 [m], corners low and
+    high.
+    """
+    size = model.world.size
+    out = np.zeros((len(at.position), len(origin)), bool)
+    seen = [(0, low, high, CUT_PAD * size) for low, high in boxes]
+    if reach is not None:
+        low, high, pad = model.world.box_low, model.world.box_high, reach + (PAD + CUT_PAD) * size
+        seen += [(o, low[o], high[o], pad) for o in range(1, len(at.position))]
+
+    def work(_, first, last):
+        for o, low, high, pad in seen:
+            _pass(origin, end, at.rotation[o], at.position[o], low, high, pad, first, last, out[o])
+
+    run_ranges(work, len(origin), model.threads, CUT_GRAIN)
+    return out
+
+
+@kernel
+def _pass(origin, end, R, p, low, high, pad, first, last, out):
+    for k in range(first, last):
+        ox, oy, oz = rotate_back(R, difference(origin[k], p))
+        ex, ey, ez = rotate_back(R, difference(end[k], p))
+        out[k] |= passes_box(ox, oy, oz, ex, ey, ez, low, high, pad)

@@ -76,18 +76,18 @@ def lobe(model: str, parameters: Mapping[str, object] | None = None, factor: flo
     """
     if not (isinstance(model, str) and model in MODELS):
         near = get_close_matches(str(model), MODELS, 1) if isinstance(model, str) else []
-        known = f'did you mean "{near[0]}"?' if near else f"the models are {', '.join(MODELS)}"
+        hint = f'did you mean "{near[0]}"?' if near else f"the models are {', '.join(MODELS)}"
         name = f'"{model}"' if isinstance(model, str) else shown(model)
-        raise ValueError(f"unknown reflection model {name}; {known}")
+        raise ValueError(f"unknown reflection model {name}; {hint}")
     rules: dict[str, Parameter] = MODELS[model].PARAMETERS
-    given = dict(parameters or {})
-    for name in given:
+    values = dict(parameters or {})
+    for name in values:
         if name not in rules:
             raise ValueError(f'{model} has no parameter "{name}"; it has {", ".join(rules)}')
     if not (_is_number(factor) and 0 <= factor <= MOST_FACTOR):
         raise ValueError(f"factor of {model} must be a number from 0 to {MOST_FACTOR:g}, got {shown(factor)}")
-    values = tuple((name, _checked(model, name, rules[name], given.get(name))) for name in rules)
-    return Lobe(model, values, float(factor))
+    checked = tuple((name, _checked(model, name, rules[name], values.get(name))) for name in rules)
+    return Lobe(model, checked, float(factor))
 
 
 def _checked(model: str, name: str, rule: Parameter, value) -> float | tuple[float, float, float]:

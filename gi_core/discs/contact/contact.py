@@ -73,21 +73,21 @@ class ContactSearch:
         objects = self._model.surfaces.objects
         shortened, static_rows = [NO_REGIONS] * objects, ()
         for o in range(objects if mobiles else 1):
-            found = [self._shortened(o, b, at) for b in range(objects) if b != o]
+            pairs = [self._shortened(o, b, at) for b in range(objects) if b != o]
             if o == 0:
-                static_rows = tuple(rows for rows, _ in found)
-            shortened[o] = self._regions_of(o, found)
+                static_rows = tuple(rows for rows, _ in pairs)
+            shortened[o] = self._regions_of(o, pairs)
         return PoseContacts(tuple(shortened), static_rows)
 
-    def _regions_of(self, o: int, found) -> ShortenedRegions:
+    def _regions_of(self, o: int, pairs) -> ShortenedRegions:
         """Return the shortened regions of object o from pairs of rows and distances (n, RAYS) float32 [m]."""
-        found = [(rows, distances) for rows, distances in found if len(rows)]
-        if not found:
+        pairs = [(rows, distances) for rows, distances in pairs if len(rows)]
+        if not pairs:
             return NO_REGIONS
-        rows, where = np.unique(np.concatenate([rows for rows, _ in found]), return_inverse=True)
+        rows, where = np.unique(np.concatenate([rows for rows, _ in pairs]), return_inverse=True)
         shortest = np.full((len(rows), RAYS), np.float32(self._radius))
         first = 0
-        for part, distances in found:
+        for part, distances in pairs:
             here = where[first : first + len(part)]
             shortest[here] = np.minimum(shortest[here], distances)
             first += len(part)
@@ -136,8 +136,8 @@ class ContactSearch:
             if np.sqrt((off * off).sum()) > world.sphere_radius[o] + world.sphere_radius[b] + 1.1 * pad:
                 return out[:0]
             listed = np.arange(len(origins))
-        given = origins, self._normals[o], R, p, o, b, *box
-        return listed[: _discs_near(listed, *given, self._radius, CUT_PAD * world.size)]
+        near = _discs_near(listed, origins, self._normals[o], R, p, o, b, *box, self._radius, CUT_PAD * world.size)
+        return listed[:near]
 
     def _look(self, o: int, b: int, at: Transforms, rows: np.ndarray, which: int, distances: np.ndarray) -> None:
         """Shorten distances (n, RAYS) float32 [m] to the hits on object b, along a subset of the directions."""
@@ -147,9 +147,9 @@ class ContactSearch:
         rays = origins, directions, place
         n = _rays(rows, which, self._origins[o], self._normals[o], at, world, o, b, self._radius, rays)
         limits = np.full(n, self._radius, np.float32)
-        found, face = self._accelerator.nearest(b, origins[:n], directions[:n], limits)
+        distance, face = self._accelerator.nearest(b, origins[:n], directions[:n], limits)
         hit = face >= 0
-        distances.reshape(-1)[place[:n][hit]] = found[hit]
+        distances.reshape(-1)[place[:n][hit]] = distance[hit]
 
 
 def _to_world(R: np.ndarray, p: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -76,8 +76,8 @@ class ContactDiscs:
 
     def facts(self, contacts: PoseContacts) -> ControlFacts:
         """Return the numbers of receivers under artifact control."""
-        floor, *others = (len(c.rows) for c in contacts.regions)
-        return ControlFacts(self.share, floor, sum(others))
+        static, *on_mobiles = (len(c.rows) for c in contacts.regions)
+        return ControlFacts(self.share, static, sum(on_mobiles))
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the segments that a frame needs: near stale receivers and, for the light of mobiles, near mobiles."""

@@ -149,7 +149,7 @@ def test_spheres_hold_their_discs_whole_and_nest():
 
 
 def test_the_best_cells_are_found_downhill():
-    from gi_core.discs.search.cell_size import SIZES, _downhill, best_cell_radii
+    from gi_core.discs.search.disc_index import SIZES, _downhill, best_cell_radii
 
     for best in SIZES:
         assert _downhill(lambda r, best=best: abs(r - best)) == best
