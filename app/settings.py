@@ -18,8 +18,8 @@ from app import values
 from app.values import LampSetting, MeasuringPlane, Pin
 
 if TYPE_CHECKING:
+    from gi_core.base.results import Results
     from gi_core.files.edits import Edit
-    from gi_core.frames.background import Photons
     from gi_core.scene import Pose, Scene
     from gi_core.solver import Solver
 
@@ -425,10 +425,10 @@ def check_names(settings: Settings) -> None:
                 raise UsageError(f'--{name} must be one of {", ".join(names)}, got "{value}"')
 
 
-def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None, threads: int | None = None) -> Solver:
+def make_solver(scene: Scene, settings: Settings, results: Results | None = None, threads: int | None = None) -> Solver:
     """Return a solver for the scene; nothing is traced yet. Raises UsageError, SceneError for an unknown name.
 
-    earlier: photons of the scene before its last edit; threads: None for one per core.
+    results: of the scene before its last edit; threads: None for one per core.
     """
     from gi_core.estimators import DEFAULT, ESTIMATORS
     from gi_core.files.edits import removed_lamps
@@ -445,5 +445,5 @@ def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None
     lamps = {name: level for name, level in settings.levels(()).items() if name not in removed}
     method = {**settings.method, "estimator": estimator}
     return Solver(
-        scene, seed=settings.seed, threads=threads, lamps=lamps, rays=settings.rays, earlier=earlier, **method
+        scene, seed=settings.seed, threads=threads, lamps=lamps, rays=settings.rays, results=results, **method
     )

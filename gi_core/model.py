@@ -9,13 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from gi_core.base.results import Results, digest
 from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
 from gi_core.geometry.border_angle import covered_share
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receivers import Receivers
-from gi_core.geometry.shapes import Shapes
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
@@ -41,11 +41,14 @@ class Model:
     origins (objects, 3) float64 [m]: of each object's geometry in the given coordinates, zeros unless it lies far from
     their origin. `scene`, surfaces, receivers and transforms are relative to them; poses are in the given coordinates.
     rays: a key of `gi_core.rays.structures.STRUCTURES`; None: Embree, or bvh where Embree is missing. before: of an
-    earlier version of the scene, which saves time alone.
+    earlier version of the scene, results: of earlier versions; both save time alone.
     Raises SceneError for an invalid scene, and for any other name of rays.
     """
 
-    def __init__(self, scene: Scene, threads: int | None = None, rays: str | None = None, before: Model | None = None):
+    def __init__(
+        self, scene: Scene, threads: int | None = None, rays: str | None = None, before: Model | None = None,
+        results: Results | None = None,
+    ):  # fmt: skip
         check_scene(scene)
         self.given = scene
         self.origins = np.array([origin_of(mesh) for mesh in (scene.static, *(m.mesh for m in scene.mobiles))])
@@ -59,7 +62,7 @@ class Model:
         self.accelerator = Accelerator(self.surfaces, self.threads, checked(rays))
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
-        self.shapes = Shapes()
+        self.results = Results() if results is None else results
         self._light()
 
     def _light(self) -> None:
@@ -87,7 +90,7 @@ class Model:
             return None
         check_scene(scene)
         other = copy.copy(self)
-        for name in ("lights", "lamp_of_face"):
+        for name in ("lights", "lamp_of_face", "static_key"):
             other.__dict__.pop(name, None)
         other.given, other.scene = scene, self._shifted(scene)
         other._light()
@@ -141,18 +144,10 @@ class Model:
         other.emitters = self.emitters.shared(shares)
         return other
 
-    def take_over_shapes(self, earlier: Model) -> None:
-        """Keep what an earlier model knows of objects that have the same triangles, sides and receivers here."""
-        if self.accelerator.rays != earlier.accelerator.rays:
-            return
-        before = {name: o for o, name in enumerate(earlier.names, 1)}
-        pairs = {0: 0} | {o: before[name] for o, name in enumerate(self.names, 1) if name in before}
-        alike = {
-            o: p
-            for o, p in pairs.items()
-            if all(np.array_equal(a, b) for a, b in zip(self._shape(o), earlier._shape(p), strict=True))
-        }
-        self.shapes.take_over(earlier.shapes, alike)
+    @cached_property
+    def shape_keys(self) -> list[str]:
+        """Digest of each object's triangles, sides and receivers, and of the way of rays."""
+        return [digest(self.accelerator.rays, *self._shape(o)) for o in range(self.surfaces.objects)]
 
     def _shape(self, o: int) -> list[np.ndarray]:
         s, r = self.surfaces, self.object_receivers
@@ -161,6 +156,18 @@ class Model:
         numbers = [front - rows.start, np.where(back >= 0, back - rows.start, back), patch - patch[:1]]
         receivers = [r.positions[rows], r.normals[rows], r.areas[rows]]
         return [s.vertices[o], s.faces[o], s.two_sided[faces], *numbers, *receivers]
+
+    @cached_property
+    def static_key(self) -> str:
+        """Digest of all that the light of the static part without mobiles depends on, bit for bit, but for a seed."""
+        s, e, rows, faces = self.surfaces, self.emitters, self.surfaces.receiver_range(0), self.surfaces.face_range(0)
+        lobe, (used, of_face) = s.lobe[faces].copy(), np.unique(self.scene.static.face_material, return_inverse=True)
+        lobe[:, 4:][lobe[:, 4:] < 0] = -1.0  # numbers of tables: mobiles have some too
+        models = [(m.brdf, m.scaled, m.grain) for m in (self.scene.materials[k] for k in used)]
+        lights = e.kind, e.parameters, e.flux, e.cdf, e.units, e.lamp, e.tables, e.lamps.names
+        points = (a[rows] for a in self.evaluation_points)
+        places = self.world.size, self.origins[0], self.shape_keys[0], *points
+        return digest(*places, s.reflectance[faces], lobe, models, of_face, *lights)
 
     @cached_property
     def lamp_of_face(self) -> np.ndarray:

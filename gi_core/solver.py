@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.results import KEPT, Results
 from gi_core.defaults.choose import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
@@ -16,17 +17,13 @@ from gi_core.display.first_look import ROUGH, EarlyPicture, LookLight, early_pic
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.edited_light import LightAtPoses, LightBefore
+from gi_core.frames.edited_light import LightBefore
 from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
-from gi_core.frames.frame_gloss import KeptGloss
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
-from gi_core.frames.unchanged_paths import same_static_part
-from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.reference import ReferenceState
-from gi_core.gather.static import StaticGather
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lamps
@@ -41,14 +38,21 @@ Posed = Pose | np.ndarray
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
 
 
-def _model(scene: Scene, threads: int | None, rays: str | None, earlier: Photons | None) -> Model:
+class BeforeEdit(NamedTuple):
+    """Static light on show before an edit."""
+
+    light: LightBefore | None
+    goes_on: str  # key of the static part whose photons or gathered light it is, so that these show it; "": of none
+
+
+def _model(scene: Scene, threads: int | None, rays: str | None, earlier: Photons | None, results: Results) -> Model:
     """Return the model of a scene; its geometry is that before the edit, where the edit has changed lights alone."""
     before = earlier.model if earlier is not None else None
     if before is not None and threads in (None, before.threads) and rays in (None, before.accelerator.rays):
         relit = before.relit(scene)
         if relit is not None:
             return relit
-    return Model(scene, threads, rays, before)
+    return Model(scene, threads, rays, before, results)
 
 
 def _summary(solver: Solver) -> str:
@@ -63,17 +67,20 @@ class Solver:
         self, scene: Scene, estimator: str = DEFAULT, photons: int | None = None, radius: float | None = None,
         neighbours: int | None = None, seed: int = 0, threads: int | None = None, light: str = "photons",
         lamps: Mapping[str, float | Sequence[float]] | None = None, rays: str | None = None,
-        earlier: Photons | None = None, **others,
+        results: Results | None = None, **settings,
     ):  # fmt: skip
         """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
         else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_setting`; lamps: levels
-        that differ from 1, see set_lamps(); rays: as for `gi_core.model.Model`; earlier: photons_of() the scene before
-        an edit; others: fields of `gi_core.estimators.setting.Setting` beside their defaults. Raises SceneError.
+        that differ from 1, see set_lamps(); rays: as for `gi_core.model.Model`; results: keep_results() of the
+        scene before an edit; settings: fields of `gi_core.estimators.setting.Setting` beside their defaults. Raises
+        SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
-        self.model = _model(scene, checked("threads", threads), rays, earlier)
+        self.results = Results() if results is None else results
+        earlier: Photons | None = self.results.take("photons", "")
+        self.model = _model(scene, checked("threads", threads), rays, earlier, self.results)
         self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
@@ -82,8 +89,10 @@ class Solver:
         self.frame, self.budget = Frame(self.model.start_poses(), black, black, self.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.frame_light, self.scene_size)
         self._early: EarlyPicture | None = None
-        self.configure(estimator=estimator, light=light, **others)
+        self.configure(estimator=estimator, light=light, **settings)
         self.set_lamps(lamps or {})
+        if results is not None:
+            self._begin()
 
     __repr__ = _summary
 
@@ -251,6 +260,46 @@ class Solver:
         return light_from_scratch(self.frame, b, self.frame_light, {**self.poses, **(poses or {})})
 
     @property
+    def _static_key(self) -> str:
+        return f"{self.model.static_key} {self.seed}"
+
+    def _begin(self) -> None:
+        """Begin with the results of the scene before an edit: what has the same inputs goes on.
+
+        Elsewhere the static part's light begins as that before the edit, changed as photons say.
+        """
+        light, key, results = self.frame_light, self._static_key, self.results
+        if (direct := results.get("direct light", key)) is not None:
+            light.direct = direct.copied(self.model)
+        sums: Background | None = results.take("sums", key)
+        if sums is not None and sums.added <= photons_of(self).count:
+            light.gloss.begin_with(results.take("gloss", key), self._first_frame.begin_with(sums))
+        light.at_poses.begin_with(results.take("light at poses", key))
+        before: BeforeEdit | None = results.get("light before", "")
+        changed = None if before is None or before.goes_on == key else before.light
+        light.static.begin_with(changed, results.get("static light", key))
+
+    def keep_results(self) -> Results:
+        """Keep copies of results for a solver of an edited scene of the same seed, and return all that are kept."""
+        light, f, key, results = self.frame_light, self.frame, self._static_key, self.results
+        photons, b, gathered = Photons(self.model, self.seed, photons_of(self)), f.background, light.static.gathered
+        results.keep("photons", "", photons, 1)
+        has_sums = b is not None and b.added and b.store is photons_of(self) and b.setting is not None
+        if has_sums:
+            at = self.model.transforms(f.poses)
+            results.keep("sums", key, b.copied(photons), 1)
+            results.keep("gloss", key, light.gloss.kept(b, light.setting), 1)
+            results.keep("light at poses", key, light.before_edit(b, f.photons, f.irradiance, f.own, at), 1)
+        if light.direct.is_known:
+            results.keep("direct light", key, light.direct.copied(None), KEPT)
+        if gathered is not None:
+            results.keep("static light", key, gathered.copied(None), KEPT)
+        stands = (has_sums or light.is_gathered) and not light.static.shows_earlier
+        shown = light.static.before_edit(b, light.unreached.static.rows) if self.light == "best" else None
+        results.keep("light before", "", BeforeEdit(shown, key if stands else ""), 1)
+        return results
+
+    @property
     def static_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
         if (b := self.frame.background) is None or not (photons := b.estimate.photons):
@@ -281,95 +330,21 @@ class Solver:
 
 
 def photons_of(solver: Solver) -> Photons:
-    """Return the photons that lamps share by flux, for a solver of an edited scene: unchanged paths are taken over."""
+    """Return the photons that lamps share by flux."""
     return solver._first_frame.by_flux
-
-
-class BeforeEdit(NamedTuple):
-    """Results of a solver that one of the edited scene begins with."""
-
-    photons: Photons  # see photons_of()
-    light: LightBefore | None  # of the static part
-    is_edited: bool  # it is that before an earlier edit
-    # Copies of results that go on where an edit leaves the static part and the lamps as they are.
-    kept: KeptPhotons | None
-    gathered: StaticGather | None
-    at_poses: LightAtPoses | None
-    direct: DirectLight
-
-
-class KeptPhotons(NamedTuple):
-    """Sums of photons in the static part."""
-
-    background: Background  # of photons_of()
-    gloss: KeptGloss
-
-
-def before_edit(solver: Solver) -> BeforeEdit:
-    """Return what a solver of an edited scene begins with."""
-    light, f, model = solver.frame_light, solver.frame, solver.model
-    photons = Photons(model, solver.seed, photons_of(solver))
-    kept, gathered, at = _kept(solver), light.static.gathered, model.transforms(f.poses)
-    goes_on = gathered is not None and (kept is not None or light.is_gathered)
-    return BeforeEdit(
-        photons,
-        light.static.before_edit(f.background, light.unreached.static.rows) if solver.light == "best" else None,
-        light.static.shows_earlier,
-        None if kept is None else kept._replace(background=kept.background.copied(photons)),
-        gathered.copied(model) if goes_on and gathered is not None else None,
-        None if kept is None else light.before_edit(f.background, f.photons, f.irradiance, f.own, at),
-        light.direct,
-    )
-
-
-def _kept(solver: Solver) -> KeptPhotons | None:
-    """Return the sums on show, if they are those of photons_of()."""
-    b = solver.frame.background
-    if b is None or not b.added or b.store is not photons_of(solver) or b.setting is None:
-        return None
-    return KeptPhotons(b, solver.frame_light.gloss.kept(b, solver.frame_light.setting))
-
-
-def _go_on(solver: Solver, kept: KeptPhotons) -> None:
-    """Let a solver of the same static part and seed begin with sums."""
-    if kept.background.added <= photons_of(solver).count:
-        solver.frame_light.gloss.begin_with(kept.gloss, solver._first_frame.begin_with(kept.background))
-
-
-def begin_with(solver: Solver, before: BeforeEdit) -> None:
-    """Let a solver of an edited scene, of the same seed, begin with the results of the scene before.
-
-    Where the edit leaves static part and lamps as they were, photons and gathering go on, and light gathered at poses
-    changes as photons say. Elsewhere the static part's light does.
-    """
-    static, light, gathered = solver.frame_light.static, before.light, before.gathered
-    if not same_static_part(before.photons.model, solver.model):
-        gathered = None
-    else:
-        solver.frame_light.direct = before.direct.copied(solver.model)
-        if before.kept is not None:
-            _go_on(solver, before.kept)
-            solver.frame_light.at_poses.begin_with(before.at_poses)
-        if before.kept is not None or gathered is not None:
-            light = light if before.is_edited else None
-    if static.lacks_gathered and (light is not None or gathered is not None):
-        static.begin_with(light, gathered)
 
 
 def edited_solver(solver: Solver, scene: Scene) -> Solver:
     """Return a solver of an edited scene (`gi_core.files.edits`) with a solver's settings, poses and levels of lamps.
 
     Photons that met no edited face are not traced again. The irradiance equals that of a new solver of the scene with
-    these settings, bit for bit. Raises SceneError.
+    these settings, bit for bit: light before the edit has no part. Raises SceneError.
     """
-    given = solver.setting._asdict() | {"photons": solver.photons, "light": solver.light, "seed": solver.seed}
     model, chosen = solver.model, solver.frame_light.setting
-    given |= {"subset_only": chosen.subset_only, "gloss": chosen.gloss}
-    other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
-    if same_static_part(model, other.model):
-        other.frame_light.direct = solver.frame_light.direct.copied(other.model)
-        if (kept := _kept(solver)) is not None:
-            _go_on(other, kept)
+    settings = solver.setting._asdict() | {"photons": solver.photons, "light": solver.light, "seed": solver.seed}
+    settings |= {"subset_only": chosen.subset_only, "gloss": chosen.gloss}
+    results = solver.keep_results().of("regions", "places", "photons", "sums", "gloss", "direct light")
+    other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, results=results, **settings)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)
     other.set_lamps({name: level for name, level in levels if name in other.lamps.names})

@@ -27,7 +27,7 @@ from app.settings import Settings, make_solver, open_scene
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Promote, edited
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
 from gi_core.scene import Scene
-from gi_core.solver import Solver, before_edit, begin_with
+from gi_core.solver import Solver
 from studies.ten_seconds import GAIN
 from tests.support.receiver_samples import in_view
 
@@ -60,10 +60,8 @@ def after(
     solver: Solver, scene: Scene, settings: Settings, with_light: bool
 ) -> list[tuple[float, np.ndarray, float, Solver]]:
     """Return times [s], irradiance and stated errors of the pictures after an edit."""
-    given = before_edit(solver)
-    other = make_solver(scene, settings, given.photons)
-    if with_light:
-        begin_with(other, given)
+    results = solver.keep_results()
+    other = make_solver(scene, settings, results if with_light else results.of("photons"))
     begun, found = time.process_time(), []
 
     def look() -> None:

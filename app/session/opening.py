@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
     from app.session.first_look import FirstLook
+    from gi_core.base.results import Results
     from gi_core.files.edits import Versions
     from gi_core.model import Model
     from gi_core.scene import Scene
-    from gi_core.solver import BeforeEdit, Solver
+    from gi_core.solver import Solver
 
 IMPORTING, LOADING, TRACING = "importing", "loading scene", "tracing"
 COMPILING = {  # by kind of surfaces, those of gi_core.instruments.compile_ahead
@@ -56,7 +57,7 @@ class Before(NamedTuple):
     """A scene on show, as its next edit begins with it."""
 
     opened: Opened
-    results: Callable[[], BeforeEdit]  # waits for the solver's thread
+    results: Callable[[], Results]  # waits for the solver's thread
 
 
 class Opening:
@@ -163,18 +164,15 @@ class Opening:
     def _open(self, scene: Scene, versions: Versions) -> Opened:
         from gi_core.base.kernel_cache import problems
         from gi_core.display.first_look import LookLight
-        from gi_core.solver import begin_with
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
-        earlier = self._before.results() if self._before is not None else None
-        solver = make_solver(scene, self.settings, earlier and earlier.photons)
+        before = self._before
+        solver = make_solver(scene, self.settings, None if before is None else before.results())
         if self.look is not None and math.isfinite(self.look.noise):
             solver.begin_with_look(LookLight(self.look.drawn, self.look.noise))
-        meshes, picker = self._drawn(solver.model, earlier and earlier.photons.model)
-        for _ in load(solver) if solver.light == "best" else ():
+        meshes, picker = self._drawn(solver.model, None if before is None else before.opened.solver.model)
+        for _ in load(solver) if solver.light == "best" and solver.frame_light.static.gathered is None else ():
             self._stop_if_cancelled()
-        if earlier is not None:
-            begin_with(solver, earlier)
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()
@@ -182,7 +180,7 @@ class Opening:
             self.fraction = progress.fraction
             if progress.picture:
                 break
-        if solver.poses and not (self._before is not None and self._before.opened.solver.poses):
+        if solver.poses and not (before is not None and before.opened.solver.poses):
             solver.move_all(solver.poses)  # loads the kernels of a drag's frames
         self.warnings += problems
         return Opened(self.settings.with_method_of(solver), solver, versions, meshes, picker)

@@ -58,7 +58,7 @@ class Reload:
     def _edit(self, now: Session, asked: Asked) -> None:
         """Open the current scene with other edits; settings and photons that the edit does not touch stay."""
         settings = replace(now.settings, edits=asked.edits, poses=())
-        open_with = partial(self._open_with, before=Before(now.opened, now.light.before_edit))
+        open_with = partial(self._open_with, before=Before(now.opened, now.light.keep_results))
         self._begin(now, settings, same=True, open_with=open_with, doing="editing")
         self._edited = asked
 

@@ -24,9 +24,10 @@ from gi_core.frames.progress import Interrupted
 if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
     from app.session.method_view import MethodParts, MethodView
     from app.settings import Settings
+    from gi_core.base.results import Results
     from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
-    from gi_core.solver import BeforeEdit, Solver
+    from gi_core.solver import Solver
 
 SHOW_GRACE = 0.010  # s per frame for parts of the method
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
@@ -213,12 +214,12 @@ class SolverThread:
         self._time_due, self._timings = True, None
         return True
 
-    def before_edit(self) -> BeforeEdit:
-        """Return what the solver of an edited scene begins with; waits for the job under way.
+    def keep_results(self) -> Results:
+        """Return results that the solver of an edited scene begins with; waits for the job under way.
 
         The static part's light is saved first: edits that do not change that part begin with it.
         """
-        return self._worker.submit(functools.partial(_before_edit, self._solver, self._work)).result()
+        return self._worker.submit(functools.partial(_keep_results, self._solver, self._work)).result()
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
@@ -350,11 +351,9 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
         yield True
 
 
-def _before_edit(solver: Solver, work: RestWork) -> BeforeEdit:
-    from gi_core.solver import before_edit
-
+def _keep_results(solver: Solver, work: RestWork) -> Results:
     work.gathering.keep()
-    return before_edit(solver)
+    return solver.keep_results()
 
 
 def _configure(solver: Solver, changes: Mapping[str, Any]) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
+from gi_core.base.results import KEPT, digest
 from gi_core.base.vec import dot
 from gi_core.model import Model
 
@@ -62,10 +63,11 @@ def whole_discs(model: Model, o: int, radius: float) -> Regions:
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
     """Measure the regions of object o's receivers, in steps of a few ms; the generator returns them. radius [m]."""
-    if (whole := model.shapes.find("regions", o, radius)) is None:
-        whole = yield from _measured(model, o, radius)
-        model.shapes.keep("regions", o, whole, radius)
-    return Regions(whole.row.copy(), whole.reach, whole.area.copy())
+    key, results = digest(model.shape_keys[o], radius), model.results
+    if (measured := results.get("regions", key)) is None:
+        measured = yield from _measured(model, o, radius)
+        results.keep("regions", key, measured, KEPT * model.surfaces.objects)
+    return Regions(measured.row.copy(), measured.reach, measured.area.copy())
 
 
 def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:

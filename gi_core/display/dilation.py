@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.results import KEPT, digest
 from gi_core.base.spiral import DIRECTIONS, directions
 from gi_core.base.vectors import dot, length
 from gi_core.gather.hit_cache import pose_bits
@@ -86,12 +87,13 @@ class Dilation:
         self._beside: dict[int, Beside] = {}
         self._in_static: dict[int, tuple[bytes, np.ndarray]] = {}  # place (n,) int8 of its receivers
         for o in range(s.objects):
-            own, given = s.receiver_range(o), (self._near, float(model.world.size))
-            if (known := model.shapes.find("places", o, *given)) is not None:
-                self._place[own] = known
+            own, key = s.receiver_range(o), digest(model.shape_keys[o], self._near, float(model.world.size))
+            if (places := model.results.get("places", key)) is not None:
+                self._place[own] = places
             elif o > 0:
                 self._place[own] = self._places(o, self._points[own], directions(self._normals[own]))
-            model.shapes.keep("places", o, self._place[own], *given)  # a view: those of the static part follow
+            # A view: those of the static part follow.
+            model.results.keep("places", key, self._place[own], KEPT * s.objects)
         self._in_mobiles = np.flatnonzero(self._place == INSIDE)
         self._in_mobiles_pairs = self._pairs(self._in_mobiles)
 

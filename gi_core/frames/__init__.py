@@ -1,1 +1,12 @@
-"""The first frame and every next one: photons taken in, light of the static part and of mobiles."""
+"""Frames: which light is on this wall now, and how wrong is it?
+
+1. Without mobiles: `StaticLight.best`, or `of_photons()` while that is None. Both are an `Estimate`: light per lamp,
+   variance, source (photons, one bounce, whole paths, before an edit) and error. `compare()` chooses by error.
+2. With mobiles, in motion (`Frame.own`): `frame_irradiance()` changes 1. as the frame's photons differ from the same
+   photons without mobiles, less the direct light that mobiles block. Paths that end in this light without bias
+   (`ControlledLight.unbiased`) light mobiles.
+3. At poses that have rested (`Frame.irradiance`): `PoseLight.replaced()` puts light of paths in place of 2.
+4. How wrong: `FrameLight.deviation()` is the standard error of 3. per receiver, the noise of 2. apart. `LiveError` in
+   `app.rest` adds that noise, by fewer photons, and compares all with an unbiased reference.
+5. Drawn: `Solver.drawn()` fills receivers that light cannot reach. Errors and frames do not see this.
+"""

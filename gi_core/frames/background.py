@@ -112,8 +112,6 @@ class Photons:
         self.model, self.seed = model, seed
         self.traced = 0  # photons, without those taken over
         self._known: KnownPaths | None = None  # to be taken over part by part
-        if earlier is not None and model.surfaces is not earlier.model.surfaces:
-            model.take_over_shapes(earlier.model)
         self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
         self._pace = Pace(FIRST_SECONDS, LEAST, MOST)

@@ -45,8 +45,10 @@ class FrameGloss:
         light = self._gathered.static_light(b, setting.levels) if setting.takes_gathered_gloss else None
         return KeptGloss(self.source.static_cells, light and light.copied(self._model), setting.levels)
 
-    def begin_with(self, kept: KeptGloss, b: Background) -> None:
+    def begin_with(self, kept: KeptGloss | None, b: Background) -> None:
         """Go on from directions of a scene of the same static part; b: its background here."""
+        if kept is None:
+            return
         self.source.begin_with(kept.cells, b.store)
         if kept.gathered is not None:
             self._gathered.begin_with(kept.gathered, b, kept.levels)

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gi_core.base.results import KEPT
 from gi_core.frames.background import Background
 from gi_core.frames.progress import Progress
 from gi_core.gather.denoise import averaged
 from gi_core.gather.gloss_gather import GlossGather, GlossGathers
-from gi_core.gather.pose_gather import KEPT
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
 from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.discs import GlossDiscs

@@ -157,7 +157,7 @@ class StaticLight:
         if self._edited is not None:
             edited = self._edited.estimate(shown, self.around(AROUND * shown.setting.radius))
             edited = edited and edited._replace(error=max(edited.error, self._error_of(edited)))
-        chosen = better(edited, None if g is None else g.estimate)
+        chosen = better(None if g is None else g.estimate, edited)
         if chosen is None:
             return self.best is not None
         if chosen is not edited:

@@ -19,9 +19,6 @@ from gi_core.photons.paths import PathVertices
 from gi_core.photons.trace import Fates, add_fates, add_fates_behind, add_to, no_flux, trace_background
 from gi_core.scene.types import Scene
 
-NO_PATHS = PathVertices(np.zeros(1, np.int64), np.zeros((0, 3), np.float32), np.zeros(0, np.int32),
-                        np.zeros((0, 3), np.int32), np.zeros(0, np.uint8))  # fmt: skip
-
 
 class KnownPaths(NamedTuple):
     """Paths of the first photons before an edit."""
@@ -51,21 +48,6 @@ def known_paths(before: Model, now: Model, paths: PathVertices) -> KnownPaths | 
         return None
     lamps = unchanged_lamps(before.emitters, now.emitters)
     return KnownPaths(paths, edited, lamps != np.arange(len(lamps)))
-
-
-def same_static_part(before: Model, now: Model) -> bool:
-    """Return whether the light of the static part without mobiles is the same, bit for bit, in both models."""
-    known = known_paths(before, now, NO_PATHS)
-    rows = before.surfaces.receiver_range(0)
-    return (
-        known is not None
-        and known.are_all_kept
-        and rows == now.surfaces.receiver_range(0)
-        and all(
-            np.array_equal(a[rows], b[rows])
-            for a, b in zip(before.evaluation_points, now.evaluation_points, strict=True)
-        )
-    )
 
 
 class StaticPart(NamedTuple):

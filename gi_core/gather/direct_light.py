@@ -12,7 +12,7 @@ import copy
 import itertools
 import time
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -65,10 +65,10 @@ class DirectLight:
         self._groups: Groups | None = None
         self._blocked: Blocked | None = None
 
-    def copied(self, model: Model) -> DirectLight:
-        """Return the same light for a model of the same static part and lights."""
+    def copied(self, model: Model | None) -> DirectLight:
+        """Return the same light for a model with the same `static_key`, None: to be kept without one."""
         other = copy.copy(self)
-        other._model, other._blocked = model, None
+        other._model, other._blocked = cast(Model, model), None
         return other
 
     @property

@@ -13,6 +13,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable, Iterator
+from typing import cast
 
 import numpy as np
 
@@ -55,10 +56,10 @@ class FinalGather:
         self.per_lamp = self.last = np.zeros(shape)  # (n, 3 G) float64 [W/m2]; `last`: of the last pair alone
         self.mean = np.zeros(positions.shape)  # (n, 3) float64 [W/m2], of all lamps
 
-    def copied(self, model: Model) -> FinalGather:
-        """Return a copy that goes on from here, of a model with the same static part and lamps."""
+    def copied(self, model: Model | None) -> FinalGather:
+        """Return a copy that goes on from here, of a model with the same `static_key`, None: to be kept without one."""
         other = copy.copy(self)
-        other._model, other._lights = model, model.lights
+        other._model = cast(Model, model)
         return other
 
     @property

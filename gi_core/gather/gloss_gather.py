@@ -18,11 +18,12 @@ from gi_core.base import strata
 from gi_core.base.jit import kernel
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.random_numbers import basis
+from gi_core.base.results import KEPT
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
 from gi_core.gather.path_ends import InKnownLight, in_known_light, starts
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, PathTracer
-from gi_core.gather.pose_gather import KEPT, key_of
+from gi_core.gather.pose_gather import key_of
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.hemisphere import (
     CELLS,

@@ -24,6 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gi_core.base.results import KEPT
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
@@ -41,7 +42,6 @@ from gi_core.scene.pose import to_world_at
 
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
-KEPT = 8  # poses with light
 COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
 MOST = 47  # rounds until the last result: twice those that noise is sized for
 FIRST = 3  # rounds before the first result: noise after denoising is understated with fewer

@@ -12,7 +12,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Generator, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -40,15 +40,15 @@ SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
 
 class ErrorSample(NamedTuple):
-    """Receivers, how often each was drawn, and whole paths there."""
+    """Receivers, how often each was drawn, and the state of whole paths there."""
 
     rows: np.ndarray  # (k,) int64
     times: np.ndarray  # (k,) float64
-    rounds: ReferenceRounds
+    state: ReferenceState
 
     @property
     def reference(self) -> ReferenceSample:
-        s = self.rounds.state
+        s = self.state
         return ReferenceSample(self.rows, self.times, s.mean, s.noise(self.times), 1.0)
 
     def error(self, E: np.ndarray) -> float:
@@ -57,7 +57,7 @@ class ErrorSample(NamedTuple):
         Squares of noise are subtracted in GROUPS of like noise. If subtracted from all at once, noise of few receivers
         would hide little of the error of the others, and twice the error would be left.
         """
-        s, w = self.rounds.state, self.times
+        s, w = self.state, self.times
         if s.rounds < 2:
             return 0.0
         truth = luminance(s.mean[:, :3])
@@ -95,6 +95,7 @@ class StaticGather:
         self._weigh(self._areas)
         self._is_weighed = False
         self._sample: ErrorSample | None = None
+        self._sampled: ReferenceRounds | None = None  # that change its state
         self._near = model.adjacency
         self.state, self.noise = state, float("inf")
         self.estimate: Estimate | None = None
@@ -123,13 +124,13 @@ class StaticGather:
         self._weigh(self._areas * visual_shares(self._model, E, self._areas))
         self._is_weighed = True
 
-    def copied(self, model: Model) -> StaticGather:
-        """Return a copy that goes on from here; model: of the same static part and lamps, as in same_static_part()."""
+    def copied(self, model: Model | None) -> StaticGather:
+        """Return a copy that goes on from here; model: with the same `static_key`, None: to be kept without one."""
         g = copy.copy(self)
-        g._model, g._final = model, self._final.copied(model)
+        g._model, g._final, g._sampled = cast(Model, model), self._final.copied(model), None
         g.state = None if self.state is None else ReferenceState(*(a.copy() for a in self.state))
-        if (s := self._sample) is not None:
-            g._sample = s._replace(rounds=g._rounds_at(s.rows, s.times, s.rounds.state))
+        if self._sample is not None:
+            g._sample = self._sample._replace(state=ReferenceState(*(a.copy() for a in self._sample.state)))
         return g
 
     def error_of(self, E: np.ndarray) -> float:
@@ -197,18 +198,18 @@ class StaticGather:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample, in steps."""
         if self._sample is None:
             rows, times = draw_by_area(np.flatnonzero(self._paid > 0), self._paid, SAMPLE, self._seed)
-            self._sample = ErrorSample(rows, times, self._rounds_at(rows, times))
+            self._sample = ErrorSample(rows, times, ReferenceState.empty(len(rows)))
         s = self._sample
+        if self._sampled is None:
+            points, seed = (a[s.rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
+            more = {"model": self._model, "mobiles": False, "rounds": SAMPLE_ROUNDS, "state": s.state}
+            self._sampled = ReferenceRounds(self._model.scene, *points, seed, s.times, **more)
+            self._sample = s = s._replace(state=self._sampled.state)
         # Of point lights on a convex body single bounces have no noise, but whole paths do: they pick a light each.
-        for _ in gather_until(s.rounds, s.times, max(SAMPLE_NOISE * noise, ENOUGH)):
+        for _ in gather_until(self._sampled, s.times, max(SAMPLE_NOISE * noise, ENOUGH)):
             yield False
         # The error of the total is known best, as noise averages out there; the rest is only known to a part.
         return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
-
-    def _rounds_at(self, rows: np.ndarray, times: np.ndarray, state: ReferenceState | None = None) -> ReferenceRounds:
-        points, seed = (a[rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
-        given = self._model.scene, *points, seed, times
-        return ReferenceRounds(*given, model=self._model, mobiles=False, rounds=SAMPLE_ROUNDS, state=state)
 
     def _whole_paths(self) -> Iterator[bool | None]:
         given = self._model.scene, *self._points, self._seed, self._paid

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from app.session.opening import Before
 from app.settings import Settings, UsageError
 from gi_core.files.edits import Finish
 from gi_core.scene import Camera, Pose
-from gi_core.solver import Solver, before_edit
+from gi_core.solver import Solver
 from tests.cli.test_render import card, checkered_room, shot_of
 from tests.support.document_examples import ROOT
 from tests.support.viewer_support import room
@@ -98,7 +97,7 @@ def test_show_opens_the_window_with_the_scene(monkeypatch):
     opening._thread.join()
     assert opening.problem is None and opening.result.solver.scene.name == "mine"
     assert opening.result.solver.photons == 4000 and settings.scene == "mine"
-    results = partial(before_edit, opening.result.solver)
+    results = opening.result.solver.keep_results
     edit = Finish("red", (("reflectance", (0.1, 0.2, 0.3)),))
     after = open_with(replace(opening.result.settings, edits=(edit,)), before=Before(opening.result, results))
     after._thread.join()

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from gi_core.files.edits import Duplicate, Edit, Finish, Remove, edited
+from gi_core.frames.edited_light import LightAtPoses
 from gi_core.gather import pose_gather, static
 from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose
-from gi_core.solver import Solver, before_edit, begin_with
+from gi_core.solver import Solver
 from tests.physics.test_edits import room
 
 GIVEN = {"photons": 8192, "radius": 0.12, "seed": 5, "light": "best"}
@@ -38,10 +39,12 @@ def replaced(solver: Solver) -> float:
     return float((solver.frame.own != solver.irradiance).any(axis=1).mean())
 
 
+def kept(solver: Solver) -> LightAtPoses:
+    return solver.keep_results().get("light at poses", f"{solver.model.static_key} {solver.seed}")
+
+
 def after(before: Solver, *edits: Edit) -> Solver:
-    given = before_edit(before)
-    solver = Solver(edited(before.scene, edits), **GIVEN, earlier=given.photons)
-    begin_with(solver, given)
+    solver = Solver(edited(before.scene, edits), **GIVEN, results=before.keep_results())
     solver.solve()
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     return solver
@@ -106,8 +109,7 @@ def test_paths_at_the_poses_take_over(clearly, before, monkeypatch):
     assert found.used.all() == (clearly < 1) and np.array_equal(solver.irradiance[found.rows], found.mean)
     assert np.array_equal(solver.frame_light.deviation(at, solver.frame.background)[found.rows], found.deviation)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
-    given = before_edit(solver)
-    assert given.at_poses.irradiance is solver.irradiance, "the next edit begins with theirs"
+    assert kept(solver).irradiance is solver.irradiance, "the next edit begins with theirs"
 
 
 @pytest.mark.parametrize("edit", [Duplicate("ball 2", "ball", Pose((0.8, 0.3, 0.3))), Remove("ball"), Remove("box")])
@@ -116,7 +118,7 @@ def test_mobiles_that_stay_keep_theirs(edit, before):
     for name in {"box", "ball"} & set(solver.model.names):
         rows, rows_before = (s.surfaces.receiver_range(1 + s.model.names.index(name)) for s in (solver, before))
         earlier = solver.frame_light.at_poses._edited
-        assert before_edit(solver).at_poses is earlier.before, "the light before the first edit"
+        assert kept(solver) is earlier.before, "the light before the first edit"
         there = np.isin(earlier.rows, np.arange(rows.start, rows.stop))
         assert there.any()
         assert np.array_equal(earlier.rows_before[there] - rows_before.start, earlier.rows[there] - rows.start)

@@ -10,11 +10,12 @@ import pytest
 
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Remove, edited
 from gi_core.frames import first_frame
+from gi_core.frames.edited_light import LightBefore
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose, Scene
-from gi_core.solver import Solver, before_edit, begin_with
+from gi_core.solver import Solver
 from tests.physics.test_edits import room
 from tests.support.scene_builders import box, merge
 
@@ -41,10 +42,12 @@ def before() -> Solver:
     return solver
 
 
+def light_before(solver: Solver) -> LightBefore | None:
+    return solver.keep_results().get("light before", "").light
+
+
 def after(before: Solver, *edits: Edit) -> Solver:
-    given = before_edit(before)
-    solver = Solver(edited(before.scene, edits), **GIVEN, earlier=given.photons)
-    begin_with(solver, given)
+    solver = Solver(edited(before.scene, edits), **GIVEN, results=before.keep_results())
     solver.solve()
     return solver
 
@@ -62,7 +65,7 @@ def test_photons_that_were_worse_before_an_edit_do_not_replace_its_light(before,
     monkeypatch.setattr(frames, "best", frames.best._replace(error=0.04))
     for measured, stays in ((0.05, True), (0.0, False)):
         blur = measured
-        assert before_edit(before).light.of_photons == measured
+        assert light_before(before).of_photons == measured
         solver = after(before, Finish("wall", (("reflectance", (0.78, 0.8, 0.8)),)))
         static, b = solver.frame_light.static, solver.frame.background
         of = static.of_photons
@@ -75,15 +78,15 @@ def test_photons_that_were_worse_before_an_edit_do_not_replace_its_light(before,
 def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkeypatch):
     """Below the crate no light comes; all photons of an edited gallery took 39 s, and the gaps were black so long."""
     monkeypatch.setattr(first_frame, "FIRST_PICTURE", 2048)
-    n, given = before.surfaces.receiver_range(0).stop, before_edit(before)
+    n = before.surfaces.receiver_range(0).stop
     for _ in before._first_frame.find_unreached(before.frame.background):
         pass
     shown = before.drawn(before.irradiance).irradiance[:n]
     filled = (before.irradiance[:n] == 0).all(axis=1) & (shown > 0).all(axis=1)
     assert filled.any()
-    solver = Solver(edited(before.scene, (Finish("ball", RED),)), **GIVEN, earlier=given.photons)
-    static = solver.frame_light.static
-    static.begin_with(given.light)
+    results = before.keep_results().of("photons")
+    solver = Solver(edited(before.scene, (Finish("ball", RED),)), **GIVEN, results=results)
+    solver.frame_light.static.begin_with(light_before(before))
     pictures = (step for step in solver.solve_steps() if step.picture and solver.frame_light.is_gathered)
     seen = [solver.drawn(solver.irradiance).irradiance[:n] for _ in pictures]
     assert len(seen) > 3 and all((light[filled] > 0).all() for light in seen)
@@ -115,9 +118,8 @@ def test_a_frozen_mobile_shows_photons_and_its_room_the_light_before(before):
 def test_edits_in_a_row_begin_with_the_same_light(before):
     """Values of a dragged slider add no noise to each other."""
     first = after(before, Finish("wall", RED))
-    assert before_edit(first).light is first.frame_light.static._edited.before
-    back = Solver(before.scene, **GIVEN, earlier=before_edit(first).photons)
-    back.frame_light.static.begin_with(before_edit(first).light)
+    assert light_before(first) is first.frame_light.static._edited.before
+    back = Solver(before.scene, **GIVEN, results=first.keep_results().of("photons", "light before"))
     back.solve()
     assert np.array_equal(back.frame_light.static.best.light, before.frame_light.static.best.light)
 
@@ -157,20 +159,20 @@ def test_a_moved_light_leaves_unreached_receivers_dark():
 
 def test_without_gathered_light_all_photons_stand_in():
     solver = solved(room())
-    light = before_edit(solver).light
+    light = light_before(solver)
     b, static = solver.frame.background, solver.frame_light.static
     assert light.estimate is static.of_photons(b, per_lamp=True)
     assert np.allclose(light.estimate.irradiance, static.irradiance(b, solver.levels), rtol=1e-9)
     assert 0.01 < light.estimate.error < 1
-    assert before_edit(solved(room(), light="photons")).light is None
+    assert light_before(solved(room(), light="photons")) is None
     solver.move("ball", Pose((0.3, 0.6, 0.4)))
-    assert np.array_equal(before_edit(solver).light.estimate.light, light.estimate.light), "without mobiles"
+    assert np.array_equal(light_before(solver).estimate.light, light.estimate.light), "without mobiles"
 
 
 def test_another_radius_is_not_compared(before):
-    given = before_edit(before)
-    solver = Solver(before.scene, **GIVEN | {"radius": 0.2}, earlier=given.photons)
-    solver.frame_light.static.begin_with(given.light)
+    results = before.keep_results().of("photons")
+    solver = Solver(before.scene, **GIVEN | {"radius": 0.2}, results=results)
+    solver.frame_light.static.begin_with(light_before(before))
     solver.solve()
     assert not solver.frame_light.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
 
@@ -191,17 +193,17 @@ def test_gathering_goes_on_where_the_static_part_stays(edit):
     """With the bits of a run without a break; the light on show stays, and so does the fraction that is done."""
     solver, other = solved(room()), solved(edited(room(), [edit]))
     g = gathered_rounds(solver, 3)
-    given = before_edit(solver)
+    results = solver.keep_results()
+    shown = g.estimate
     gathered_rounds(solver, 4)  # the solver before goes on meanwhile
-    new = Solver(edited(solver.scene, [edit]), **GIVEN, earlier=given.photons)
-    begin_with(new, given)
+    new = Solver(edited(solver.scene, [edit]), **GIVEN, results=results)
     new.solve()
     goes_on = new.frame_light.static.gathered
     if edit == Finish("wall", RED):
         assert goes_on is None and new.frame_light.static.shows_earlier
         return
     assert goes_on.state.rounds == 3 and goes_on.fraction > 0.05
-    assert np.array_equal(goes_on.estimate.light, given.gathered.estimate.light)
+    assert np.array_equal(goes_on.estimate.light, shown.light)
     assert new.frame_light.is_gathered and np.array_equal(new.irradiance, new.from_scratch())
     mine, alone = gathered_rounds(new, 5), gathered_rounds(other, 5)
     for a, b in zip(mine.state, alone.state, strict=True):
@@ -218,13 +220,27 @@ def test_photons_that_are_better_stay_on_show_while_gathering_goes_on():
     g = solver.frame_light.static.gathered
     g.estimate = g.estimate._replace(error=0.5)
     assert not solver.frame_light.static.compare(solver.frame.background)
-    shown, given = solver.static_irradiance.copy(), before_edit(solver)
-    new = Solver(edited(solver.scene, [Finish("ball", RED)]), **GIVEN | {"photons": 400_000}, earlier=given.photons)
-    begin_with(new, given)
+    shown, results = solver.static_irradiance.copy(), solver.keep_results()
+    new = Solver(edited(solver.scene, [Finish("ball", RED)]), **GIVEN | {"photons": 400_000}, results=results)
     for progress in new.solve_steps():
         if progress.picture:
             break
     static = new.frame_light.static
     assert not new.frame_light.is_gathered and new.frame.photons == 400_000
     assert np.array_equal(new.static_irradiance, shown)
-    assert static.gathered._final.paths == given.gathered._final.paths > 0, "its paths are kept"
+    assert static.gathered._final.paths == g._final.paths > 0, "its paths are kept"
+
+
+def test_an_edit_taken_back_brings_its_gathered_light_back():
+    """Whole paths of the scene before are in the store, though another static part has been on show since."""
+    solver = solved(room())
+    g = gathered_rounds(solver, 3)
+    wall = Solver(edited(solver.scene, [Finish("wall", RED)]), **GIVEN, results=solver.keep_results())
+    wall.solve()
+    assert wall.frame_light.static.gathered is None and wall.frame_light.static.shows_earlier
+    back = Solver(solver.scene, **GIVEN, results=wall.keep_results())
+    back.solve()
+    again = back.frame_light.static.gathered
+    assert again is not g and again.state.rounds == 3 and np.array_equal(again.estimate.light, g.estimate.light)
+    assert back.frame_light.static.best is again.estimate and not back.frame_light.static.shows_earlier
+    assert np.array_equal(back.irradiance, solver.irradiance) and np.array_equal(back.irradiance, back.from_scratch())

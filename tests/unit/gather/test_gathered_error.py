@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -53,7 +51,7 @@ def test_a_sample_without_two_rounds_has_no_error():
     """A background may come before: another radius or a solo, while the sample of earlier light is traced."""
     for sets in (0, 1):
         state = ReferenceState.empty(4)._replace(sets=np.full(4, sets, np.int32))
-        sample = ErrorSample(np.arange(4), np.ones(4), SimpleNamespace(state=state))
+        sample = ErrorSample(np.arange(4), np.ones(4), state)
         assert sample.error(np.ones((4, 3))) == 0.0
 
 
@@ -69,7 +67,7 @@ def test_noise_of_few_receivers_hides_no_error_of_the_others():
         state = ReferenceState.empty(n)._replace(
             sets=np.full(n, sets, np.int32), mean=right + chance.mean(axis=0), squares=squares
         )
-        found.append(ErrorSample(np.arange(n), times, SimpleNamespace(state=state)))
+        found.append(ErrorSample(np.arange(n), times, state))
     true = 0.75 * 0.02
     assert np.mean([s.error(E) for s in found]) == pytest.approx(true, rel=1 / 3)
     assert np.mean([s.reference.error(E) for s in found]) > 4 / 3 * true, "noise subtracted from all at once"

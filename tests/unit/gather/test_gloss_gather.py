@@ -92,7 +92,7 @@ def test_threads_and_breaks_leave_the_bits():
 def rested(solver: Solver) -> Solver:
     solver.solve()
     for p in solver.gather_steps():
-        if p.stage == STAGE and not solver.frame_light.gloss.lacks_static(solver.frame.background):
+        if p.stage == STAGE and not solver.frame_light.lacks_gloss(solver.frame.background):
             break
     return solver
 

@@ -19,7 +19,7 @@ from gi_core.gloss.source import LIST, WAYS
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Pose
-from gi_core.solver import Solver, before_edit, begin_with, edited_solver
+from gi_core.solver import Solver, edited_solver
 from tests.physics.test_gloss import GIVEN, ROOM
 
 
@@ -222,14 +222,12 @@ def test_gathered_directions_go_on_where_the_static_part_stays(edit):
     solver = solved(light="best")
     for _ in solver.gather_steps():
         pass
-    given, gloss = before_edit(solver), solver.frame_light.gloss
-    assert not gloss.lacks_static(solver.frame.background)
-    new = Solver(edited(ROOM, [edit]), **GIVEN | {"light": "best"}, earlier=given.photons)
-    begin_with(new, given)
+    assert not solver.frame_light.lacks_gloss(solver.frame.background)
+    new = Solver(edited(ROOM, [edit]), **GIVEN | {"light": "best"}, results=solver.keep_results())
     new.solve()
     assert new.frame.gathered and np.array_equal(new.irradiance, new.from_scratch())
     changes_static = edit not in (MATT, BALL_2)
-    assert new.frame_light.gloss.lacks_static(new.frame.background) == changes_static
+    assert new.frame_light.lacks_gloss(new.frame.background) == changes_static
     if not changes_static:
         mine, theirs = new.frame.gloss, solver.frame.gloss
         static = theirs.owners < solver.surfaces.receiver_range(0).stop
