@@ -337,44 +337,46 @@ def _names_of_files(
     """
     from gi_core.files.edits import files_of_edits
     from gi_core.files.find import shipped_scenes
-    from gi_core.scene.errors import SceneError
+    from gi_core.scene.errors import SceneError, utf8
 
     named = dict.fromkeys((settings.scene, *settings.mobiles, *files_of_edits(settings.edits)))
-    places = {name: name for name in named}
-    outside: dict[str, list[str]] = {}  # by folder
+    places, outside = {name: name for name in named}, []
     for name in named:
         if not os.path.isfile(name) and name in shipped_scenes():
             continue
         real = Path(os.path.realpath(name))
-        if settings.allow_outside or real.is_relative_to(document.parent):
-            places[name] = _relative(real, document.parent)
+        place = _relative(real, document.parent)
+        if (settings.allow_outside or real.is_relative_to(document.parent)) and place == utf8(place):
+            places[name] = place
         else:
-            outside.setdefault(os.path.dirname(os.path.abspath(name)), []).append(name)
+            outside.append(name)
     if outside and files is None:
         files = ()
         with suppress(SceneError):  # the files that are named are copied all the same
             files = open_scene(settings).files
-    of = {names[0]: names for names in files or ()}
-    for folder, names in outside.items():
-        parts = dict.fromkeys(part for name in map(os.path.abspath, names) for part in of.get(name, (name,)))
-        beneath = [os.path.relpath(part, folder) for part in parts if Path(part).is_relative_to(folder)]
-        target = _copied(Path(folder), beneath, document, made)
-        places |= {name: (target / os.path.basename(name)).relative_to(document.parent).as_posix() for name in names}
+    parts = {of[0]: of for of in files or ()}
+    for name in outside:
+        file = os.path.abspath(name)
+        copy = _copied(Path(file), parts.get(file, (file,)), document, made)
+        places[name] = _relative(copy, document.parent)
     return places
 
 
-def _copied(folder: Path, parts: list[str], document: Path, made: list[Path]) -> Path:
-    """Copy files of a folder, by their paths in it, beside a saved scene; return the folder of the copies.
+def _copied(file: Path, parts: tuple[str, ...], document: Path, made: list[Path]) -> Path:
+    """Copy a file and the parts that it names beside a saved scene; return the copy of the file.
 
-    It is NAME-files/FOLDER, with a number if other files are there: those of the scene saved before stay whole.
+    It lies in NAME-files/FOLDER, with a number where other files are: those of the scene saved before stay whole.
     """
-    beside = document.with_name(f"{document.stem[:60]}-files")  # names have at most 255 bytes
+    from gi_core.scene.errors import utf8
+
+    beside = document.with_name(f"{utf8(document.stem)[:60]}-files")  # names have at most 255 bytes
+    beneath = [Path(part).relative_to(file.parent) for part in parts if Path(part).is_relative_to(file.parent)]
     for k in itertools.count(1):
-        target = beside / f"{folder.name or 'files'}{f'-{k}' if k > 1 else ''}"
-        pairs = [(folder / part, target / part) for part in parts]
-        if all(_may_copy(source, copy) for source, copy in pairs):
+        folder = beside / f"{utf8(file.parent.name) or 'files'}{f'-{k}' if k > 1 else ''}"
+        pairs = {file.parent / part: folder / part for part in beneath} | {file: folder / utf8(file.name)}
+        if all(_may_copy(source, copy) for source, copy in pairs.items()):
             break
-    for source, copy in pairs:
+    for source, copy in pairs.items():
         if os.path.lexists(copy) or not source.is_file():
             continue
         for parent in reversed(copy.parents):
@@ -384,7 +386,7 @@ def _copied(folder: Path, parts: list[str], document: Path, made: list[Path]) ->
         with replacing(copy) as part:
             shutil.copyfile(source, part)
         made.append(copy)
-    return target
+    return pairs[file]
 
 
 def _may_copy(source: Path, copy: Path) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from app.cli.writable import replacing
 from app.draw.layers import Layers
+from gi_core.scene.errors import utf8
 
 
 def write_exr(path: Path, layers: Layers, parameters: Mapping[str, object]) -> Path:
@@ -31,7 +32,7 @@ def write_channels(path: Path, channels: Mapping[str, np.ndarray], parameters: M
 
     path = path.resolve()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header |= {f"gi-viewer {key}": str(value) for key, value in parameters.items()}
+    header |= {f"gi-viewer {utf8(key)}": utf8(str(value)) for key, value in parameters.items()}
     try:
         with replacing(path) as part, OpenEXR.File(header, dict(channels)) as file:
             file.write(os.fspath(part))

@@ -14,6 +14,7 @@ from app.session.watch import Watch
 from app.settings import TABLE
 from app.window import dialogs
 from app.window.viewport import Viewport
+from gi_core.scene.errors import utf8
 
 MOST_RECENT = 10
 RECENT, WATCHES = "recent", "reload when files change"  # preferences in the window's ini file
@@ -50,6 +51,8 @@ class Files:
     def remember(self, name: str) -> None:
         """Put a file first among the recent ones."""
         path = os.path.abspath(name)
+        if path != utf8(path):
+            return  # the preferences are UTF-8
         self.recent = [path, *(other for other in self.recent if other != path)][:MOST_RECENT]
 
     def has_changed(self, session: Session) -> bool:
@@ -85,7 +88,7 @@ class Files:
             return s.document
         folders = ([Path(s.scene).parent] if os.path.isfile(s.scene) else []) + [Path.cwd(), Path.home()]
         usable = (f for f in folders if f.resolve() != f.resolve().parent and os.access(f, os.W_OK))
-        return str(next(usable, folders[-1]) / f"{Path(s.scene).stem}-saved.toml")
+        return str(next(usable, folders[-1]) / utf8(f"{Path(s.scene).stem}-saved.toml"))
 
     def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:
         """Return settings that open the scene as it is on show, with edits that are still being prepared."""

@@ -182,7 +182,9 @@ def runner_params(
 
 
 def title_of(scene: str) -> str:
-    return f"{Path(scene).stem} - {TITLE}"
+    from gi_core.scene.errors import utf8
+
+    return f"{utf8(Path(scene).stem)} - {TITLE}"
 
 
 def on_drop(take: Callable[[list[str]], None]) -> None:

@@ -27,7 +27,7 @@ from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.geometry.cutouts import without_holes
 from gi_core.geometry.mesh_parts import join
 from gi_core.geometry.tessellation import tessellate
-from gi_core.scene.errors import SceneError, named, shown
+from gi_core.scene.errors import SceneError, named, shown, utf8
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import FILE, FLAG, LENGTH, is_direction
@@ -68,7 +68,7 @@ def load_scene(
         described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
         entry = StaticEntry([file], 1.0, None)
-        described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults(), [], {})
+        described = SceneFile(utf8(file.stem), None, "radiometric", entry, [], [], {}, None, [], Defaults(), [], {})
     else:
         raise SceneError(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
@@ -76,7 +76,7 @@ def load_scene(
     loading = Loading(described, boundary, where, suffix != ".toml", tuple(map(Path, mobiles)), max_edge)
     try:
         with named(where, *map(str, mobiles)):
-            loading.scene = _described(loading, file.stem, _checked_up(up, where))
+            loading.scene = _described(loading, utf8(file.stem), _checked_up(up, where))
             for step in STEPS:
                 step(loading)
             check_scene(loading.scene)
@@ -372,6 +372,7 @@ def inserted(scene: Scene, path: Path, name: str, pose: Pose | None, allow_outsi
 
 def free_name(names: Iterable[str], name: str) -> str:
     """Return the name of a new mobile: the given one, with a number if it is among `names`."""
+    name = utf8(name)
     names, k, out = set(names), 2, name
     while out in names:
         out, k = f"{name} {k}", k + 1

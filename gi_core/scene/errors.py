@@ -8,9 +8,15 @@ from contextlib import contextmanager
 
 from gi_core.base.quotation import shown
 
-__all__ = ["LONGEST", "SceneError", "named", "one_line", "printable", "shown"]
+__all__ = ["LONGEST", "SceneError", "named", "one_line", "printable", "shown", "utf8"]
 _BREAK = re.compile(r"\s*[^\S ]\s*")
+_HALF = re.compile("[\ud800-\udfff]")
 LONGEST = 500  # characters of a sentence
+
+
+def utf8(text: str) -> str:
+    """Return a name that UTF-8 can hold: of a file, or in a file, it may have halves of characters."""
+    return _HALF.sub("\ufffd", text)
 
 
 def printable(text: str) -> str:

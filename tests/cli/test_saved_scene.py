@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import shutil
+import sys
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -358,6 +360,27 @@ def test_a_save_keeps_mode_and_link_and_takes_the_longest_name(tmp_path):
         saved_scene.write(saved / name, settings)
         assert open_scene(parsed(str(saved / name))).mobiles
     assert not list(tmp_path.rglob("*.part"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
+def test_names_that_are_no_text_are_saved(tmp_path):
+    """A mobile of a file r\\xff.glb, or a lamp of half a character in glTF, ended each save in UnicodeEncodeError."""
+    saved, settings = spread(tmp_path)
+    mobiles = [os.fsdecode(os.fsencode(tmp_path / "rooms") + b"/r" + byte + b".glb") for byte in (b"\xff", b"\xfe")]
+    for size, name in enumerate(mobiles, 1):
+        write_glb(Path(name), BOX * 0.1 * size, BOX_FACES)
+    glow = {"name": "lamp \ud800", "emissiveFactor": [1, 1, 1]}
+    write_glb(tmp_path / "rooms/glow.glb", BOX * 3, BOX_FACES, material=glow)
+    settings = replace(settings, scene=str(tmp_path / "rooms/glow.glb"), mobiles=tuple(mobiles), edits=(), units=None)
+    scene = open_scene(settings)
+    settings = replace(settings, lamps=(LampSetting("lamp \ufffd", 0.5),))
+    for place in (saved, tmp_path / "rooms"):
+        here = saved_scene.with_view(settings, {m.name: m.pose for m in scene.mobiles}, CAMERA)
+        saved_scene.write(place / "kit.toml", here, scene.files)
+        again = parsed(str(place / "kit.toml"))
+        assert again.lamps == settings.lamps and again.poses == here.poses
+        for a, b in zip(open_scene(again).mobiles, scene.mobiles, strict=True):
+            assert a.name == b.name and np.array_equal(a.mesh.vertices, b.mesh.vertices) and a.pose == b.pose
 
 
 def test_a_file_of_deep_keys_is_refused_before_it_is_parsed(tmp_path, capsys):

@@ -24,7 +24,7 @@ from gi_core.geometry.paint import each_layer, rows_of
 from gi_core.geometry.receivers import STEPS, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
-from gi_core.scene.errors import SceneError, one_line, shown
+from gi_core.scene.errors import SceneError, one_line, shown, utf8
 from gi_core.scene.rules import LARGEST
 from gi_core.scene.types import (
     Camera,
@@ -134,7 +134,9 @@ def _clean(read: FileParts, where: str) -> MeshFile:
         paint=None if paint is None else rows_of(paint, keep),
         finish=each_layer(_finish(read, parts), lambda paint: rows_of(paint, keep)),
     )
-    return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, [one_line(n) for n in notes])
+    materials = [m._replace(name=utf8(m.name)) for m in materials]
+    lights = [light._replace(name=utf8(light.name)) for light in read.lights]
+    return MeshFile(compact(mesh), materials, lights, read.camera, read.up, [one_line(n) for n in notes])
 
 
 def _tamed(part: Part) -> Part:

@@ -15,7 +15,7 @@ from gi_core.files.formats.lights_table import Luminaires, read_light
 from gi_core.files.formats.materials_table import read_materials
 from gi_core.files.formats.photometry_file import PhotometryFile
 from gi_core.files.formats.toml_fields import Table, read_toml, shown
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, utf8
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions
 from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
@@ -111,7 +111,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
             if name in names[:i]:
                 raise SceneError(f'{where}: {what} "{name}": names must differ, this one is used twice; rename one')
     return SceneFile(
-        root.text("title", path.stem),
+        root.text("title", utf8(path.stem)),
         up,
         units,
         entry,
