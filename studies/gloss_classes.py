@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from gi_core.files import gloss_classes
+from gi_core.files.formats import classes as few_classes
 from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import flatten
 from gi_core.gloss import sharp
@@ -33,7 +34,7 @@ def main() -> None:
     gloss_classes.classes = watched
     for file in parser.parse_args().files:
         for count in COUNTS:
-            gloss_classes.MOST = count
+            few_classes.MOST = count
             found.clear()
             scene = load_scene(file)
             surfaces, _ = flatten(scene)

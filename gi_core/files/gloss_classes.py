@@ -12,14 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from gi_core.files.formats.classes import classes
 from gi_core.files.formats.file_parts import CHANNELS
 from gi_core.files.formats.metallic_roughness import is_diffuse, metallic_roughness
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.types import Material, Mesh, Scene
-
-MOST = 16  # classes per material and mesh
-ALIKE = 0.02  # standard deviation of roughness, metallic and metal colour below which a class is not divided
 
 
 def with_gloss_classes(scene: Scene) -> Scene:
@@ -99,32 +97,8 @@ def _mixed(material: Material, share: np.ndarray, texels: np.ndarray, base: np.n
     colour, f0, f90 = metal @ base / max(metal.sum(), 1e-12), *(rest @ x / max(rest.sum(), 1e-12) for x in (f0, f90))
     if is_diffuse(metallic, roughness, f90, v.matte):
         return material._replace(varied=None)
-    return metallic_roughness(material, float(metallic), float(roughness), f0, min(float(f90), 1.0), colour)
-
-
-def classes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return classes (n,) int64 of values (n, d): at most MOST, those of the largest summed variance divided first.
-
-    A class is divided at its mean along the axis in which it varies most, until all deviate by less than ALIKE.
-    """
-    out = np.zeros(len(values), np.int64)
-    spread = [_variance(values, weights)]
-    while len(spread) < MOST:
-        total = [weights[out == c].sum() * v.sum() if v.max() > ALIKE**2 else 0.0 for c, v in enumerate(spread)]
-        c = int(np.argmax(total))
-        if total[c] == 0:
-            break
-        rows, axis = np.flatnonzero(out == c), int(np.argmax(spread[c]))
-        along = values[rows, axis]
-        out[rows[along > weights[rows] @ along / weights[rows].sum()]] = len(spread)
-        spread[c] = _variance(values[out == c], weights[out == c])
-        spread.append(_variance(values[out == len(spread)], weights[out == len(spread)]))
-    return out
-
-
-def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    share = weights / weights.sum()
-    return share @ (values - share @ values) ** 2
+    metallic, roughness, f90 = (min(float(x), 1.0) for x in (metallic, roughness, f90))  # shares sum to 1 by rounding
+    return metallic_roughness(material, metallic, roughness, f0, f90, colour)
 
 
 def base_colours(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 
 from gi_core.bsdf.ggx import base_albedo
 from gi_core.files.edits import Insert, edited
+from gi_core.files.formats.classes import ALIKE, MOST, classes
 from gi_core.files.formats.metallic_roughness import metallic_roughness
-from gi_core.files.gloss_classes import ALIKE, MOST, classes
 from gi_core.files.load import load_scene
 from gi_core.geometry.mipmap import levels
 from gi_core.geometry.surfaces import flatten

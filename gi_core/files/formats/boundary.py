@@ -79,6 +79,17 @@ class Boundary:
         self.taken[what] = found
 
 
+def like_named(path: Path) -> Path:
+    """Return a path, or the one file beside it whose name differs in case alone, as other systems do not tell."""
+    if os.path.isfile(path):
+        return path
+    try:
+        alike = [name for name in os.listdir(path.parent) if name.lower() == path.name.lower()]
+    except (OSError, ValueError):  # no such folder, or a name with a zero byte
+        return path
+    return path.parent / alike[0] if len(alike) == 1 else path
+
+
 def text_of(data: bytes, errors: str = "strict") -> str:
     """Return UTF-8 as text with one kind of line end, without the mark that some editors write first."""
     return io.TextIOWrapper(io.BytesIO(data), "utf-8-sig", errors).read()

@@ -12,11 +12,33 @@ import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.texture_images import ImageError, find
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, shown
 
 COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
+READ = {
+    "EXT_mesh_gpu_instancing", "EXT_texture_webp", "KHR_lights_punctual", "KHR_materials_emissive_strength",
+    "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_specular", "KHR_materials_transmission",
+    "KHR_materials_unlit", "KHR_mesh_quantization", "KHR_node_visibility", "KHR_texture_transform",
+}  # fmt: skip
+LEFT_OUT = {  # with a note: the rest of the file means the same without
+    "EXT_lights_ies": "photometric files of lights",
+    "EXT_lights_image_based": "light from images",
+    "EXT_texture_avif": "textures in AVIF",
+    "KHR_animation_pointer": "animations",
+    "KHR_materials_anisotropy": "anisotropic gloss",
+    "KHR_materials_clearcoat": "clear coats",
+    "KHR_materials_diffuse_transmission": "light through thin surfaces",
+    "KHR_materials_dispersion": "dispersion",
+    "KHR_materials_iridescence": "iridescence",
+    "KHR_materials_sheen": "sheen",
+    "KHR_materials_variants": "variants of materials but the first",
+    "KHR_materials_volume": "volumes",
+    "KHR_texture_basisu": "textures in KTX2",
+    "MSFT_texture_dds": "textures in DDS",
+}
+SILENT = {"KHR_xmp", "KHR_xmp_json_ld"}  # about the file, not its picture
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 
@@ -38,11 +60,30 @@ class Document:
             ) from None
         if not isinstance(self.json, dict) or not str(self.json.get("asset", {}).get("version", "")).startswith("2"):
             raise SceneError(f'{where}: glTF must be of version 2, with asset.version "2.0"; export it again')
-        compressed = COMPRESSED & set(self.json.get("extensionsUsed", []) + self.json.get("extensionsRequired", []))
-        if compressed:
-            found = ", ".join(sorted(compressed))
-            raise SceneError(f"{where}: compressed meshes are not read, got {found}; export it without compression")
+        self._check_extensions()
         self._buffers = {}
+
+    def _check_extensions(self) -> None:
+        """Raise SceneError for a version or extensions without which the file cannot be read; note those left out."""
+        least = str(self.json["asset"].get("minVersion", "2.0"))
+        if least not in ("2", "2.0"):
+            raise SceneError(
+                f"{self.where}: glTF must be of version 2.0, got minVersion {shown(least)}; export it again"
+            )
+        required = set(self.json.get("extensionsRequired", []))
+        used = required | set(self.json.get("extensionsUsed", []))
+        if compressed := ", ".join(sorted(used & COMPRESSED)):
+            raise SceneError(
+                f"{self.where}: compressed meshes are not read, got {compressed}; export it without compression"
+            )
+        if unknown := ", ".join(map(shown, sorted(required - READ - LEFT_OUT.keys() - SILENT))):
+            raise SceneError(
+                f"{self.where}: the file requires the extension {unknown}, not read here; export it without"
+            )
+        left = sorted(used - READ - SILENT)
+        words = [LEFT_OUT.get(name, name) for name in left]
+        if words:
+            self.notes.append(f"left out: {', '.join(words)}")
 
     def accessor(self, index: int) -> np.ndarray:
         """Return an accessor's values (count, width): float64 where stored as float or normalised, else int64."""

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.classes import lamps_of_texture
 from gi_core.files.formats.file_parts import FileParts, Part, Placed
 from gi_core.files.formats.gltf_buffers import Document
-from gi_core.files.formats.gltf_lights import node_camera, node_light
 from gi_core.files.formats.gltf_material import checked_materials, name_of
-from gi_core.files.formats.metallic_roughness import MATTE, is_diffuse, metallic_roughness
-from gi_core.files.formats.texture_images import MISSING, Images
+from gi_core.files.formats.gltf_nodes import instances, local_matrix, morphed, node_camera, node_light
+from gi_core.files.formats.metallic_roughness import COAT, MATTE, MOST_COAT, is_diffuse, metallic_roughness
+from gi_core.files.formats.texture_images import MISSING, NO_FINISH, Images
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material, VariedFinish
@@ -46,7 +47,8 @@ class _Reader:
         self.json = document.json
         self.notes = document.notes
         self.images = Images(document.boundary)
-        self.described = checked_materials(self.json.get("materials", []), document.where, document.notes)
+        described = checked_materials(self.json.get("materials", []), document.where, document.notes)
+        self.described = [self._as_metallic_roughness(i, m) for i, m in enumerate(described)]
         self.materials = [self._material(i, m) for i, m in enumerate(self.described)]
         self.plain = None  # index of the material for primitives without one
         self.parts, self.lights, self.camera = [], [], None
@@ -61,19 +63,28 @@ class _Reader:
         else:
             children = {c for n in nodes for c in n.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
-        stack = [(i, np.eye(4)) for i in reversed(roots)]
+        stack, hidden = [(i, np.eye(4)) for i in reversed(roots)], 0
         while stack:
             i, parent = stack.pop()
             self._take("nodes")
             if i in self.world:
                 raise SceneError(f"{self.document.where}: node {i} has two parents; a glTF scene must be a tree")
-            self.world[i] = parent @ _local(nodes[i])
+            if nodes[i].get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True) is False:
+                hidden += 1
+                continue
+            self.world[i] = parent @ local_matrix(nodes[i])
             stack += [(c, self.world[i]) for c in reversed(nodes[i].get("children", []))]
+        if hidden:
+            self.notes.append(f"left out {hidden:,} nodes that are invisible in the file, with all that hangs on them")
         for i, matrix in self.world.items():
             node = nodes[i]
             if "mesh" in node:
-                for k, primitive in enumerate(self.json["meshes"][node["mesh"]]["primitives"]):
-                    self._primitive(node, matrix, primitive, f"mesh {node['mesh']} primitive {k}")
+                mesh = self.json["meshes"][node["mesh"]]
+                weights = node.get("weights", mesh.get("weights", []))
+                for instance in instances(self.document, node):
+                    for k, primitive in enumerate(mesh["primitives"]):
+                        what = f"mesh {node['mesh']} primitive {k}"
+                        self._primitive(node, matrix @ instance, primitive, weights, what)
             light = node_light(self.json, node, matrix, len(self.lights))
             if light is not None:
                 self._take("objects")
@@ -85,7 +96,7 @@ class _Reader:
         finishes = tuple(self.images.finishes)
         return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes, textures, finishes)
 
-    def _primitive(self, node, matrix, primitive, what):
+    def _primitive(self, node, matrix, primitive, weights, what):
         mode = primitive.get("mode", TRIANGLES)
         attributes = primitive["attributes"]
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
@@ -95,6 +106,7 @@ class _Reader:
         p = self.document.accessor(attributes["POSITION"])
         self._take("vertices", len(p))
         n = self.document.accessor(attributes["NORMAL"]) if "NORMAL" in attributes else None
+        p, n = morphed(self.document, primitive, weights, p, n)
         if "skin" in node and "JOINTS_0" in attributes:
             p, n = self._skinned(node["skin"], attributes, p, n)
         else:
@@ -114,7 +126,26 @@ class _Reader:
         faces = faces[self._there(index, attributes, faces)]
         normals = None if n is None else n[faces]
         paint, finish = self._paint(index, attributes, faces), self._finish(index, attributes, faces)
-        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint, finish))
+        material = self._emitting(index, attributes, p, faces)
+        self.parts.append(Part(p, faces, material, normals, *paint, finish))
+
+    def _emitting(self, index: int, attributes: dict, p: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Return the materials (F,) of faces: those of an emissive texture where there is one."""
+        reference = self.described[index].get("emissiveTexture") if index < len(self.described) else None
+        name, transform = _coordinates(reference or {})
+        found = None
+        if reference is not None and len(faces) and any(self.materials[index].emission):
+            at = reference.get("index")
+            found = self.images.emissive(*self._image(at), self._wrap(at))
+        if found is None:
+            return np.full(len(faces), index, np.int64)
+        if name in attributes:
+            uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
+            return lamps_of_texture(self.materials, index, p[faces], found, uv)
+        self.materials.append(self.materials[index]._replace(emission=three(
+            self.images.mean(found.pixels) * self.materials[index].emission
+        )))  # fmt: skip
+        return np.full(len(faces), len(self.materials) - 1, np.int64)
 
     def _material_index(self, index, what: str) -> int:
         """Return the index into `materials` that a primitive names, that of a plain one for None."""
@@ -198,17 +229,36 @@ class _Reader:
         emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64)
         emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         if "emissiveTexture" in m and emission.any():
-            otherwise = "lamps emit evenly where an emissive texture is missing"
-            image = self.images.pixels(*self._image(m["emissiveTexture"].get("index")), otherwise)
-            if image is not None:
-                emission = emission * self.images.mean(image)
-                self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
+            self.notes.append(f'material "{name}": each triangle emits the mean of its emissive texture')
         if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
             holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64)
         plain = Material(name, three(base), three(emission), bool(m.get("doubleSided", False)))
         return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, m)
+
+    def _as_metallic_roughness(self, i: int, m: dict) -> dict:
+        """Return a material of KHR_materials_pbrSpecularGlossiness as metallic-roughness, others as they are.
+
+        A specular colour of more than MOST_COAT is a metal's.
+        """
+        old = m.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+        if old is None:
+            return m
+        specular, glossiness = np.array(old.get("specularFactor", [1, 1, 1])), old.get("glossinessFactor", 1.0)
+        if "specularGlossinessTexture" in old:
+            name, load = self._image(old["specularGlossinessTexture"].get("index"))
+            image, alpha = (self.images.pixels(name, load, NO_FINISH), self.images.mean_alpha(name, load, NO_FINISH))
+            if image is not None:
+                specular, glossiness = specular * self.images.mean(image), glossiness * alpha
+            self.notes.append(f'material "{name_of(i, m)}": its gloss is the mean of its specular-glossiness texture')
+        diffuse, metal = old.get("diffuseFactor", [1, 1, 1, 1]), float(specular.max()) > MOST_COAT
+        base = {"baseColorFactor": [*specular.tolist(), diffuse[3]] if metal else diffuse}
+        if "diffuseTexture" in old and not metal:
+            base["baseColorTexture"] = old["diffuseTexture"]
+        pbr = {**base, "metallicFactor": float(metal), "roughnessFactor": 1.0 - glossiness}
+        coat = {} if metal else {"KHR_materials_specular": {"specularColorFactor": (specular / COAT).tolist()}}
+        return {**m, "pbrMetallicRoughness": pbr, "extensions": {**m["extensions"], **coat}}
 
     def _glossy(self, plain: Material, described: dict) -> Material:
         """Return the material with the gloss of its metallic-roughness description."""
@@ -297,23 +347,6 @@ def _cut(material: dict) -> tuple[float, float] | None:
         factor = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])
         return float(factor[3]), float(material.get("alphaCutoff", 0.5))
     return (1.0, 0.5) if mode == "BLEND" else None
-
-
-def _local(node: dict) -> np.ndarray:
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T  # stored by columns
-    x, y, z, w = node.get("rotation", [0, 0, 0, 1])
-    length = np.sqrt(x * x + y * y + z * z + w * w) or 1.0
-    x, y, z, w = x / length, y / length, z / length, w / length
-    M = np.eye(4)
-    M[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    M[:3, :3] *= np.array(node.get("scale", [1, 1, 1]), np.float64)
-    M[:3, 3] = node.get("translation", [0, 0, 0])
-    return M
 
 
 def _cofactor(A: np.ndarray) -> np.ndarray:

@@ -55,6 +55,13 @@ RULES: Rules = {
     "emissiveTexture": TEXTURE,
     "alphaCutoff": Range(0),
     "extensions": {
+        "KHR_materials_pbrSpecularGlossiness": {
+            "diffuseFactor": Range(0, 1, 4),
+            "specularFactor": Range(0, 1, 3),
+            "glossinessFactor": SHARE,
+            "diffuseTexture": TEXTURE,
+            "specularGlossinessTexture": TEXTURE,
+        },
         "KHR_materials_emissive_strength": {"emissiveStrength": Range(0)},
         "KHR_materials_ior": {"ior": Range(1, zero=True)},
         "KHR_materials_specular": {

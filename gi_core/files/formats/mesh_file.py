@@ -17,7 +17,8 @@ from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
 from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
 from gi_core.files.formats.gltf_file import read_gltf
 from gi_core.files.formats.obj_file import read_obj
-from gi_core.files.formats.trimesh_file import read_with_trimesh
+from gi_core.files.formats.ply_file import read_ply
+from gi_core.files.formats.stl_file import read_stl
 from gi_core.files.formats.winding import faces_to_turn, with_turned
 from gi_core.geometry.mesh_parts import compact, crease_corner_normals
 from gi_core.geometry.paint import each_layer, rows_of
@@ -83,7 +84,7 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
         raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
     if not data:
         raise SceneError(f"{where}: the file is empty, 0 bytes long; export it again")
-    read = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj}.get(suffix, read_with_trimesh)
+    read = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply}.get(suffix, read_stl)
     return _clean(read(path, data, where, boundary), where)
 
 
@@ -128,7 +129,8 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     vertices, faces[keep], apart = _moved_apart(vertices, faces[keep], look[keep], notes)
     material = _with_sides(material, np.isin(np.arange(len(faces)), keep[apart]), False, materials)
     paint = _paint(read, parts, materials)
-    mesh = Mesh(vertices, faces[keep].astype(np.int32), material[keep].astype(np.int32))
+    material, materials = _needed(material[keep], materials)
+    mesh = Mesh(vertices, faces[keep].astype(np.int32), material.astype(np.int32))
     mesh = mesh._replace(
         corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
         paint=None if paint is None else rows_of(paint, keep),
@@ -175,7 +177,7 @@ def _clamped(materials: list[Material], plain: set[int], notes: list[str], where
             m = m._replace(reflectance=tuple(min(c, MOST_REFLECTANCE) for c in m.reflectance))
         result.append(m)
     if bright:
-        notes.append(f"reflectance limited to {MOST_REFLECTANCE}: {listed(bright)}")
+        notes.append(f"reflectance limited to {MOST_REFLECTANCE}: {listed(list(dict.fromkeys(bright)))}")
     return result
 
 
@@ -276,6 +278,14 @@ def _with_sides(material, rows, two_sided: bool, materials):
     materials += [materials[i]._replace(two_sided=two_sided) for i in changed]
     material[rows] = copies[material[rows]]
     return material
+
+
+def _needed(material: np.ndarray, materials: list[Material]) -> tuple[np.ndarray, list[Material]]:
+    """Return the materials (F,) of faces among fewer, and these: without copies of a name that no face has."""
+    used = np.isin(np.arange(len(materials)), material)
+    names = {m.name for m, is_used in zip(materials, used, strict=True) if is_used}
+    needed = used | np.array([m.name not in names for m in materials], bool)
+    return (np.cumsum(needed) - 1)[material], [m for m, is_needed in zip(materials, needed, strict=True) if is_needed]
 
 
 def _corner_normals(mesh, parts, part_of, keep, notes):

@@ -15,13 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.files.formats.boundary import Boundary, text_of
+from gi_core.files.formats.boundary import Boundary, like_named, text_of
+from gi_core.files.formats.classes import lamps_of_texture
 from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
+from gi_core.files.formats.polygons import without_overlaps
 from gi_core.files.formats.texture_images import MISSING, Images, find
+from gi_core.geometry.mipmap import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
-from gi_core.scene.types import Gloss, Material, VariedFinish
+from gi_core.scene.types import Gloss, Material, Texture, VariedFinish
 
 NO_MATERIAL = "default"
 FINISH_MAPS = "map_Pr", "map_Pm", "map_Ks", None  # in the order of Finish
@@ -32,12 +35,13 @@ LEAST_SPECULAR, LEAST_EXPONENT = 0.01, 2.0  # of Ks and Ns; less is diffuse
 
 
 def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
-    """Read triangles and polygons (cut into fans), normals, materials and colour textures."""
+    """Read triangles and polygons, normals, materials, textures, and colours of vertices."""
     text = _joined(data)
     boundary.take(where, "lines of text", text.count("\n"))
     boundary.take(where, "vertices", text.count("\nv"))
-    v, vt, vn = array("d"), array("d"), array("d")
+    v, vt, vn, vc = array("d"), array("d"), array("d"), array("d")
     corners, face_material = array("q"), array("q")  # of each corner three indices: position, texture, normal
+    fans, astray = array("q"), set[str]()  # triangles of each polygon; what corners name that the file does not hold
     library, names, current, notes, images = {}, {}, None, [], Images(boundary)
     libraries = set()
     for number, line in enumerate(text.split("\n"), 1):
@@ -47,6 +51,7 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
         try:
             if word == "v":
                 v.extend(_numbers(rest, 3))
+                vc.extend(map(float, rest.split()[3:6] if rest.count(" ") > 4 else ()))
             elif word == "vn":
                 vn.extend(_numbers(rest, 3))
             elif word == "vt":
@@ -55,24 +60,32 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
                 written = rest.split()
                 boundary.take(where, "triangles", max(len(written) - 2, 0))
                 counts = len(v) // 3, len(vt) // 2, len(vn) // 3
-                polygon = [_corner(c, counts) for c in written]
+                polygon = [_corner(c, counts, astray) for c in written]
                 if current is None:
                     current = names.setdefault(NO_MATERIAL, len(names))
                 for k in range(1, len(polygon) - 1):
                     corners.extend((*polygon[0], *polygon[k], *polygon[k + 1]))
                     face_material.append(current)
+                if len(polygon) > 2:
+                    fans.append(len(polygon) - 2)
             elif word == "usemtl":
                 current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
             elif word == "mtllib" and rest not in libraries:
                 libraries.add(rest)
-                library.update(_read_library(path, rest.strip(), where, notes, images, boundary))
+                for name in _libraries(path, rest.strip()):
+                    library.update(_read_library(path, name, where, notes, images, boundary))
         except SceneError:
             raise
         except (ValueError, IndexError) as error:
             raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
     vertices, placed, directions = (np.array(a).reshape(-1, n) for a, n in ((v, 3), (vt, 2), (vn, 3)))
-    faces, uv_ids, ids = np.array(corners, np.int64).reshape(-1, 3, 3).transpose(2, 0, 1)
+    triples = np.array(corners, np.int64).reshape(-1, 3)
+    order = np.arange(len(triples)).reshape(-1, 3)
+    if len(order):
+        order = without_overlaps(order, vertices[triples[:, 0]], np.array(fans))
+    faces, uv_ids, ids = triples[order].transpose(2, 0, 1)
     material = np.array(face_material, np.int64)
+    notes += [f"{what} that corners name but the file does not hold are left out" for what in sorted(astray)]
     _average_unplaced(names, library, material, uv_ids, images, notes)
     materials = [library[n].material if n in library else Material(n, two_sided=True) for n in names]
     missing = [n for n in names if n not in library and n != NO_MATERIAL]
@@ -81,14 +94,30 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     normals = directions[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
     entries = [library.get(n) or _Entry(n) for n in names]
     colour, finish = _textures_of(entries, material, placed, uv_ids)
-    part = Part(vertices, faces, material, normals, None, *(colour or (None, None)), finish)
+    tints = None
+    if len(vc) == len(v) and len(v):
+        kd = np.array([(1.0, 1.0, 1.0) if m.name not in library else m.reflectance for m in materials])
+        tints = srgb_to_linear(np.clip(np.array(vc).reshape(-1, 3), 0, 1))[faces] * kd[material][:, None]
+    material = _emitting(entries, materials, material, vertices[faces], placed, uv_ids, images)
+    part = Part(vertices, faces, material, normals, tints, *(colour or (None, None)), finish)
     textures = tuple(images.textures), tuple(images.finishes)
     return FileParts([part], materials, [], None, "y", notes + images.notes(), *textures)
 
 
 def _joined(data: bytes) -> str:
-    """Return text whose continued lines are joined."""
+    """Return text, of UTF-16 if a mark says so, whose continued lines are joined."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16", "replace").encode()
     return text_of(data, "replace").replace("\\\n", " ")
+
+
+def _libraries(obj: Path, names: str) -> list[str]:
+    """Return the material files of a line: one whose name may have spaces, else several."""
+    whole = names.replace("\\", "/")
+    several = whole.split()
+    if len(several) < 2 or os.path.isfile(like_named(obj.parent / whole)):
+        return [whole]
+    return several
 
 
 class _Map(NamedTuple):
@@ -112,6 +141,7 @@ class _Entry:
         self.dissolved = False  # the file says that it is transparent all over
         self.texture: int | None = None  # into Images.textures
         self.missing = False  # the texture
+        self.emissive: Texture | None = None
         self.finish: tuple[int | None, ...] = (None,) * len(FINISH_MAPS)  # into Images.finishes
         self.means: tuple[float, ...] = ()  # of these, as VariedFinish has them
 
@@ -146,21 +176,30 @@ def _numbers(text: str, n: int) -> list[float]:
     return values
 
 
-def _corner(text: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Return 0-based position, texture and normal index of `7`, `7/1`, `7//3`, `-1/-1/-1`; -1 for none."""
+WHAT = "vertices", "texture coordinates", "normals"  # that a corner names
+
+
+def _corner(text: str, counts: tuple[int, int, int], astray: set[str]) -> tuple[int, int, int]:
+    """Return 0-based position, texture and normal index of `7`, `7/1`, `7//3`, `-1/-1/-1`; -1 for none.
+
+    Those that the file does not hold are -1 too, and join `astray`; positions must be there.
+    """
     fields = (text.split("/") + ["", ""])[:3]
     if not fields[0]:
         raise ValueError("a corner must name a vertex")
     result = []
-    for field, count in zip(fields, counts, strict=True):
+    for field, count, what in zip(fields, counts, WHAT, strict=True):
         if not field:
             result.append(-1)
             continue
         # A negative index counts back from the last element read so far, not from the end of the file.
         i = int(field)
         i = i - 1 if i > 0 else i + count
-        if i < 0 or (i >= count):
-            raise ValueError(f"index {field} of {count}")
+        if not 0 <= i < count:
+            if what == WHAT[0]:
+                raise ValueError(f"index {field} of {count}")
+            astray.add(what)
+            i = -1
         result.append(i)
     return tuple(result)
 
@@ -168,7 +207,7 @@ def _corner(text: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
 def _read_library(obj: Path, name: str, where: str, notes, images: Images, boundary: Boundary) -> dict[str, _Entry]:
     # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
     tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
-    found = next((p for p in tries if boundary.file(p)), None)
+    found = next((p for p in map(like_named, tries) if boundary.file(p)), None)
     if found is None:
         boundary.take(where, "files")  # a file that was not found counts too
         why = "lies outside the folder of the scene" if os.path.isfile(tries[0]) else "not found"
@@ -180,6 +219,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         words = line.partition("#")[0].split()
         if not words:
             continue
+        words[0] = KEYWORDS.get(words[0].lower(), words[0])
         if words[0] == "newmtl":
             entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
         elif entry is not None and words[0] in COLOURS and len(words) > 1 and words[1] not in ("spectral", "xyz"):
@@ -188,7 +228,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
             _read_number(entry, words, changed)
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
             entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
-        elif entry is not None and _map_of(words[0]) in MAPS and len(words) > 1:
+        elif entry is not None and words[0] in MAPS and len(words) > 1:
             _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
     for entry in entries.values():
         _make_textures(entry, images)
@@ -225,8 +265,7 @@ def _read_number(entry: _Entry, words: list[str], changed: dict[str, list[str]])
         setattr(entry, word.lower(), min(max(low, value), high))
 
 
-def _map_of(word: str) -> str:
-    return "map_d" if word == "map_D" else word
+KEYWORDS = {word.lower(): word for word in ("newmtl", "d", "Tr", *COLOURS, *NUMBERS, *MAPS)}  # in any case
 
 
 def _make_textures(entry: _Entry, images: Images) -> None:
@@ -238,6 +277,10 @@ def _make_textures(entry: _Entry, images: Images) -> None:
         entry.missing = entry.texture is None
     elif mask is not None:
         entry.texture = images.plain(entry.kd, mask.name, mask.load)
+    glow = entry.maps.get("map_Ke")
+    if glow is not None:
+        entry.emissive = images.emissive(glow.name, glow.load, glow.wrap)
+        entry.ke = entry.ke if any(entry.ke) else (1.0, 1.0, 1.0)
     rough = entry.pr is not None or "map_Pr" in entry.maps
     found: list[int | None] = []
     for k, word in enumerate(FINISH_MAPS):
@@ -269,14 +312,9 @@ def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundar
     def load() -> bytes:
         return boundary.read(find(folders, boundary, name), name)
 
-    if words[0] != "map_Ke":
-        entry.maps[_map_of(words[0])] = _Map(name, load, (wrap, wrap), placing["-s"], placing["-o"])
-        return
-    image = images.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
-    if image is not None:
-        strength = np.array(entry.ke if any(entry.ke) else (1.0, 1.0, 1.0))
-        entry.ke = tuple(float(c) for c in strength * images.mean(image))
-        notes.append(f'material "{entry.name}": emits the mean colour of its emissive texture')
+    entry.maps[words[0]] = _Map(name, load, (wrap, wrap), placing["-s"], placing["-o"])
+    if words[0] == "map_Ke":
+        notes.append(f'material "{entry.name}": each triangle emits the mean of its emissive texture')
 
 
 def _is_number(text: str) -> bool:
@@ -296,6 +334,24 @@ def _average_unplaced(names, library, material, uv_ids, images: Images, notes: l
         entry.kd = tuple(float(c) for c in images.mean(images.textures[entry.texture].pixels))
         entry.texture = None
         notes.append(f'material "{name}": its mesh has no texture coordinates, it shows the mean colour of its texture')
+
+
+def _emitting(entries: list[_Entry], materials: list[Material], material, corners, vt, uv_ids, images: Images):
+    """Return the materials (F,) of faces: where a texture scales emission, new ones, which are appended."""
+    glows = [e.emissive for e in entries]
+    placed = _placed(
+        entries, "map_Ke", [None if glow is None else k for k, glow in enumerate(glows)], material, vt, uv_ids
+    )
+    material = material.copy()
+    for k, glow in enumerate(glows):
+        if glow is None:
+            continue
+        rows = np.flatnonzero((material == k) & (False if placed is None else placed.texture == k))
+        if placed is not None and len(rows):
+            material[rows] = lamps_of_texture(materials, k, corners[rows], glow, placed.uv[rows])
+        emission = images.mean(glow.pixels) * np.array(materials[k].emission)
+        materials[k] = materials[k]._replace(emission=three(emission))  # of faces without a place in it
+    return material
 
 
 def _textures_of(entries: list[_Entry], material, placed, uv_ids) -> tuple[Placed | None, tuple[Placed | None, ...]]:

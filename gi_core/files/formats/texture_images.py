@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from gi_core.files.formats.boundary import MOST_PIXELS, Boundary
+from gi_core.files.formats.boundary import MOST_PIXELS, Boundary, like_named
 from gi_core.files.formats.file_parts import CHANNELS
 from gi_core.geometry.cutouts import bled, cover_of
 from gi_core.geometry.mipmap import BYTE, mean_linear
@@ -98,6 +98,16 @@ class Images:
         """Return the pixels (h, w, 3) uint8 sRGB of an image; None if it cannot be read, with `otherwise` noted."""
         picture = self._picture(name, load, otherwise)
         return None if picture is None else picture.pixels
+
+    def emissive(self, name: str, load: Callable[[], bytes], wrap: tuple[str, str]) -> Texture | None:
+        """Return a texture of emission, None if it cannot be read."""
+        pixels = self.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
+        return None if pixels is None else Texture(pixels, wrap)
+
+    def mean_alpha(self, name: str, load: Callable[[], bytes], otherwise: str) -> float:
+        """Return the mean of alpha from 0 to 1, 1 for an image without or that cannot be read."""
+        picture = self._picture(name, load, otherwise)
+        return 1.0 if picture is None or picture.alpha is None else float(picture.alpha.mean()) / 255
 
     def finish(self, name: str, load: Callable[[], bytes], wrap: tuple[str, str], values: str) -> int | None:
         """Return the index of a texture of gloss in `finishes`, None if it cannot be read.
@@ -188,10 +198,8 @@ def decode(data: bytes, name: str, boundary: Boundary) -> DecodedImage:
 
     digest = hashlib.sha256(data).digest()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(data), formats=FORMATS)
-        with image:
+        with warnings.catch_warnings(), Image.open(io.BytesIO(data), formats=FORMATS) as image:
+            warnings.simplefilter("ignore")  # no word of Pillow's on the terminal
             width, height = image.size  # known from the header, nothing is unpacked yet
             if width * height > MOST_PIXELS:
                 raise ImageError(f"declares {width} x {height} pixels, more than {MOST_PIXELS:,}")
@@ -209,7 +217,7 @@ def decode(data: bytes, name: str, boundary: Boundary) -> DecodedImage:
             return DecodedImage(pixels, None if alpha is None or alpha.min() == 255 else alpha)
     except (ImageError, SceneError, MemoryError):
         raise
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+    except Image.DecompressionBombError:
         raise ImageError(f"declares more than {MOST_PIXELS:,} pixels") from None
     except Exception:  # Pillow raises OSError, ValueError, SyntaxError, struct.error, ... on damaged files
         raise ImageError("is not a readable image") from None
@@ -219,6 +227,8 @@ def _rgb(image) -> np.ndarray:
     """Return the pixels (h, w, 3) uint8 of an open image."""
     if image.mode.startswith("I;16"):
         return np.repeat((np.asarray(image) >> 8).astype(np.uint8)[..., None], 3, axis=2)
+    if image.mode == "P" and "transparency" in image.info:
+        image = image.convert("RGBA")
     return np.array(image if image.mode == "RGB" else image.convert("RGB"))
 
 
@@ -232,7 +242,7 @@ def find(folders: list[Path], boundary: Boundary, name: str) -> Path:
     strays = False
     for wanted in (name, name.rpartition("/")[2]):
         for folder in folders:
-            path = folder / wanted
+            path = like_named(folder / wanted)
             if os.path.isfile(path):
                 if boundary.holds(path):
                     return path

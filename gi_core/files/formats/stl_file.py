@@ -1,4 +1,4 @@
-"""PLY and STL, through trimesh."""
+"""STL, through trimesh."""
 
 from __future__ import annotations
 
@@ -22,20 +22,19 @@ if TYPE_CHECKING:
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
-def read_with_trimesh(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
+def read_stl(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read triangles and colours; a file has one material, called like the file. Raises SceneError."""
     import trimesh
 
-    kind = path.suffix[1:].lower()
     boundary.take(where, "lines of text", data.count(b"\n"))
     try:
         # As a scene: to make one mesh of it trimesh copies it, which takes scipy where faces have colours.
         # The resolver serves no file: a PLY names its texture by any path.
-        found = trimesh.load(io.BytesIO(data), kind, resolver={}, process=False, force="scene").geometry.values()
+        found = trimesh.load(io.BytesIO(data), "stl", resolver={}, process=False, force="scene").geometry.values()
     except Exception as error:  # trimesh passes on the errors of its parsers
         # For a file that is neither text nor binary, trimesh guesses the encoding, by a package that may be missing.
         why = "damaged" if isinstance(error, ImportError) else error
-        raise SceneError(f"{where}: not a readable {kind.upper()} file: {why}; export it again, as triangles") from None
+        raise SceneError(f"{where}: not a readable STL file: {why}; export it again, as triangles") from None
     parts = [_part(mesh, where, boundary) for mesh in found if isinstance(mesh, trimesh.Trimesh)]
     return FileParts(parts, [Material(path.stem, two_sided=True)], [], None, "z", [])
 

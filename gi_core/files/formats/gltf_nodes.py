@@ -1,4 +1,4 @@
-"""Lights (KHR_lights_punctual) and cameras of glTF nodes; both look along their node's -z."""
+"""Nodes of glTF: transforms, copies, morph targets, lights (KHR_lights_punctual) and cameras, which look along -z."""
 
 from __future__ import annotations
 
@@ -6,9 +6,49 @@ import math
 
 import numpy as np
 
+from gi_core.files.formats.gltf_buffers import Document
 from gi_core.scene.types import Camera, DirectionalLight, PointLight, SpotLight
 
 NARROWEST = 0.01  # degrees: a cone of none has no light
+
+
+def local_matrix(node: dict) -> np.ndarray:
+    """Return the transform (4, 4) of a node in its parent's space."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T  # stored by columns
+    x, y, z, w = node.get("rotation", [0, 0, 0, 1])
+    length = np.sqrt(x * x + y * y + z * z + w * w) or 1.0
+    x, y, z, w = x / length, y / length, z / length, w / length
+    M = np.eye(4)
+    M[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    M[:3, :3] *= np.array(node.get("scale", [1, 1, 1]), np.float64)
+    M[:3, 3] = node.get("translation", [0, 0, 0])
+    return M
+
+
+def instances(document: Document, node: dict) -> list[np.ndarray]:
+    """Return the transforms (4, 4) of a node's copies of its mesh, in the node's space."""
+    copies = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
+    if copies is None:
+        return [np.eye(4)]
+    values = {key.lower(): document.accessor(index) for key, index in copies["attributes"].items()}
+    count = max(map(len, values.values()), default=0)
+    rows = [{key: column[i] for key, column in values.items()} for i in range(count)]
+    document.boundary.take(document.where, "nodes", len(rows))
+    return [local_matrix(row) for row in rows]
+
+
+def morphed(document: Document, primitive: dict, weights: list, p, n):
+    """Return positions and normals moved by the targets of a primitive; None for normals that these do not move."""
+    for weight, target in zip(weights, primitive.get("targets", []), strict=False):
+        if weight and "POSITION" in target:
+            p = p + weight * document.accessor(target["POSITION"])
+            n = n + weight * document.accessor(target["NORMAL"]) if n is not None and "NORMAL" in target else None
+    return p, n
 
 
 def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
