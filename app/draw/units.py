@@ -12,10 +12,11 @@ class Units(NamedTuple):
     per_area: str
     from_surface: str  # quantity per area and solid angle
     per_solid_angle: str
+    flux: str
 
 
-RADIOMETRIC = Units("Irradiance", "W/m²", "radiance", "W/m²/sr")
-PHOTOMETRIC = Units("Illuminance", "lx", "luminance", "cd/m²")
+RADIOMETRIC = Units("Irradiance", "W/m²", "radiance", "W/m²/sr", "W")
+PHOTOMETRIC = Units("Illuminance", "lx", "luminance", "cd/m²", "lm")
 
 
 def units_of(units: str) -> Units:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
     from app.rest.measuring_plane import Level
+    from app.rest.results import GatherProgress
     from app.session.lights import LightId
     from app.session.method_view import MethodParts
     from gi_core.defaults.choose import Chosen
@@ -139,6 +140,11 @@ class OpenScene:
     def irradiance(self) -> np.ndarray:
         """Irradiance (R, 3) [W/m2] of the light on show."""
         return self.light.snapshot.irradiance
+
+    @property
+    def gathered(self) -> GatherProgress | None:
+        """Progress of the static part's gathered light; None: the settings ask for photons only."""
+        return self.light.snapshot.rest.gathered if self.settings.of_solver["light"] == "best" else None
 
     @property
     def paths(self) -> dict:

@@ -57,6 +57,7 @@ class Session(OpenScene):
         self.log = log
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
+        self.start_exposure = 0.0  # [EV], of the scene's file, or metered at its first picture
         self.problem: BaseException | None = None  # of the opening ...
         self.doing = "opening"  # ... and its word for the log
         self.lamp_changes = LampChanges(settings, clock)
@@ -92,6 +93,11 @@ class Session(OpenScene):
     def refined(self) -> float:
         """Share of the photons at the settings asked for; below 1 the picture may be that of earlier settings."""
         return 0.0 if self._to_apply or self.is_editing else self.light.refined
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether objects are in motion, or their light is."""
+        return self.playing or self.dragging or self.light.is_moving or self.light.partial
 
     @property
     def version(self) -> int:
@@ -165,11 +171,11 @@ class Session(OpenScene):
         if not held and changes_exposure(self.model.emitters, was, self.settings):
             self.log("the exposure stays as it was: key A meters it", WARNING)
 
-    def reset_settings(self, exposure: float) -> None:
-        """Return to the settings of a scene opened without options; exposure: as metered [EV]."""
+    def reset_settings(self) -> None:
+        """Return to the settings of a scene opened without options, and to its first exposure."""
         s = self.settings
         kept: dict[str, Any] = {name: getattr(s, name) for name, row in TABLE.items() if not row.resets}
-        self.want(replace(Settings(), **(kept | {"exposure": exposure} | self.filled)))
+        self.want(replace(Settings(), **(kept | {"exposure": self.start_exposure} | self.filled)))
 
     def choose_estimator(self, name: str) -> None:
         """Show an estimator in the light that it had last; at first its photons alone."""

@@ -57,10 +57,10 @@ def _is_pressed(chord: int, held: int) -> bool:
     return held == modifiers and imgui.is_key_pressed(key, repeat=False)
 
 
-def draw_help(estimators: list[str], area: tuple[float, float, float, float], is_open: bool) -> bool:
+def draw_help(is_ready: bool, area: tuple[float, float, float, float], is_open: bool) -> bool:
     """Draw the help window in the middle of an area (x, y, width, height), over its sides where the area is narrow.
 
-    Return whether it stays open.
+    Return whether it stays open. is_ready: a scene is on show, so estimators are loaded.
     """
     em, style, screen = imgui.get_font_size(), imgui.get_style(), imgui.get_main_viewport()
     x, y, w, h = area
@@ -79,7 +79,11 @@ def draw_help(estimators: list[str], area: tuple[float, float, float, float], is
         imgui.separator_text("Mouse")
         _table("mouse", MOUSE, em)
         imgui.separator_text("Keys")
-        numbers = [(str(k + 1), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(estimators)]
+        numbers = []
+        if is_ready:
+            from gi_core.estimators import ESTIMATORS
+
+            numbers = [(str(k), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(ESTIMATORS, 1)]
         numbers += [("Ctrl+1 to Ctrl+9", "show a kept view"), ("Ctrl + drag a handle", "snap")]
         _table("keys", [*((a.keys, a.help) for a in ACTIONS.values() if a.keys), *numbers], em)
     imgui.end()

@@ -66,8 +66,6 @@ class Viewer:
         self.exit_when_refined = False
         self.keyboard = keys.Keyboard()
         self.help_open = False
-        self.metered = 0.0
-        self.estimators: dict[str, str] = {}
         self._before = time.perf_counter()
         self._slept = False  # between the last frame and this one
         self._seconds = 0.0
@@ -110,7 +108,7 @@ class Viewer:
         self._guard("files", self._draw_dialogs)
         if self.help_open:
             (x, y), (w, h) = self.viewport.view.origin, self.viewport.view.size
-            self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
+            self.help_open = keys.draw_help(self._ready, (x, y, w, h), self.help_open)
         self._guard("opening", self._replace_session)
         if is_user_error(self.session.problem) and self.reload.coming is None:  # printed on the terminal, see `run`
             self.leave(ask=False)
@@ -225,8 +223,7 @@ class Viewer:
         if not self._ready:
             imgui.text_disabled("The controls appear with the scene.")
             return
-        facts = self._facts()
-        wanted, actions = panel.draw(self.session.settings, facts, self.folds)
+        wanted, actions = panel.draw(self, self.folds)
         self.session.take(wanted, held=imgui.is_any_item_active())
         for action in actions:
             self._do(action)
@@ -237,15 +234,9 @@ class Viewer:
     def _draw_status(self) -> None:
         state = ""
         if self._ready and self.session.ready:
-            facts = self._facts()
-            state = f"{panel.status.status_of(facts).text}  ·  {panel.status.frame_rate(facts)}"
+            rate = panel.status.frame_rate(self.frame_seconds.value)
+            state = f"{panel.status.status_of(self.session).text}  ·  {rate}"
         overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
-
-    def _facts(self) -> panel.Facts:
-        v, seconds = self.viewport, self.frame_seconds.value
-        given = self.session, self.reload, self.estimators, seconds, self.metered
-        chosen = v.selection, v.pins.shown, v.clicked_material, v.part, v.lamps.selected
-        return panel.facts_of(*given, v.picture.scale, *chosen)
 
     def draw_menus(self) -> None:
         self._draw_part("menus", lambda: self.menus.draw(self.painter.ctx, self.session))
@@ -321,8 +312,6 @@ class Viewer:
 
     def _adopt(self, new: Session) -> None:
         """Show a ready session with its own geometry, camera and exposure."""
-        from gi_core.estimators import ESTIMATORS
-
         self.painter.adopt(new)
         old, self.session = self.session, new
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
@@ -333,12 +322,11 @@ class Viewer:
             window.rename(new.settings.document or new.settings.scene)
         if self.painter.software:
             new.light.grace = SOFTWARE_GRACE
-        self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
         if new.settings.exposure is None:
             given = new.scene.defaults.exposure
             exposure = new.metered(self.viewport.view.camera) if given is None else given
             new.want(replace(new.settings, exposure=exposure))
-        self.metered = new.settings.exposure
+        new.start_exposure = new.settings.exposure
         self.files.adopt(new, same=old is not new and self.reload.same)
 
     def _guard(self, stage: str, work: Callable[[], None]) -> None:

@@ -16,6 +16,7 @@ from app.draw.renderer import Look, Renderer
 from app.draw.units import units_of
 from app.draw.white_balance import NEUTRAL
 from app.session.lights import LightId
+from app.session.open_scene import Finished
 from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import FALSE_COLOURS
@@ -56,7 +57,7 @@ class Viewport:
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the selected surface of the static part; None: it has none selected
         self._surface: tuple[str, np.ndarray] | None = None  # material of that surface, and its faces
-        self.part = ""  # of the mobile pressed last, or chosen in the panel
+        self.chosen_part = ""  # of the mobile pressed last, or chosen in the panel
         self.shown: Shown | None = None  # content of the colour buffers
         self.covered: Box | None = None  # by a control, where the mouse is not for the picture
         self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
@@ -199,7 +200,7 @@ class Viewport:
         scene, hover = self.session.scene, self.pointer.hover
         mobile = scene.mobiles[hover.object - 1]
         name = mobile.name
-        self.part = part_named(name, scene.materials[mobile.mesh.face_material[hover.face]].name)
+        self.chosen_part = part_named(name, scene.materials[mobile.mesh.face_material[hover.face]].name)
         if name not in self.selection and mode not in (drag.RAISE, drag.TURN):
             self.select((name,))
         moves = self.selection if name in self.selection else (name,)
@@ -270,6 +271,27 @@ class Viewport:
         """The material at the place of the static part clicked last; "" without one."""
         scene = self.session.scene
         return "" if self.clicked is None else scene.materials[scene.static.face_material[self.clicked.face]].name
+
+    @property
+    def surface(self) -> str:
+        """The material clicked last, else the object selected last; "" for neither."""
+        return self.clicked_material or (self.selection[-1] if self.selection else "")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Parts of the selected object, by material; () for a material of the static part."""
+        return () if self.clicked is not None or not self.surface else self.session.parts_of(self.surface)
+
+    @property
+    def part(self) -> str:
+        """The part chosen, else the first; "" without parts."""
+        parts = self.parts
+        return self.chosen_part if self.chosen_part in parts else parts[0] if parts else ""
+
+    @property
+    def finish(self) -> Finished:
+        """The reflection of the selected surface, or of its part."""
+        return self.session.finish_of(self.surface, self.clicked is not None, self.part)
 
     # Drawing ----------------------------------------------------------------------------------------
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 from app.draw.camera import from_camera, scene_bounds
 from app.session.log import Log
+from app.session.moving_median import MovingMedian
 from app.session.picture import Picture
 from app.session.reload import Reload
 from app.session.session import Session
 from app.settings import ERRORS, REFERENCE
-from app.window import view_content
-from app.window.panel.facts import facts_of
+from app.window import panel, view_content
+from app.window.viewport import Viewport
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 
@@ -31,14 +34,48 @@ class Guarded:
         return getattr(self._solver, name)
 
 
+@contextlib.contextmanager
+def widgets():
+    """Let sections be drawn without a window."""
+    from imgui_bundle import imgui, implot
+
+    context, of_plots = imgui.create_context(), implot.create_context()
+    io = imgui.get_io()
+    io.display_size, io.delta_time, io.backend_flags = (1000, 4000), 0.02, imgui.BackendFlags_.renderer_has_textures
+    io.set_ini_filename("")
+    try:
+        yield
+    finally:
+        implot.destroy_context(of_plots)
+        imgui.destroy_context(context)
+
+
+def draw_panel(window) -> None:
+    """Draw all sections; none is folded."""
+    from imgui_bundle import imgui
+
+    imgui.new_frame()
+    imgui.begin("Panel")
+    for section in (*panel.SECTIONS, *panel.RESEARCH):
+        if section.visible(window):
+            assert section.draw(window.session.settings, window, set()) == window.session.settings
+    imgui.end()
+    imgui.render()
+
+
+@widgets()
 def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     """Opening, drag, settings, panel, metering, wipe, error map and the parameters of a picture."""
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
-    opened = support.opened(replace(support.SETTINGS, photons=2000, budget=16.0), support.room(1))
+    opened = support.opened(replace(support.SETTINGS, photons=2000, budget=16.0, exposure=0.0), support.room(1))
     session = Session(opened.settings, Log(), open_with=lambda settings: None)
     session.adopt(opened._replace(solver=Guarded(opened.solver)))
     camera = from_camera(session.scene.camera, session.scene.up, scene_bounds(session.model, session.poses))
-    reload = Reload(lambda settings: None)
+    viewport = Viewport(session)
+    viewport.view.camera = camera
+    window = SimpleNamespace(
+        session=session, viewport=viewport, reload=Reload(lambda settings: None), frame_seconds=MovingMedian()
+    )
     seen = set()
 
     def frame(**tick) -> None:
@@ -47,7 +84,7 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
         seen.update(side.label.split(",")[0] for side in what.sides)
         for mesh in session.meshes:
             view_content.paint(mesh, what.sides[-1], what.errors, True)
-        facts_of(session, reload, {}, 0.02, 0.0)
+        draw_panel(window)
         session.metered(camera)
         session.models()
 

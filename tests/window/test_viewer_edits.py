@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -398,7 +397,7 @@ def test_an_edit_that_fails_leaves_the_scene(play, folder):
     ],
 )
 def test_the_panel_names_a_material_as_its_file_does(surface, parts, expected):
-    assert material.title(SimpleNamespace(surface=surface, parts=parts, part=parts[0] if parts else "")) == expected
+    assert material.title(surface, parts) == expected
 
 
 def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
@@ -412,9 +411,8 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
         hand.ctx.mouse_move_to_pos(hand.at((0.0, 0.5, 0.5)))
         hand.ctx.mouse_click(0)
         hand.wait(lambda: viewer.viewport.clicked is not None)
-        facts = viewer._facts()
-        assert facts.surface == "red" and facts.piece
-        assert facts.material == (("reflectance", pytest.approx((0.6, 0.06, 0.05))),)
+        assert viewer.viewport.surface == "red"
+        assert viewer.viewport.finish.values == (("reflectance", pytest.approx((0.6, 0.06, 0.05))),)
         hand.ctx.set_ref("Panel")
         hand.ctx.item_close("Objects")
         hand.ctx.item_open("Material")
@@ -427,7 +425,7 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
         assert dict(edit.material) == {
             "reflectance": pytest.approx((0.25, 0.06, 0.05)), "metallic": 1.0, "roughness": 0.3, "ior": 1.5,
         }  # fmt: skip
-        assert viewer._facts().material == edit.material
+        assert viewer.viewport.finish.values == edit.material
         slider = "**/##Roughness"
         steps: list[float] = []
         logged = viewer.log.last
@@ -438,7 +436,7 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
             hand.move((x + k, y))
             before = viewer.session
             hand.wait(lambda: viewer.reload.coming is not None or viewer.session is not before)  # noqa: B023
-            assert viewer._facts().loading is None, "the button stays"
+            assert viewer.reload.progress is None, "the button stays"
             hand.wait(lambda: viewer.session is not before)  # noqa: B023
             steps.append(dict(viewer.session.settings.edits[-1].material)["roughness"])
         assert viewer.log.last is logged
@@ -527,7 +525,8 @@ def test_a_model_that_is_darkened_says_so(play, monkeypatch):
             change(hand, viewer, lambda: hand.ctx.combo_click(f"##Model/{model}"))  # noqa: B023
             said.clear()
             hand.ctx.yield_(2)
-            assert viewer._facts().darkened.startswith(darkened) and bool(darkened) == bool(viewer._facts().darkened)
+            reason = viewer.viewport.finish.darkened
+            assert reason.startswith(darkened) and bool(darkened) == bool(reason)
             assert (material.DARKENED in said) == bool(darkened)
 
     assert errors(play(script, open_with=open_edited)) == []
@@ -566,13 +565,18 @@ def test_the_panel_edits_the_part_that_was_clicked(play, monkeypatch, folder):
         hand.ctx.mouse_move_to_pos(hand.at((0.5, 0.415, 0.5)))
         hand.ctx.mouse_click(0)
         hand.ctx.yield_(2)
-        facts = viewer._facts()
-        assert (facts.surface, facts.parts, facts.part, facts.textured) == ("block", ("white", "red"), "white", False)
+        shown = viewer.viewport
+        assert (shown.surface, shown.parts, shown.part, shown.finish.textured) == (
+            "block",
+            ("white", "red"),
+            "white",
+            False,
+        )
         hand.ctx.mouse_move_to_pos(hand.at(BLOCK_FRONT))
         hand.ctx.mouse_click(0)
         hand.ctx.yield_(2)
-        facts, whole = viewer._facts(), textured(viewer)
-        assert (facts.surface, facts.part, facts.textured) == ("block", "red", True)
+        whole = textured(viewer)
+        assert (shown.surface, shown.part, shown.finish.textured) == ("block", "red", True)
         assert viewer.viewport.readout().endswith("block, red")
         hand.ctx.set_ref("Panel")
         hand.ctx.item_close("Objects")
@@ -580,18 +584,16 @@ def test_the_panel_edits_the_part_that_was_clicked(play, monkeypatch, folder):
         change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
         (edit,) = viewer.session.settings.edits
         assert edit == Finish("block", (("metallic", 0.0), ("roughness", 0.3), ("ior", 1.5)), part="red")
-        assert textured(viewer) == whole and viewer._facts().textured and viewer._facts().part == "red"
+        assert textured(viewer) == whole and shown.finish.textured and shown.part == "red"
         change(hand, viewer, lambda: hand.ctx.item_input_value("**/##Roughness", 0.2))
         (edit,) = viewer.session.settings.edits
         assert dict(edit.material)["roughness"] == pytest.approx(0.2) and textured(viewer) == whole
         change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.25))
         (edit,) = viewer.session.settings.edits
-        assert "reflectance" in dict(edit.material) and textured(viewer) == 0 and not viewer._facts().textured
+        assert "reflectance" in dict(edit.material) and textured(viewer) == 0 and not shown.finish.textured
         hand.ctx.combo_click("##Part/white")
         hand.ctx.yield_(2)
-        assert viewer._facts().part == "white" and dict(viewer._facts().material)["reflectance"] == pytest.approx(
-            (0.73,) * 3
-        )
+        assert shown.part == "white" and dict(shown.finish.values)["reflectance"] == pytest.approx((0.73,) * 3)
         change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.4))
         white = Finish("block", (("reflectance", pytest.approx((0.4, 0.73, 0.73))),), part="white")
         assert viewer.session.settings.edits == (edit, white)

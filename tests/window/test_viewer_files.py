@@ -322,7 +322,7 @@ def test_the_copied_command_and_reset_settings(play, monkeypatch):
         s = session.settings
         assert (s.tone_map, s.white_balance, s.budget) == ("aces", True, Settings().budget)
         assert session.poses == {"block": AWAY} and s.scene == "room"
-        assert (s.photons, s.radius, s.exposure) == (start.photons, start.radius, pytest.approx(viewer.metered))
+        assert (s.photons, s.radius, s.exposure) == (start.photons, start.radius, pytest.approx(session.start_exposure))
 
     settings = replace(support.SETTINGS, photons=None, radius=None, neighbours=None, light=None)
     scene = support.room()

@@ -9,7 +9,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.cli import saved_scene
-from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
+from app.draw.kelvin import REC709, colour_of, factor, kelvin_of, of_luminance_one
 from app.settings import LampSetting
 from app.window.panel import widgets as ui
 from app.window.panel.lamps import BRIGHTEST, OF_FILE, recoloured
@@ -359,7 +359,7 @@ def test_rgb_is_the_colour_of_the_light(play):
         ctx = hand.ctx
         hand.wait_for_light()
         ctx.item_close("**/Objects")
-        base = viewer._facts().lamp_colours[1]
+        base = of_luminance_one(viewer.session.model.emitters.flux_of_lamps[1])
         box = ctx.item_info("**/bulb/Solo").rect_full
         ctx.mouse_move_to_pos((box.min.x - 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
         ctx.mouse_click(0)

@@ -17,6 +17,7 @@ from app.window.drag import TURN_SPEED
 from app.window.panel import widgets as ui
 from app.window.panel.lights import FILE, AddLamp, ChangeLight, SelectLamp
 from gi_core.files.edits import Darken, Light, edited
+from gi_core.geometry.error import luminance
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene import PointLight, SpotLight
 from gi_core.solver import Solver
@@ -145,7 +146,8 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(play, folder):
 
         # Its flux is a number, which sets its level without an edit.
         now, edits = viewer.session, viewer.session.edits
-        full = viewer._facts().lamp_flux[viewer._facts().lamps.index("bulb 2")]
+        emitters = viewer.session.model.emitters
+        full = float(luminance(emitters.flux_of_lamps[emitters.lamps.names.index("bulb 2")]))
         ctx.item_input_value("**/##Flux flux", 0.5 * full)
         hand.wait_for_light()
         assert viewer.session is now and now.edits == edits
@@ -248,12 +250,12 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         change(hand, viewer, lambda: viewer._dropped.append(str(file)))
         bulb = viewer.session.scene.lights[0]
         assert bulb.name == "bulb" and bulb.position == (0.8, 0.2, 0.8) and bulb.flux == (4.0, 4.0, 8.0)
-        assert bulb.gammas_degrees.tolist() == gammas and viewer._facts().lamp is None
+        assert bulb.gammas_degrees.tolist() == gammas and viewer.viewport.lamps.selected is None
         hand.move(hand.at((0.2, 0.0, 0.8)))
         change(hand, viewer, lambda: viewer._dropped.append(str(file)))
         down = viewer.session.scene.lights[-1]
         assert down.name == "down" and down.position == pytest.approx((0.2, 0.99, 0.8), abs=0.02)
-        assert viewer._facts().light_file == str(file) and max(down.flux) > 0
+        assert viewer.session.file_of(viewer.viewport.lamps.selected) == str(file) and max(down.flux) > 0
         assert str(file) in viewer.files._watch._files, "a changed file is read again"
         assert is_that_of_a_new_solver(viewer.session)
         document = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
@@ -312,7 +314,7 @@ def test_each_number_of_a_lamp_has_a_label_and_its_unit(play, monkeypatch):
             ctx.item_close(f"**/{section}")
         drawn.clear()
         change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
-        name = viewer._facts().lamp
+        name = viewer.viewport.lamps.selected
         assert name.name == PANEL
         for label, number in (("Tilt", 60.0), ("Heading", 40.0), ("Turn", 20.0)):
             change(hand, viewer, lambda: ctx.item_input_value(f"**/##{label} angle", number))  # noqa: B023
@@ -356,7 +358,7 @@ def test_the_weaker_lamps_together_cannot_be_edited(play):
             assert "select one by its mark" in viewer.log.last.text and viewer.session.edits == ()
         viewer._do(SelectLamp(LightId("bulb 0")))
         hand.ctx.yield_(3)
-        assert "bulb 0" not in viewer._facts().lamps
+        assert "bulb 0" not in viewer.session.model.emitters.lamps.names
         viewer._do("remove lamp")
         assert viewer.session.edits == (Darken("bulb 0"),)
 

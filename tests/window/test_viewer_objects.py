@@ -50,14 +50,14 @@ def test_there_is_one_selection_and_it_has_an_outline(play):
 
         hand.wait_for_light()
         click(beside)
-        assert viewport.selection == () and viewport.clicked is None and viewer._facts().surface == ""
+        assert viewport.selection == () and viewport.clicked is None and viewport.surface == ""
         bare = picture()
         click(wall)
-        assert viewport.selection == () and viewer._facts().surface == "red"
+        assert viewport.selection == () and viewport.surface == "red"
         assert not any(map(may, ("Duplicate", "Remove", "Make static"))) and may("Make movable")
         of_wall = (picture() != bare).any(axis=2)
         click(block)
-        assert viewport.selection == ("block",) and viewer._facts().surface == "block"
+        assert viewport.selection == ("block",) and viewport.surface == "block"
         assert all(map(may, ("Duplicate", "Remove", "Make static"))) and not may("Make movable")
         of_block = (picture() != bare).any(axis=2)
         assert 100 < of_wall.sum() < 5000 and 100 < of_block.sum() < 5000 and not (of_wall & of_block).any()
@@ -74,7 +74,7 @@ def test_there_is_one_selection_and_it_has_an_outline(play):
         hand.press(K.f5)
         hand.wait(lambda: viewer.session is not session)
         hand.wait_for_light()
-        assert viewport.selection == () and viewer._facts().surface == "red", "a reload keeps the selection"
+        assert viewport.selection == () and viewport.surface == "red", "a reload keeps the selection"
         assert not viewport.look(outlined=False).outlined and viewport.look(outlined=False).surface is None
 
     play(script)

@@ -9,11 +9,11 @@ from typing import NamedTuple
 from imgui_bundle import imgui
 
 from app.window.actions import files, lamps, objects, picture, views
-from app.window.actions.parts import Window
 from app.window.panel.lights import AddLamp, ChangeLight, SelectLamp
 from app.window.panel.material import ChoosePart, Refinish
 from app.window.panel.objects import Move, Select
 from app.window.panel.readouts import Edit
+from app.window.parts import Window
 from app.window.window import toggle_full_screen
 
 K = imgui.Key

@@ -13,7 +13,7 @@ from app.settings import UsageError
 from app.window import dialogs, readout_marks, screenshot, view_content
 from app.window.actions.lamps import is_photometric, use_file
 from app.window.actions.objects import insert, is_mesh
-from app.window.actions.parts import Window
+from app.window.parts import Window
 from app.window.window import rename
 
 

@@ -14,8 +14,8 @@ from app.session.lights import LightId
 from app.session.log import WARNING
 from app.session.new_lights import Room, in_place_of, new_light, panel_of_faces, photometric
 from app.window import dialogs
-from app.window.actions.parts import Window
 from app.window.panel.lights import FILE, AddLamp, ChangeLight
+from app.window.parts import Window
 from app.window.viewport import BESIDE
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.pose import three

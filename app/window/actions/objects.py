@@ -12,9 +12,9 @@ from imgui_bundle import imgui
 
 from app.session.log import WARNING
 from app.window import dialogs
-from app.window.actions.parts import Window
 from app.window.panel.material import Refinish
 from app.window.panel.objects import Move
+from app.window.parts import Window
 from gi_core.scene import Pose
 from gi_core.scene.pose import carried, three
 
@@ -41,7 +41,7 @@ def refinish(window: Window, asked: Refinish) -> None:
 
 
 def choose_part(window: Window, name: str) -> None:
-    window.viewport.part = name
+    window.viewport.chosen_part = name
 
 
 def rest(window: Window) -> None:

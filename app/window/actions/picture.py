@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from app.window.actions.parts import Window
+from app.window.parts import Window
 
 
 def toggle(field: str, window: Window) -> None:
@@ -23,9 +23,11 @@ def meter(window: Window) -> None:
 
 
 def choose_estimator(k: int, window: Window) -> None:
-    if k < len(window.estimators):
-        window.session.choose_estimator(list(window.estimators)[k])
+    from gi_core.estimators import ESTIMATORS
+
+    if k < len(ESTIMATORS):
+        window.session.choose_estimator(list(ESTIMATORS)[k])
 
 
 def reset_settings(window: Window) -> None:
-    window.session.reset_settings(window.metered)
+    window.session.reset_settings()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.window.actions.objects import reset_poses
-from app.window.actions.parts import Window
+from app.window.parts import Window
 
 
 def look_along(quarter_turns: int | None, window: Window) -> None:

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from app.settings import Settings
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 SWITCHES = {  # field -> estimator, name, explanation
     "control": (
@@ -33,7 +33,7 @@ SWITCHES = {  # field -> estimator, name, explanation
 }
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     for field, (of, name, about) in SWITCHES.items():
         with ui.idle(ui.only(of, s)):
             changed, on = imgui.checkbox(name, getattr(s, field))
@@ -41,7 +41,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                 change: dict[str, Any] = {field: on}
                 s = replace(s, **change)
             ui.tip(f"{of}: {about}")
-    control = facts.control
+    snapshot = window.session.light.snapshot
+    control = snapshot.control
     ui.number(
         "Clipped discs",
         f"{100 * control.share:.1f} %",
@@ -54,6 +55,6 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         ui.thousands(control.on_mobiles),
         "Mobile receivers with another object in their disc.",
     )
-    cost = facts.timings.get("contact")
+    cost = snapshot.timings.get("contact")
     ui.number("   contact time", ui.DASH if cost is None else ui.ms(cost), "Time to find these in the last frame.")
     return s

@@ -11,7 +11,7 @@ from app.rest.measured_points import MeasuredPoint
 from app.settings import Settings
 from app.window import theme
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 HEIGHT_EM = 15.0
 FRAME_MS = 1000 / 60  # a frame at 60 Hz
@@ -23,19 +23,22 @@ TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 100
 PERCENTS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    if not facts.points:
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
+    from gi_core.estimators import ESTIMATORS  # already loaded here; at the top it would delay the window
+
+    points = window.session.points.all
+    if not points:
         imgui.text_wrapped("Each setting adds a point once its error is measured at rest.")
         return s
     em = imgui.get_font_size()
     flags = implot.Flags_.no_menus | implot.Flags_.no_mouse_text | implot.Flags_.no_box_select
     if implot.begin_plot("##Error against time", (-1, HEIGHT_EM * em), flags):
-        _axes(facts.points)
+        _axes(points)
         _draw_budget()
-        for k, estimator in enumerate(facts.estimators):
-            _draw_points(k, estimator, [p for p in facts.points if p.setting.estimator == estimator])
-        _draw_latest(facts.points[-1])
-        near = _under_mouse(facts.points, HOVER_EM * em) if implot.is_plot_hovered() else None
+        for k, estimator in enumerate(ESTIMATORS):
+            _draw_points(k, estimator, [p for p in points if p.setting.estimator == estimator])
+        _draw_latest(points[-1])
+        near = _under_mouse(points, HOVER_EM * em) if implot.is_plot_hovered() else None
         implot.end_plot()
         if near is not None:
             imgui.set_tooltip(caption(near))

@@ -9,13 +9,13 @@ from imgui_bundle import imgui
 
 from app.settings import REFERENCE, Settings
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 NO_COMPARISON = "None"
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    r = facts.report
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
+    r = window.session.light.snapshot.rest.report
     changed, measure_errors = imgui.checkbox("Measure errors", s.measure_errors)
     if changed:
         s = replace(s, measure_errors=measure_errors)
@@ -47,11 +47,13 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         _percent(r and r.reference_noise, "±"),
         f"Noise of the reference, included in the total.{paths}",
     )
-    return _compare(s, facts)
+    return _compare(s)
 
 
-def _compare(s: Settings, facts: Facts) -> Settings:
-    names = {"": NO_COMPARISON, **{key: ui.title(key) for key in facts.estimators}, REFERENCE: ui.title(REFERENCE)}
+def _compare(s: Settings) -> Settings:
+    from gi_core.estimators import ESTIMATORS  # already loaded here
+
+    names = {"": NO_COMPARISON, **{key: ui.title(key) for key in ESTIMATORS}, REFERENCE: ui.title(REFERENCE)}
     s = ui.choice(
         s, "Compare with", "compare", names,
         "Show another estimator of the same photons, or the reference, right of a line that you drag across the "

@@ -9,13 +9,16 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of
+from app.draw.kelvin import COOLEST, HOTTEST, REC709, factor, kelvin_of, of_luminance_one
+from app.draw.units import units_of
 from app.session.lights import LightId
+from app.session.session import Session
 from app.settings import LampSetting, Settings
 from app.window import theme
 from app.window.panel import lights
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
+from gi_core.geometry.error import luminance
 
 BRIGHTEST = 4.0  # times the level of the scene file, by the slider
 MOST = 1000.0  # the same, typed; as gi_core.lights.lamps has it
@@ -30,23 +33,26 @@ ROUNDING = 1e-6  # of a colour: the field has float32
 _typed = [""]  # name of the light scene to keep
 
 
-def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
-    s = _light_scenes(s, facts, actions)
+def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
+    session, selected = window.session, window.viewport.lamps.selected
+    lamps = session.model.emitters.lamps.names
+    s = _light_scenes(s, session, actions)
     given = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
-    names = max((imgui.calc_text_size(name).x for name in facts.lamps), default=0.0)
-    for k, name in enumerate(facts.lamps):
+    names = max((imgui.calc_text_size(name).x for name in lamps), default=0.0)
+    for k, name in enumerate(lamps):
         imgui.push_id(name)
         lamp = given.get(name, LampSetting(name))
-        changed, lamp, solo = _row(lamp, solo, k, facts, names, actions)
+        changed, lamp, solo = _row(lamp, solo, k, window, names, actions)
         if changed:
             given[name] = lamp
         imgui.pop_id()
     s = replace(s, lamps=tuple(lamp for lamp in given.values() if lamp != LampSetting(lamp.name)), solo=solo)
-    flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, facts) for k, name in enumerate(facts.lamps))
-    ui.number("Together", _shown(flux, facts), "Flux of all lamps at their levels.")
-    if facts.effective < facts.photons_shown:
-        share = f"{100 * facts.effective / max(facts.photons_shown, 1):.0f} %"
+    flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, session) for k, name in enumerate(lamps))
+    ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
+    snapshot = session.light.snapshot
+    if snapshot.effective_photons < snapshot.photons:
+        share = f"{100 * snapshot.effective_photons / max(snapshot.photons, 1):.0f} %"
         about = "Lamps share the photons. Under 25 %, they are traced again, shared by the new levels."
         ui.number("Photons that count", share, about)
     imgui.begin_disabled(not s.lamps and not s.solo)
@@ -54,32 +60,34 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         s = replace(s, lamps=(), solo="")
     ui.tip("Return all lamps to the levels of the scene file.")
     imgui.end_disabled()
-    if facts.lamp is not None and facts.lamp.name in facts.lamps:
+    if selected is not None and selected.name in lamps:
         imgui.separator()
-        lights.head(facts.lamp, facts, actions)
-        name = facts.lamp.name
-        lamp = _flux_field(given.get(name, LampSetting(name)), facts.lamps.index(name), facts)
+        lights.head(selected, session, actions)
+        name = selected.name
+        lamp = _flux_field(given.get(name, LampSetting(name)), lamps.index(name), session)
         others = tuple(other for other in s.lamps if other.name != name)
         s = s if lamp == given.get(name, LampSetting(name)) else replace(s, lamps=(*others, lamp))
-    lights.draw(facts, actions)
+    lights.draw(window, actions)
     return s
 
 
-def _flux_field(lamp: LampSetting, k: int, facts: Facts) -> LampSetting:
+def _flux_field(lamp: LampSetting, k: int, session: Session) -> LampSetting:
     """Draw the flux of the selected lamp as a number; it sets the level."""
-    unit = "lm" if facts.photometric else "W"
-    full = _flux(lamp._replace(dim=1.0, on=True), "", k, facts)
+    unit = units_of(session.scene.units).flux
+    full = _flux(lamp._replace(dim=1.0, on=True), "", k, session)
     (flux,), edited, *_ = ui.fields("Flux", (full * lamp.dim,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
     ui.tip("Flux of the selected lamp. Double-click to type it; the level follows.")
     return lamp._replace(dim=min(max(flux / full, 0.0), MOST)) if edited and full > 0 else lamp
 
 
-def _light_scenes(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
+def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
     ui.label("Light scene")
-    asked, choices = s.levels(facts.lamps), dict(facts.light_scenes)
+    names = session.model.emitters.lamps.names
+    of_file = {scene.name: tuple(LampSetting(*lamp) for lamp in scene.levels) for scene in session.scene.light_scenes}
+    asked, choices = s.levels(names), of_file | dict(session.settings.light_scenes)
     choices.setdefault(OF_FILE, ())
-    shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(facts.lamps) == asked)
+    shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(names) == asked)
     now, chosen = next(shown, None), None
     if imgui.begin_combo("##Light scene", "other levels" if now is None else now):
         for name in choices:
@@ -99,13 +107,13 @@ def _light_scenes(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     imgui.same_line()
     imgui.begin_disabled(not _typed[0].strip())
     if imgui.button("Keep", (-1, 0)):
-        s, _typed[0] = s.with_light_scene(_typed[0].strip(), facts.lamps), ""
+        s, _typed[0] = s.with_light_scene(_typed[0].strip(), names), ""
     imgui.end_disabled()
     return s
 
 
 def _row(
-    lamp: LampSetting, solo: str, k: int, facts: Facts, names: float, actions: set[Any]
+    lamp: LampSetting, solo: str, k: int, window: Window, names: float, actions: set[Any]
 ) -> tuple[bool, LampSetting, str]:
     """Draw a lamp's row; return whether it changed, the lamp, and the name of the lamp that is alone.
 
@@ -114,7 +122,8 @@ def _row(
     em, before, gap = imgui.get_font_size(), lamp, imgui.get_style().item_inner_spacing.x
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     lit = lamp.on and solo in ("", lamp.name)
-    flux = _shown(_flux(lamp, solo, k, facts), facts)
+    session, selected = window.session, window.viewport.lamps.selected
+    flux = _shown(_flux(lamp, solo, k, session), session)
     if solo in ("", lamp.name):
         lamp = lamp._replace(on=imgui.checkbox("##on", lamp.on)[1])
         ui.tip("On or off.")
@@ -125,7 +134,7 @@ def _row(
         ui.tip(f"Off because of Solo of {solo}. After All it is {'on' if lamp.on else 'off'}.")
     imgui.same_line(0, gap)
     name_at, most = imgui.get_cursor_pos_x(), min(names, MOST_NAME * width)
-    chosen = facts.lamp is not None and facts.lamp.name == lamp.name
+    chosen = selected is not None and selected.name == lamp.name
     usual = imgui.get_style_color_vec4(imgui.Col_.text if lit else imgui.Col_.text_disabled)
     imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*theme.ACCENT, 1.0) if chosen else usual)
     imgui.align_text_to_frame_padding()
@@ -151,7 +160,7 @@ def _row(
     ui.tip(f"Level of the lamp, 100 % as in the scene file: {flux} now. Ctrl-click to type one, up to "
            f"{100 * MOST:.0f} %.")  # fmt: skip
     imgui.same_line(colour_at)
-    lamp = _colour(lamp, facts.lamp_colours[k])
+    lamp = _colour(lamp, of_luminance_one(session.model.emitters.flux_of_lamps[k]))
     imgui.same_line(right)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, imgui.get_style().frame_padding.y))
     if imgui.button("Solo" if solo != lamp.name else "All", (SOLO_EM * em, 0)):
@@ -205,16 +214,15 @@ def _nearest(rgb: tuple[float, ...]) -> float:
     return kelvin_of(rgb)
 
 
-def _flux(lamp: LampSetting, solo: str, k: int, facts: Facts) -> float:
+def _flux(lamp: LampSetting, solo: str, k: int, session: Session) -> float:
     """Return the luminance of the lamp's flux at its level."""
-    from app.draw.kelvin import REC709
-
     if not lamp.on or solo not in ("", lamp.name):
         return 0.0
-    lit = [c * b for c, b in zip(lamp.colour, facts.lamp_colours[k], strict=True)]
-    return facts.lamp_flux[k] * lamp.dim * float(REC709 @ lit)
+    full = session.model.emitters.flux_of_lamps[k]
+    lit = [c * b for c, b in zip(lamp.colour, of_luminance_one(full), strict=True)]
+    return float(luminance(full)) * lamp.dim * float(REC709 @ lit)
 
 
-def _shown(flux: float, facts: Facts) -> str:
+def _shown(flux: float, session: Session) -> str:
     number = f"{flux:.4g}" if flux < 1e4 else ui.thousands(round(flux))
-    return f"{number} {'lm' if facts.photometric else 'W'}"
+    return f"{number} {units_of(session.scene.units).flux}"

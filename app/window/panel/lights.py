@@ -9,13 +9,14 @@ from imgui_bundle import imgui
 
 from app.session.lights import Directed, LightId, aim_of, aimed, beam
 from app.session.new_lights import BULB, NEW, PANEL, SKY, SPOT, SUN
+from app.session.session import Session
 from app.window.panel import widgets as ui
+from app.window.parts import Window
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.pose import three
 from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PlacedLight, PointLight, SpotLight
 
 if TYPE_CHECKING:
-    from app.window.panel.facts import Facts
     from gi_core.files.edits import Values
 
 SPEED = 1e-3  # of the scene size per pixel of a drag
@@ -62,17 +63,18 @@ class AddLamp(NamedTuple):
     kind: str
 
 
-def draw(facts: Facts, actions: set[Any]) -> None:
+def draw(window: Window, actions: set[Any]) -> None:
     """Draw the selected lamp, and the buttons that add, copy and remove lamps."""
-    if facts.lamp is not None:
-        light = facts.lights.get(facts.lamp)
+    session, selected = window.session, window.viewport.lamps.selected
+    if selected is not None:
+        light = session.lights.get(selected)
         imgui.push_id("light")
         if light is not None:
-            _light(facts.lamp, light, facts, actions)
+            _light(selected, light, session, actions)
         imgui.pop_id()
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
-    if facts.lamp is not None and facts.lamp.name != OTHERS:
-        _buttons(facts, actions, half)
+    if selected is not None and selected.name != OTHERS:
+        _buttons(selected in session.lights, actions, half)
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##Add lamp", "Add a lamp..."):
         for kind in (*NEW, FILE):
@@ -84,17 +86,17 @@ def draw(facts: Facts, actions: set[Any]) -> None:
            "files may be dropped on the picture too.")  # fmt: skip
 
 
-def head(lamp: LightId, facts: Facts, actions: set[Any]) -> None:
+def head(lamp: LightId, session: Session, actions: set[Any]) -> None:
     """Name the selected lamp and the kind of its light; of several lights, choose one."""
-    kind = "the weaker ones together" if lamp.name == OTHERS else _kind(facts.lights.get(lamp))
+    kind = "the weaker ones together" if lamp.name == OTHERS else _kind(session.lights.get(lamp))
     ui.number(lamp.name, kind, "Selected lamp, and its kind. Click its row to select none.")
-    several = [found for found in facts.lights if found.name == lamp.name]
+    several = [light for light in session.lights if light.name == lamp.name]
     if len(several) > 1:
         ui.label("Light")
         if imgui.begin_combo("##which", f"{lamp.number} of {len(several)}"):
-            for found in several:
-                if imgui.selectable(f"{found.number} of {len(several)}", found == lamp)[0]:
-                    actions.add(SelectLamp(found))
+            for light in several:
+                if imgui.selectable(f"{light.number} of {len(several)}", light == lamp)[0]:
+                    actions.add(SelectLamp(light))
             imgui.end_combo()
         ui.tip("Lights of one name are one lamp. Each has its own place.")
 
@@ -116,13 +118,13 @@ def _kind(light: Light | None) -> str:
     return SKY
 
 
-def _light(lamp: LightId, light: Light, facts: Facts, actions: set[Any]) -> None:
+def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> None:
     if isinstance(light, PlacedLight):
-        values, *done = ui.fields("Position", light.position, SPEED * facts.scene_size, "%.3f")
+        values, *done = ui.fields("Position", light.position, SPEED * session.chosen.scene_size, "%.3f")
         ui.tip("Position [m]: x, y, z. Drag, or double-click to type. In the picture, drag the lamp's mark.")
         _changed(lamp, (("position", three(values)),), done, actions)
     if isinstance(light, Directed):
-        tilt, heading, turn = aim_of(light, facts.up, _headings.get(lamp, 0.0))
+        tilt, heading, turn = aim_of(light, session.scene.up, _headings.get(lamp, 0.0))
         _headings[lamp] = heading
         angles = [tilt, heading, turn]
         for k, (name, about) in enumerate(AIM.items()):
@@ -133,7 +135,7 @@ def _light(lamp: LightId, light: Light, facts: Facts, actions: set[Any]) -> None
             if done[0]:
                 _headings[lamp] = angles[1]
             tilt, heading, turn = angles
-            _changed(lamp, aimed(light, tilt, heading, turn, facts.up), done, actions)
+            _changed(lamp, aimed(light, tilt, heading, turn, session.scene.up), done, actions)
     if isinstance(light, SpotLight):
         cone = [light.inner_degrees, light.outer_degrees]
         for k, (name, about) in enumerate(CONE.items()):
@@ -141,13 +143,14 @@ def _light(lamp: LightId, light: Light, facts: Facts, actions: set[Any]) -> None
             ui.tip(f"{about} [degrees]. The flux stays.")
             _changed(lamp, beam(light, *cone), done, actions)
     if isinstance(light, PhotometricLight):
-        values, *done = ui.fields("Size", light.size, SPEED * facts.scene_size, "%.3f m", ("C0", "C90"))
+        values, *done = ui.fields("Size", light.size, SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90"))
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
         a, b = (max(v, 0.0) for v in values)
         sides = (a, b) if a == b == 0 else (max(a, LEAST_SIDE), max(b, LEAST_SIDE))
         _changed(lamp, (("size", sides),), done, actions)
         ui.label("File")
-        if imgui.button((Path(facts.light_file).name if facts.light_file else "Choose...") + "###file", (-1, 0)):
+        file = session.file_of(lamp)
+        if imgui.button((Path(file).name if file else "Choose...") + "###file", (-1, 0)):
             actions.add("lamp file")
         ui.tip("Give this lamp the distribution of an IES or EULUMDAT file (.ies, .ldt).")
 
@@ -160,9 +163,8 @@ def _changed(lamp: LightId, values: Values, done: list[bool], actions: set[Any])
         _held[0] = True
 
 
-def _buttons(facts: Facts, actions: set[Any], half: float) -> None:
-    light = facts.lights.get(facts.lamp) if facts.lamp is not None else None
-    if light is not None:
+def _buttons(has_place: bool, actions: set[Any], half: float) -> None:
+    if has_place:
         if imgui.button("Duplicate lamp", (half, 0)):
             actions.add("duplicate lamp")
         ui.tip("Put a copy of the lamp beside it.")

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from app.settings import Settings
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 if TYPE_CHECKING:
     from gi_core.bsdf.models.common import Parameter
@@ -60,19 +60,21 @@ class ChoosePart(NamedTuple):
 _held: list[tuple[str, str]] = []  # the surface and part whose slider is held
 
 
-def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
-    if not facts.surface or not facts.material:
+def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
+    surface, parts, part = window.viewport.surface, window.viewport.parts, window.viewport.part
+    finish = window.viewport.finish
+    if not surface or not finish.values:
         imgui.text_disabled("Click on a surface, or select an object.")
         return s
-    imgui.text_disabled(title(facts))
-    if len(facts.parts) > 1:
+    imgui.text_disabled(title(surface, parts))
+    if len(parts) > 1:
         ui.label("Part")
-        chosen, k = imgui.combo("##Part", facts.parts.index(facts.part), list(facts.parts))
+        chosen, k = imgui.combo("##Part", parts.index(part), list(parts))
         ui.tip("Part of the object, by the material in its file. A click on the object chooses it too.")
         if chosen:
-            actions.add(ChoosePart(facts.parts[k]))
+            actions.add(ChoosePart(parts[k]))
             return s
-    values = dict(facts.material)
+    values = dict(finish.values)
     model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
     combined = isinstance(model, tuple)
     ui.label("Model")
@@ -84,15 +86,15 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         _held.clear()
     if changed and not (combined and k == chosen_now):
         given = starting(names[k], values)
-        actions.add(Refinish(facts.surface, _kept(given) if facts.textured else given, part=facts.part))
+        actions.add(Refinish(surface, _kept(given) if finish.textured else given, part=part))
         return s
-    edited, keeps = False, facts.textured
+    edited, keeps = False, finish.textured
     other = None
     if combined:
         removed: list[int] = []
-        parts = tuple(_draw_part(k, part, len(model), removed) for k, part in enumerate(model))
-        edited = parts != model
-        values["brdf"] = parts
+        lobes = tuple(_draw_part(k, lobe, len(model), removed) for k, lobe in enumerate(model))
+        edited = lobes != model
+        values["brdf"] = lobes
         other = without_model(values, removed[0]) if removed else None
     else:
         for name, parameter in models()[model].items():
@@ -103,18 +105,18 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     if (added := _draw_added(model)) is not None:
         other = with_model(values, added)
     if other is not None:
-        actions.add(Refinish(facts.surface, other, part=facts.part))
+        actions.add(Refinish(surface, other, part=part))
         return s
     if "brdf" in values:
-        values, moved = _draw_scale(values, facts.darkened)
+        values, moved = _draw_scale(values, finish.darkened)
         edited |= moved
-    if facts.textured:
+    if finish.textured:
         _dim(_about_texture(model))
-    if facts.loading is not None:  # first gloss: kernels compile
-        _dim(facts.loading[0])
+    if (progress := window.reload.progress) is not None:  # first gloss: kernels compile
+        _dim(progress[0])
     if edited:
-        given, target = tuple(values.items()), (facts.surface, facts.part)
-        actions.add(Refinish(facts.surface, _kept(given) if keeps else given, target not in _held, facts.part))
+        given, target = tuple(values.items()), (surface, part)
+        actions.add(Refinish(surface, _kept(given) if keeps else given, target not in _held, part))
         _held[:] = [target]
     return s
 
@@ -213,9 +215,9 @@ def _draw_scale(values: dict[str, Any], darkened: str) -> tuple[dict[str, Any], 
     return (values | {"scale": scale} if changed else values), changed
 
 
-def title(facts: Facts) -> str:
+def title(surface: str, parts: tuple[str, ...]) -> str:
     """Return the object and its material by the name in its file; of a piece of the static part, the material."""
-    return f'{facts.surface}, material "{facts.part}"' if len(facts.parts) == 1 else facts.surface
+    return f'{surface}, material "{parts[0]}"' if len(parts) == 1 else surface
 
 
 def _dim(text: str) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from app.rest.results import GatherProgress
 from app.settings import REFERENCE, Settings
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 RADIUS_RANGE = (0.002, 0.2)  # of the scene size
 PHOTONS_RANGE = (1_000, 10_000_000)
@@ -16,13 +16,14 @@ GLOSS_NAMES = {"quadtree": "QuadTree (summarised)", "list": "List", "all_rays": 
 LIGHT_NAMES = {"best": "Best available", "photons": "Photons only"}
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
+    session, snapshot = window.session, window.session.light.snapshot
     changed, photons = ui.int_slider("Photons", s.photons, *PHOTONS_RANGE, ui.thousands(s.photons), logarithmic=True)
     if changed:
         s = replace(s, photons=ui.rounded(max(photons, 1)))
     ui.tip("Number of photons. More photons give less noise and slower frames.")
 
-    size = facts.scene_size
+    size = session.chosen.scene_size
     low, high = (share * size for share in RADIUS_RANGE)
     changed, radius = ui.float_slider("Radius", s.radius, low, high, f"{s.radius:.3g} m", logarithmic=True)
     if changed and radius > 0:
@@ -47,15 +48,15 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                       "once its noise is below the photons'.\n"
                       "Photons only, as in the report: the estimator lights everything. Choosing another estimator "
                       "selects this mode; each estimator keeps its own mode.")  # fmt: skip
-    if facts.glossy:
+    if snapshot.gloss is not None:
         s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
                       "How rays at glossy vertices are kept.\n"
                       "QuadTree (summarised): sums in 64 cells of directions; the graphics card evaluates them.\n"
                       "List: every ray, as in the report; every ray is evaluated for each view.\n"
                       "QuadTree (all rays): single rays only in cells where the lobe is bright.")  # fmt: skip
-    _progress("Static part", facts.gathered, "photons are better",
+    _progress("Static part", session.gathered, "photons are better",
               "Error of the gathered light on the static part. Gathering ends at 0.7 %.")  # fmt: skip
-    _progress("At mobiles", facts.at_poses if facts.gathered is not None else None, "frames are better",
+    _progress("At mobiles", snapshot.rest.at_poses if session.gathered is not None else None, "frames are better",
               "Noise of the light on mobiles and of the light that they change, gathered while they rest. "
               "Gathering ends at 0.7 %, or after 47 rounds of paths.")  # fmt: skip
     return s

@@ -6,12 +6,12 @@ from imgui_bundle import imgui
 
 from app.settings import Settings
 from app.window import theme
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     imgui.push_style_color(imgui.Col_.text, (*theme.DIM, 1.0))
-    for note in facts.notes:
+    for note in window.session.scene.notes:
         imgui.text_wrapped(note)
     imgui.pop_style_color()
     return s

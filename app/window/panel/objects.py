@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from app.settings import Settings
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 
@@ -37,18 +37,19 @@ class Move(NamedTuple):
     last: bool
 
 
-def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
-    _list(facts, actions)
-    selected = facts.selected
-    imgui.begin_disabled(selected not in facts.poses)
-    pose = facts.poses.get(selected, Pose())
+def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
+    session, selection = window.session, window.viewport.selection
+    _list(tuple(session.poses), selection, actions)
+    selected = selection[-1] if selection else ""
+    imgui.begin_disabled(not selected)
+    pose = session.poses.get(selected, Pose())
     angles = angles_of(pose, *(last for name, last in _shown if name == selected))
-    _shown[:] = [(selected, angles)] if facts.moving or imgui.is_any_item_active() else []
+    _shown[:] = [(selected, angles)] if session.in_motion or imgui.is_any_item_active() else []
     for name, values, about in (
         ("Position", pose.position, "Position of the object's origin [m]: x, y, z."),
         ("Rotation", angles, "Rotation [degrees] about x, then y, then z."),
     ):
-        speed, digits = (SPEED * facts.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
+        speed, digits = (SPEED * session.chosen.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
         numbers, edited, first, last = ui.fields(name, values, speed, digits)
         ui.tip(f"{about} Drag, or double-click to type.")
         if edited or first or last:
@@ -65,8 +66,8 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         actions.add("frame")
     ui.tip("Let the camera show the selected objects. Key F.")
     imgui.end_disabled()
-    imgui.begin_disabled(not facts.mobiles)
-    if imgui.button(("Pause" if facts.playing else "Play") + "###Play", (half, 0)):
+    imgui.begin_disabled(not session.poses)
+    if imgui.button(("Pause" if session.playing else "Play") + "###Play", (half, 0)):
         actions.add("play")
     ui.tip("Move the objects along their paths, or one on a circle. Key Space.")
     imgui.same_line()
@@ -74,28 +75,28 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         actions.add("reset poses")
     ui.tip("Return every object to its start pose. Key R resets the view too.")
     imgui.end_disabled()
-    _edits(facts, actions, half)
+    _edits(bool(selected), window.viewport.clicked is not None, actions, half)
     return s
 
 
-def _edits(facts: Facts, actions: set[Any], half: float) -> None:
-    """Draw the buttons that change the scene."""
+def _edits(selected: bool, piece: bool, actions: set[Any], half: float) -> None:
+    """Draw the buttons that change the scene; piece: a place of the static part has been clicked."""
     if imgui.button("Insert...", (half, 0)):
         actions.add("insert")
     ui.tip("Add an object from a mesh file. Files may be dropped on the picture too.")
     for name, action, enabled, about in (
-        ("Duplicate", "duplicate", bool(facts.selected), "Put copies beside the selected objects."),
-        ("Remove", "remove", bool(facts.selected), "Remove the selected objects."),
+        ("Duplicate", "duplicate", selected, "Put copies beside the selected objects."),
+        ("Remove", "remove", selected, "Remove the selected objects."),
         (
             "Make static",
             "freeze",
-            bool(facts.selected),
+            selected,
             "Fix the selected objects in place. They join the static part: all that stands still.",
         ),
         (
             "Make movable",
             "promote",
-            facts.piece,
+            piece,
             "Click on the static part, then make the piece there an object that moves: all its connected triangles.",
         ),
     ):
@@ -137,28 +138,30 @@ def turned(pose: Pose, angles: Angles) -> Pose:
     return pose._replace(quaternion=multiply_quaternions(z, multiply_quaternions(y, x)))
 
 
-def selection_after(facts: Facts, name: str, ctrl: bool, shift: bool) -> tuple[str, ...]:
+def selection_after(
+    names: tuple[str, ...], selection: tuple[str, ...], name: str, ctrl: bool, shift: bool
+) -> tuple[str, ...]:
     """Return the selection after a click on a name in the list; Shift selects from the first selected one."""
     if ctrl:
-        others = tuple(n for n in facts.selection if n != name)
-        return others if name in facts.selection else (*others, name)
-    if shift and facts.selection:
-        first, last = (facts.mobiles.index(n) for n in (facts.selection[0], name))
+        others = tuple(n for n in selection if n != name)
+        return others if name in selection else (*others, name)
+    if shift and selection:
+        first, last = (names.index(n) for n in (selection[0], name))
         step = 1 if last >= first else -1
-        return tuple(facts.mobiles[k] for k in range(first, last + step, step))
+        return tuple(names[k] for k in range(first, last + step, step))
     return (name,)
 
 
-def _list(facts: Facts, actions: set[Any]) -> None:
-    if not facts.mobiles:
+def _list(names: tuple[str, ...], selection: tuple[str, ...], actions: set[Any]) -> None:
+    if not names:
         imgui.text_disabled("None: insert one, or click and make movable.")
         return
-    rows = min(len(facts.mobiles), ROWS)
+    rows = min(len(names), ROWS)
     imgui.begin_child("##objects", (-1, rows * imgui.get_text_line_height_with_spacing()))
-    for name in facts.mobiles:
-        if imgui.selectable(name, name in facts.selection)[0]:
+    for name in names:
+        if imgui.selectable(name, name in selection)[0]:
             io = imgui.get_io()
-            actions.add(Select(selection_after(facts, name, io.key_ctrl, io.key_shift)))
-        if len(facts.mobiles) > 1:
+            actions.add(Select(selection_after(names, selection, name, io.key_ctrl, io.key_shift)))
+        if len(names) > 1:
             ui.tip("Ctrl adds or removes an object, Shift selects a range, Ctrl+A all.")
     imgui.end_child()

@@ -9,7 +9,8 @@ from typing import Any
 from imgui_bundle import imgui
 
 from app import values
-from app.draw.units import PHOTOMETRIC, RADIOMETRIC, Units
+from app.draw.false_colour import Scale
+from app.draw.units import Units, units_of
 from app.settings import (
     ERROR_RANGES,
     ERRORS,
@@ -21,7 +22,7 @@ from app.settings import (
     Settings,
 )
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
@@ -50,22 +51,22 @@ def show_names(units: Units) -> dict[str, str]:
     }
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    low, high = facts.metered - EXPOSURE_MARGIN, facts.metered + EXPOSURE_MARGIN
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
+    start, units = window.session.start_exposure, units_of(window.session.scene.units)
+    low, high = start - EXPOSURE_MARGIN, start + EXPOSURE_MARGIN
     of_values = "false colours show values of light" if s.show in FALSE_COLOURS else ""
     with ui.idle(of_values):
         changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
         if changed:
             s = replace(s, exposure=exposure)
         ui.tip("Exposure in stops; +1 EV doubles brightness. It stays until it is changed here, or metered by key A.")
-    units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
     s = ui.choice(s, "Show", "show", show_names(units),
                 "Picture: the light that the camera sees (radiance).\n"
                 "Light alone: the light on surfaces (irradiance), drawn as if all were white.\n"
                 f"{units.on_surface}: light per area on surfaces, in false colours.\n"
                 f"{units.from_surface.capitalize()}: light that the camera sees, in false colours.\n"
                 "Error map: error of irradiance against the reference.")  # fmt: skip
-    s = _scale(s, facts)
+    s = _scale(s, window.viewport.picture.scale, units)
     with ui.idle(of_values):
         s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
                       "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact "
@@ -91,25 +92,24 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     return s
 
 
-def _scale(s: Settings, facts: Facts) -> Settings:
+def _scale(s: Settings, fitted: Scale | None, units: Units) -> Settings:
     """Draw the choice of the scale: of false colours, of the error map; disabled without either."""
     with ui.idle("" if s.show in (ERRORS, *FALSE_COLOURS) else "only false colours and the error map have a scale"):
-        s = _ends(s, facts)
+        s = _ends(s, fitted, units)
     with ui.idle("" if s.show == ILLUMINANCE else "isolines lie over false colours of light on surfaces"):
         return _isolines(s)
 
 
-def _ends(s: Settings, facts: Facts) -> Settings:
+def _ends(s: Settings, fitted: Scale | None, units: Units) -> Settings:
     """Draw the choice of the scale."""
     if s.show == ERRORS:
         names: dict = {None: AUTOMATIC, **{r: f"±{100 * r:.0f} %" for r in ERROR_RANGES}}
         s = ui.choice(s, "Scale", "error_range", names, "Ends of the colours of the error map.")
     else:
         field = "luminance_range" if s.show == LUMINANCE else "illuminance_range"
-        fixed = s.false_colour_range or (facts.scale and facts.scale[:2])
+        fixed = s.false_colour_range or (fitted and fitted[:2])
         names = {None: AUTOMATIC}
         if fixed:
-            units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
             unit = units.per_solid_angle if s.show == LUMINANCE else units.per_area
             names[fixed] = f"{fixed[0]:g} to {fixed[1]:g} {unit}"
         s = ui.choice(s, "Scale", field, names,

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 from imgui_bundle import imgui
 
+from app.rest.measured_points import MeasuredPoint
 from app.settings import Settings
 from app.window.panel import status
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 
 class Level(NamedTuple):
@@ -31,23 +32,25 @@ LEVELS = (
 FEWEST = 4096  # photons of a level, if the scene chooses more
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    _estimator(s, facts, actions)
-    now, k = level_of(s, facts.photons_chosen)
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
+    session = window.session
+    light, chosen = session.light, max(session.chosen.photons, 1)
+    _estimator(s, actions)
+    now, k = level_of(s, chosen)
     label = "Quality"
     changed, new = ui.int_slider(label, k + 1, 1, len(LEVELS), now)
     if changed:
-        s = at_level(s, min(max(new, 1), len(LEVELS)) - 1, facts.photons_chosen)
-    ui.tip(_about(facts))
-    cost = ui.ms(facts.gi_seconds) if facts.gi_seconds > 0 else ui.DASH
+        s = at_level(s, min(max(new, 1), len(LEVELS)) - 1, chosen)
+    ui.tip(_about(chosen, session.points.all))
+    cost = ui.ms(light.gi_seconds.value) if light.gi_seconds.value > 0 else ui.DASH
     of = f" of {s.budget:.0f} ms" if s.budget > 0 else ""
     ui.number("Costs per move", cost + of,
               "Time for light per frame while something moves: median of the last moves, and its limit.")  # fmt: skip
-    error = status.error_of(facts)
-    ui.number("Error at rest", ui.DASH if error is None or facts.moving else f"{100 * error:.1f} %",
+    error = status.error_of(session)
+    ui.number("Error at rest", ui.DASH if error is None or session.in_motion else f"{100 * error:.1f} %",
               "Mean error of irradiance against an unbiased reference, relative to the mean irradiance. Places "
               "brighter than the view count less.")  # fmt: skip
-    status.draw(facts)
+    status.draw(session)
     return s
 
 
@@ -73,24 +76,25 @@ def photons_of(level: Level, chosen: int) -> int:
     return chosen if level.photons == 1 else max(ui.rounded(max(round(level.photons * chosen), 1)), min(FEWEST, chosen))
 
 
-def _about(facts: Facts) -> str:
+def _about(chosen: int, points: tuple[MeasuredPoint, ...]) -> str:
     """Return the tooltip: photons, time and error of each level, as far as measured."""
     lines = ["From fast to accurate. Photons at rest, time for light per frame in motion, measured error:"]
     for level in LEVELS:
-        photons = photons_of(level, facts.photons_chosen)
-        error = next((f"{100 * p.error:.1f} %" for p in reversed(facts.points) if p.photons == photons), ui.DASH)
+        photons = photons_of(level, chosen)
+        error = next((f"{100 * p.error:.1f} %" for p in reversed(points) if p.photons == photons), ui.DASH)
         lines.append(f"{level.name}: {ui.thousands(photons)}, {level.budget:g} ms, {error}")
     return "\n".join(lines)
 
 
-def _estimator(s: Settings, facts: Facts, actions: set[str]) -> None:
-    keys = list(facts.estimators)
+def _estimator(s: Settings, actions: set[str]) -> None:
+    from gi_core.estimators import ESTIMATORS  # already loaded here; at the top it would delay the window
+
     ui.label("Estimator")
     if imgui.begin_combo("##Estimator", ui.title(s.estimator)):
-        for k, key in enumerate(keys):
+        for k, (key, kind) in enumerate(ESTIMATORS.items()):
             if imgui.selectable(ui.title(key), key == s.estimator)[0]:
                 actions.add(f"estimator {k}")
-            ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
+            ui.tip(f"{kind.about}\nKey {k + 1}")
         imgui.end_combo()
     else:
-        ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(keys)}.")
+        ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(ESTIMATORS)}.")

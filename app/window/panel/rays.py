@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from app.settings import CLICKED, POINTED, Settings
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 LABELS = {"bvh": "BVH", "grid3d": "3D grid", "bsp": "BSP tree"}
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     from gi_core.rays.structures import DEFAULT, STRUCTURES  # already loaded here
 
     shown = replace(s, rays=s.rays or DEFAULT)

@@ -7,11 +7,14 @@ from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from app.draw.units import PHOTOMETRIC, RADIOMETRIC
+from app.draw.readout import Pinned
+from app.draw.units import Units, units_of
+from app.rest.measuring_plane import PlaneLight
+from app.session.session import Session
 from app.settings import MeasuringPlane, Settings
 from app.values import MOST_GRID_POINTS
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 from gi_core.geometry.error import luminance
 
 SPEED = 0.01  # [m] per pixel of a drag
@@ -27,19 +30,19 @@ class Edit(NamedTuple):
     last: bool = True
 
 
-def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
-    units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
-    unit, surface = units.per_area, units.on_surface
-    for name, E in facts.probes.items():
+def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
+    session, units = window.session, units_of(window.session.scene.units)
+    snapshot, unit, surface = session.light.snapshot, units.per_area, units.on_surface
+    for name, E in snapshot.probes.items():
         red, green, blue = (f"{float(c):.4g}" for c in E)
         tip = f"{surface} at the probe: red {red}, green {green}, blue {blue}."
         ui.number(name, f"{float(luminance(E)):.4g} {unit}", tip)
-    _pins(s, facts, actions)
+    _pins(s, window.viewport.pins.shown, actions)
     if imgui.button("Pin a read-out", (-1, 0)):
         actions.add("pin")
     ui.tip("Then click a surface in the picture. Key I pins at once what is under the cursor; Del removes it.")
-    _plane(s, facts, actions)
-    imgui.begin_disabled(not (facts.probes or s.pins or s.plane))
+    _plane(s, session, actions)
+    imgui.begin_disabled(not (snapshot.probes or s.pins or s.plane))
     if imgui.button("Export as CSV...", (-1, 0)):
         actions.add("export")
     ui.tip("Write probes, pins, and all points of the measuring plane into a table.")
@@ -50,9 +53,9 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     return s
 
 
-def _pins(s: Settings, facts: Facts, actions: set[Any]) -> None:
+def _pins(s: Settings, pinned: tuple[Pinned, ...], actions: set[Any]) -> None:
     """Draw a row per pin: name, light, remove."""
-    readings = {pinned.pin: pinned.reading for pinned in facts.pinned}
+    readings = {one.pin: one.reading for one in pinned}
     em = imgui.get_font_size()
     for k, pin in enumerate(s.pins):
         imgui.push_id(f"pin {k}")
@@ -77,7 +80,7 @@ def _pins(s: Settings, facts: Facts, actions: set[Any]) -> None:
         imgui.pop_id()
 
 
-def _plane(s: Settings, facts: Facts, actions: set[Any]) -> None:
+def _plane(s: Settings, session: Session, actions: set[Any]) -> None:
     from app.rest.measuring_plane import default_plane, grid_of
 
     changed, on = imgui.checkbox("Measuring plane", s.plane is not None)
@@ -86,21 +89,21 @@ def _plane(s: Settings, facts: Facts, actions: set[Any]) -> None:
         "without 0.5 m along the walls, with the grid of EN 12464-1. Path traced at rest, without bias."
     )
     if changed:
-        actions.add(Edit("plane", default_plane(facts.level) if on else None))
+        actions.add(Edit("plane", default_plane(session.level) if on else None))
     if (plane := s.plane) is None:
         return
     (height,), *done = ui.fields("   height", (plane.height,), SPEED, "%.3f m", ("h",))
     _edited(plane._replace(height=height), done, actions)
     ui.tip("Height above the floor [m].")
-    for k, axis in enumerate(facts.level.axes.names):
+    for k, axis in enumerate(session.level.axes.names):
         ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), SPEED, "%.3f", ("from", "to"))
         ui.tip(f"Extent along {axis} [m], from and to.")
         low, high = list(plane.low), list(plane.high)
         low[k], high[k] = ends
         if high[k] - low[k] >= LEAST_SIDE:
             _edited(plane._replace(low=(low[0], low[1]), high=(high[0], high[1])), done, actions)
-    _points(plane, grid_of(plane, facts.level).shape, actions)
-    _numbers(facts)
+    _points(plane, grid_of(plane, session.level).shape, actions)
+    _numbers(session.light.snapshot.rest.plane, units_of(session.scene.units))
 
 
 def _edited(plane: MeasuringPlane, done: list[bool], actions: set[Any]) -> None:
@@ -125,10 +128,10 @@ def _points(plane: MeasuringPlane, shape: tuple[int, int], actions: set[Any]) ->
         actions.add(Edit("plane", plane._replace(points=None if norm else shape)))
 
 
-def _numbers(facts: Facts) -> None:
+def _numbers(light: PlaneLight | None, units: Units) -> None:
     from app.session.readouts import shown
 
-    light, unit = facts.plane, "lx" if facts.photometric else "W/m²"
+    unit = units.per_area
     if light is None:
         imgui.text_disabled("   measured at rest")
         return

@@ -10,16 +10,16 @@ from imgui_bundle import imgui
 from app.settings import UNITS, Settings
 from app.window import theme
 from app.window.panel import widgets as ui
-from app.window.panel.facts import Facts
+from app.window.parts import Window
 
 UNIT_NAMES = ["lx, cd/m², lm", "W/m², W/m²/sr, W"]  # of UNITS
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     imgui.text_wrapped(Path(s.document or s.scene).name)
     ui.tip(s.document or s.scene)
-    if facts.loading is not None:
-        _, fraction = facts.loading  # the phase is written over the picture
+    if (progress := window.reload.progress) is not None:
+        _, fraction = progress  # the phase is written over the picture
         # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
         imgui.progress_bar(-imgui.get_time() if fraction is None else fraction, (-1, imgui.get_frame_height()), "")
         ui.write_over("opening" if fraction is None else f"{100 * fraction:.0f} %")
@@ -28,13 +28,13 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
            "To open another scene: menu File, or drop its file on the window.")  # fmt: skip
     ui.label("Units")
-    changed, k = imgui.combo("##Units", 0 if facts.photometric else 1, UNIT_NAMES)
+    changed, k = imgui.combo("##Units", UNITS.index(window.session.scene.units), UNIT_NAMES)
     ui.tip("Units of the numbers in the scene's files. Lights and emission of glTF are photometric by its standard. "
            "For other files choose lx, then set the level of each lamp so that its lumens are right.")  # fmt: skip
     if changed:
         s = replace(s, units=UNITS[k])
-    if facts.load_problem:
+    if window.reload.problem:
         imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))
-        imgui.text_wrapped(facts.load_problem)
+        imgui.text_wrapped(window.reload.problem)
         imgui.pop_style_color()
     return s

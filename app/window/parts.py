@@ -1,10 +1,11 @@
-"""The window's parts that actions use."""
+"""The window's parts that actions and the panel's sections use."""
 
 from __future__ import annotations
 
 from typing import Any, Protocol
 
 from app.session.log import Log
+from app.session.moving_median import MovingMedian
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window.files import Files
@@ -18,13 +19,12 @@ class Window(Protocol):
     files: Files
     params: Any  # of hello_imgui
     help_open: bool
-    metered: float
     log: Log
     session: Session
     reload: Reload
     viewport: Viewport
     painter: Painter
-    estimators: dict[str, str]
+    frame_seconds: MovingMedian  # of frames with a new picture
 
     def open_scene(self, scene: str) -> None:
         """Open another scene."""
