@@ -30,9 +30,7 @@ centroid out vec3 back_gloss;
 
 in vec3 front_sent;       // radiance of gloss for the eye, where the processor evaluates it
 in vec3 back_sent;
-uniform sampler2D rays;     // where single rays are kept: two texels per ray, as a cell ...
-uniform sampler2D offsets;  // ... and the first ray of each cell of each receiver
-uniform float opened;       // cells that send more than this share of all light are read ray by ray; 0: none; < 0: all
+uniform bool single_rays;    // kept: the processor evaluates all gloss for the eye, cells serve views in planes
 uniform float mirrored_view;  // 1: in a plane, where tables show as diffuse; 2: in a probe, where all gloss does
 
 const float LEAST_ALPHA = 0.15;
@@ -46,7 +44,7 @@ float smith(float cosine) {
     return 0.5 * (sqrt(1.0 + a * a * tan2) - 1.0);
 }
 
-// Radiance of a cell or a ray of this share of irradiance, from the direction w of at most unit length.
+// Radiance of a cell of this share of irradiance, from the direction w of at most unit length.
 vec3 sent_from(vec3 share, vec3 w, vec3 n, vec3 to_eye, float at_eye, float far) {
     if (share.r + share.g + share.b <= 0.0) return vec3(0.0);
     float a = max(alpha, LEAST_ALPHA), length_of = max(length(w), 1e-6);
@@ -66,22 +64,6 @@ vec3 of_cell(ivec2 first, int c, vec3 n, vec3 to_eye, float at_eye, float far) {
     return sent_from(share, texelFetch(cells, at + ivec2(1, 0), 0).rgb, n, to_eye, at_eye, far);
 }
 
-int first_ray(int cell) {
-    int wide = textureSize(offsets, 0).x;
-    return int(texelFetch(offsets, ivec2(cell % wide, cell / wide), 0).r + 0.5);
-}
-
-vec3 of_rays(int cell, vec3 n, vec3 to_eye, float at_eye, float far) {
-    vec3 sum = vec3(0.0);
-    int wide = textureSize(rays, 0).x / 2, last = first_ray(cell + 1);
-    for (int j = first_ray(cell); j < last; ++j) {
-        ivec2 at = ivec2(2 * (j % wide), j / wide);
-        vec3 share = texelFetch(rays, at, 0).rgb;
-        sum += sent_from(share, texelFetch(rays, at + ivec2(1, 0), 0).rgb, n, to_eye, at_eye, far);
-    }
-    return sum;
-}
-
 vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
     vec3 to_eye = eye - position;
     float at_eye = dot(to_eye, n);
@@ -89,7 +71,7 @@ vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
     if (mirrored_view > 1.5 || (mirrored_view > 0.5 && alpha < 0.0)) {
         return mix(specular.rgb, specular.aaa, 1.0 / 21.0) * irradiance / 3.14159265;  // smooth gloss under even light
     }
-    if (alpha < 0.0) return sent;
+    if (alpha < 0.0 || (single_rays && mirrored_view < 0.5)) return sent;
     if (at_eye <= TURNED * length(to_eye)) return vec3(0.0);
     to_eye = normalize(to_eye);
     at_eye = max(dot(to_eye, n), GRAZING);
@@ -98,17 +80,7 @@ vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
     int owner = int(texelFetch(owners, ivec2(k / lines, k % lines), 0).r + 0.5);
     ivec2 first = ivec2(2 * count * (owner / lines), owner % lines);
     vec3 sum = vec3(0.0);
-    if (opened >= 0.0) {
-        for (int c = 0; c < count; ++c) sum += of_cell(first, c, n, to_eye, at_eye, far);
-    }
-    if (opened != 0.0) {
-        float limit = opened * (sum.r + sum.g + sum.b);
-        sum = vec3(0.0);
-        for (int c = 0; c < count; ++c) {
-            vec3 part = opened < 0.0 ? vec3(1e30) : of_cell(first, c, n, to_eye, at_eye, far);
-            sum += part.r + part.g + part.b > limit ? of_rays(count * k + c, n, to_eye, at_eye, far) : part;
-        }
-    }
+    for (int c = 0; c < count; ++c) sum += of_cell(first, c, n, to_eye, at_eye, far);
     return sum * irradiance;
 }
 #endif

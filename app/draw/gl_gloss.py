@@ -9,18 +9,15 @@ import numpy as np
 
 if TYPE_CHECKING:
     from gi_core.gloss.light import GlossLight
-    from gi_core.gloss.rays import RayTree
 
 LINES = 4096  # texels along a column: as many receivers; OpenGL 3.3 promises 1024, every driver in use 16384
-RAYS, OFFSETS = 2048, 4096  # along a line of the textures of single rays
 GAP = 16  # unchanged receivers between changed ones that are uploaded with them: a call costs more
 
 
 class GlossTexture:
     """Light of the glossy receivers: a line per owner of cells in columns of LINES, two texels per cell (RGBA16F).
 
-    A second texture (R32F) has the owner of each receiver, a line per receiver in columns of a texel. Where single rays
-    are kept, two more have the rays, two texels each as a cell, and the first ray of each cell of each receiver (R32F).
+    A second texture (R32F) has the owner of each receiver, a line per receiver in columns of a texel.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -28,7 +25,6 @@ class GlossTexture:
         self.lines = min(LINES, ctx.info["GL_MAX_TEXTURE_SIZE"])
         self._texture: moderngl.Texture | None = None
         self._owners: moderngl.Texture | None = None
-        self._rays: tuple[moderngl.Texture, moderngl.Texture] | None = None  # and their offsets
         self._shown: GlossLight | None = None
 
     @property
@@ -50,8 +46,6 @@ class GlossTexture:
             self._shown = light
         if before is None or before.place is not light.place:
             self._write_owners(light.place)
-        if before is None or before.tree is not light.tree:
-            self._write_rays(light.tree)
         if before is None or before.resting is not light.resting:
             rows = np.arange(n)
         else:
@@ -73,23 +67,6 @@ class GlossTexture:
         self._owners = self._ctx.texture((columns, lines), 1, texels.tobytes(), dtype="f4")
         self._owners.filter = moderngl.NEAREST, moderngl.NEAREST
 
-    def _write_rays(self, tree: RayTree | None) -> None:
-        if self._rays is not None:
-            for texture in self._rays:
-                texture.release()
-        self._rays = None
-        if tree is None:
-            return
-        texels = np.zeros((max(-(-len(tree.rays) // RAYS), 1), RAYS, 2, 4), np.float16)
-        flat = texels.reshape(-1, 2, 4)[: len(tree.rays)]
-        flat[:, 0, :3], flat[:, 1, :3] = tree.rays[:, :3], tree.rays[:, 3:]
-        first = np.zeros((-(-len(tree.offsets) // OFFSETS), OFFSETS), np.float32)  # exact up to 2^24 rays
-        first.reshape(-1)[: len(tree.offsets)] = tree.offsets
-        rays = self._ctx.texture((2 * RAYS, len(texels)), 4, texels.tobytes(), dtype="f2")
-        offsets = self._ctx.texture((OFFSETS, len(first)), 1, first.tobytes(), dtype="f4")
-        rays.filter = offsets.filter = moderngl.NEAREST, moderngl.NEAREST
-        self._rays = rays, offsets
-
     def _write(self, light: GlossLight, place: np.ndarray, first: int, last: int) -> None:
         """Upload receivers first .. last - 1, all of one column."""
         values = light.resting[first:last].astype(np.float32)
@@ -102,24 +79,16 @@ class GlossTexture:
         assert self._texture is not None
         self._texture.write(texels.tobytes(), viewport=(2 * cells * column, line, 2 * cells, count))
 
-    def use(self, cells: int, owners: int, rays: int, offsets: int) -> bool:
+    def use(self, cells: int, owners: int) -> bool:
         """Bind the textures to units; return whether there are any."""
         if self._texture is None or self._owners is None or self._shown is None:
             return False
         self._texture.use(cells)
         self._owners.use(owners)
-        if self._rays is not None:
-            self._rays[0].use(rays)
-            self._rays[1].use(offsets)
         return True
 
-    @property
-    def opened(self) -> float:
-        """Share of light above which single rays are read, see `Directions`; 0: cells alone."""
-        return self._shown.opened if self._shown is not None and self._rays is not None else 0.0
-
     def release(self) -> None:
-        for texture in (self._texture, self._owners, *(self._rays or ())):
+        for texture in (self._texture, self._owners):
             if texture is not None:
                 texture.release()
-        self._texture = self._owners = self._rays = self._shown = None
+        self._texture = self._owners = self._shown = None

@@ -113,12 +113,12 @@ class DrawnObject:
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
         self._along = self._strength = None
         self._shines = False  # whether any strength is not 0
-        # Vertices of tables that show light at vertices; the rest is seen in reflections.
-        self._tabulated = np.zeros(0, np.int64)
+        # Vertices that show gloss at vertices, and those of tables; others are seen in reflections.
+        self._shining = self._tabulated = np.zeros(0, np.int64)
         if mesh.lobe is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
-            shining = np.unique(plain)
-            self._tabulated = shining[mesh.lobe[shining, 4] < 0]
+            self._shining = np.unique(plain)
+            self._tabulated = self._shining[mesh.lobe[self._shining, 4] < 0]
             packed = np.c_[mesh.gloss + 1, mesh.normal, _with_albedo(mesh)].astype(np.float32)
             self._gloss = ctx.buffer(packed.tobytes())
             self._owned.append(self._gloss)
@@ -211,14 +211,13 @@ class DrawnObject:
             self._strength.write(np.zeros((self._vertices, MOST), np.float32) if strength is None else strength)
             self._shines = strength is not None
 
-    @property
-    def has_tables(self) -> bool:
-        """Whether the processor evaluates gloss of this object for each eye."""
-        return len(self._tabulated) > 0
+    def is_evaluated(self, single_rays: bool) -> bool:
+        """Return whether the processor evaluates gloss for each eye: of tables, of all where single rays are kept."""
+        return len(self._shining if single_rays else self._tabulated) > 0
 
     def evaluate(self, directions: Directions, eye: np.ndarray) -> None:
-        """Upload the radiance of gloss of tables towards an eye (3,) in the object's space."""
-        which = self._tabulated
+        """Upload the radiance of that gloss towards an eye (3,) in the object's space."""
+        which = self._shining if len(directions.offsets) > 1 else self._tabulated
         for layer, irradiance in self._light.items():
             seen = np.zeros((self._vertices, 6), np.float32)
             seen[which] = np.c_[gloss_colours(self._mesh, directions, irradiance, eye, which)]

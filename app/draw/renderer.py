@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 POINTED_OUTLINE = (0.95, 0.95, 0.95, 0.8)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
-GLOSS_UNITS = {"cells": 1, "owners": 4, "rays": 5, "offsets": 6}  # texture units; 2 and 3 are reflections
+GLOSS_UNITS = {"cells": 1, "owners": 4}  # texture units; 2 and 3 are reflections
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
 LINEAR, COMPRESSED = 5, 6  # of reflections
@@ -196,7 +196,7 @@ class Renderer:
         directions: Directions | None = None
         if look.is_light and look.eye is not None and (light := self._gloss.light) is not None:
             for o, model in zip(self._objects, look.models, strict=True):
-                if o.has_tables:
+                if o.is_evaluated(light.tree is not None):
                     directions = light.directions() if directions is None else directions
                     o.evaluate(directions, _in_object(model, look.eye))
         targets.drawn.use()
@@ -240,7 +240,7 @@ class Renderer:
             if "cells" in program:
                 for name, unit in GLOSS_UNITS.items():
                     program[name] = unit
-                program["opened"] = self._gloss.opened
+                program["single_rays"] = self._gloss.light is not None and self._gloss.light.tree is not None
                 program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
             if "image" in program:
                 program["image"] = 0

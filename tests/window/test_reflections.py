@@ -144,8 +144,7 @@ def test_the_vertex_shader_shows_gloss_as_its_twin_does():
 
 @pytest.mark.gl
 @pytest.mark.parametrize("way", ["list", "all_rays"])
-def test_the_vertex_shader_reads_single_rays_as_its_twin_does(way):
-    """A camera move calls nothing of the processor: the rays lie in textures."""
+def test_the_window_shows_single_rays_as_pictures_of_render_do(way):
     room = scene(Gloss((0.9, 0.7, 0.3), 0.3))
     shot, cells = (shot_of(room, replace(SETTINGS, gloss=one)) for one in (way, "quadtree"))
     seen = kind_of(shot) == 3
