@@ -11,9 +11,9 @@ import numpy as np
 
 from app.session.counted import Counted, counted
 from app.session.hemisphere_view import HemisphereView, hemisphere_view
-from app.session.strokes import ADDED, KEPT, REMOVED, Strokes, joined, rows_of, strokes
+from app.session.strokes import Strokes, joined, strokes
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE
-from gi_core.photons.paths import segments_at
+from gi_core.photons.paths import ADDED, KEPT, REMOVED, rows_of, segments_at
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import Wanted, change
 

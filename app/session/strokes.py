@@ -10,14 +10,12 @@ import numpy as np
 from gi_core.base.vectors import dot
 from gi_core.photons.paths import Segments
 
-KEPT, REMOVED, ADDED = range(3)  # as without mobiles; blocked by one; from there on
-
 
 class Strokes(NamedTuple):
     """Segments to be drawn. Places are relative to `Model.origins[0]`."""
 
     ends: np.ndarray  # (n, 2, 3) float64 [m], from the light on
-    kind: np.ndarray  # (n,) int64: KEPT, REMOVED, ADDED
+    kind: np.ndarray  # (n,) int64: KEPT, REMOVED, ADDED of gi_core.photons.paths
     hits: np.ndarray  # (n,) bool: the second end lies on a surface
 
 
@@ -32,11 +30,6 @@ def strokes(s: Segments, kind: int) -> Strokes:
     begin = np.clip(s.low / np.maximum(length, 1e-30), 0.0, 1.0)
     ends = np.stack([origin + begin[:, None] * along, hit], axis=1)
     return Strokes(ends, np.full(len(origin), kind), s.hit_side >= 0)
-
-
-def rows_of(segments: Segments, rows: np.ndarray) -> Segments:
-    """Return some segments, by index or mask."""
-    return type(segments)(*(a[rows] for a in segments))
 
 
 def joined(parts: Sequence[Arrays]) -> Arrays:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import imgui
 
-from app.session.strokes import ADDED, KEPT, REMOVED
 from app.window import hemisphere_plot, label, theme
+from gi_core.photons.paths import ADDED, KEPT, REMOVED
 
 if TYPE_CHECKING:
     from app.session.counted import Counted

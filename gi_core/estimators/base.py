@@ -15,6 +15,7 @@ import numpy as np
 
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
+from gi_core.estimators.counting import Counts, Find, Place
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
@@ -94,6 +95,12 @@ class Estimator(Protocol):
 
         Segments that leave lamps count if `frame.direct`. Valid until the next call. A call that raises has no effect
         on the next one. pause: called every few ms; what it raises leaves the call.
+        """
+
+    def counted(self, place: Place, find: Find) -> Counts:
+        """Return what counts at a receiver in the last frame, by a rule that `find` applies to all its segments.
+
+        The window draws it. Flux and area of these segments are those of the estimate there.
         """
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:

@@ -13,6 +13,7 @@ import numpy as np
 from gi_core.base.jit import inlined, kernel
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
+from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.background_sums import BackgroundSums
@@ -117,6 +118,10 @@ class ImpactCount:
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
+
+    def counted(self, place: Place, find: Find) -> Counts:
+        """Return the hits on the faces around a receiver."""
+        return hits_on_faces(self.model, place, find)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""

@@ -22,17 +22,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base import vectors
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, dot
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
+from gi_core.estimators.counting import Counts, Find, Place, circle, ends
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, chunks_of
-from gi_core.photons.hit_grid import HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of
-from gi_core.photons.paths import Segments
+from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of
+from gi_core.photons.paths import ADDED, KEPT, Segments, rows_of
 from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
@@ -163,6 +165,40 @@ class PhotonMap:
         changed[rows >> CHUNK_BITS] = True
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
         return Evaluated(sums, area, changed, *self._not_additive())
+
+    def counted(self, place: Place, find: Find) -> Counts:
+        """Return the nearest hits within the radius. The k-th gives the radius of the estimate alone.
+
+        Where fewer photons are searched than the picture has, the radius of the picture's estimate holds.
+        """
+        s, world, share = self.model.surfaces, self.model.world, self._share[place.row]
+        point = place.position.astype(np.float32)
+
+        def near(origin: np.ndarray, end: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            off = end - point
+            rows = np.flatnonzero((side != NONE) & (vectors.dot(off, off) <= np.float32(self.radius) ** 2))
+            face, back = side[rows] >> 1, side[rows] & 1
+            turned = np.einsum("nij,nj->ni", place.at.rotation[world.face_object[face]], world.normals[face])
+            facing = np.where(back == 1, -1.0, 1.0) * (turned @ place.normal) > OTHER_SIDE
+            if share < 1:
+                facing &= 2 * s.patch[face] + back == self._side[place.row]
+            return ends(np.isin(np.arange(len(side)), rows[facing]), origin, end)
+
+        parts = find(near, of_hits=True)
+        far = [np.sqrt(((hits.hit - point) ** 2).sum(axis=1)) for hits in parts]
+        now = np.sort(np.concatenate([far[KEPT], far[ADDED]]))
+        if place.searched < place.photons and place.area > 0:
+            radius = math.sqrt(place.area / (math.pi * share))
+            about = f"hits within {radius:.3g} m, the radius of the picture's {place.photons:,} photons"
+            inside = [d <= radius for d in far]
+        else:
+            full = len(now) >= self.k
+            radius = float(now[self.k - 1]) if full else self.radius
+            inside = [d < radius if full and not self.textbook else d <= radius for d in far]
+            count = int(inside[KEPT].sum() + inside[ADDED].sum())
+            about = f"hits, the {count:,} nearest, within {radius:.3g} m"
+        kept, removed, added = (rows_of(hits, rows) for hits, rows in zip(parts, inside, strict=True))
+        return Counts((kept, removed, added), circle(place, radius), about)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""

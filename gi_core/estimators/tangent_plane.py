@@ -18,9 +18,11 @@ from gi_core.base.threads import run_ranges, usable
 from gi_core.discs.contact.contact import PoseContacts
 from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.discs.intersection_cache import IntersectionCache
-from gi_core.discs.region import Regions, regions, whole_discs
+from gi_core.discs.region import EXTENSION, Regions, regions, whole_discs
 from gi_core.discs.search import SEARCHES, Search
 from gi_core.discs.search.predicate import Discs, crossing, lines, share
+from gi_core.estimators import counting
+from gi_core.estimators.counting import Counts, Find, Place
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.background_sums import BackgroundSums
@@ -34,7 +36,7 @@ from gi_core.photons.flux_sums import (
     Sums,
     ThreadSums,
 )
-from gi_core.photons.paths import Segments, bounced
+from gi_core.photons.paths import Segments, bounced, rows_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
@@ -192,6 +194,25 @@ class TangentPlane:
         self._differ, areas = self._contact.areas_of(contacts)
         self._areas[self._differ] = areas
         return self._areas
+
+    def counted(self, place: Place, find: Find) -> Counts:
+        """Return the segments that count at the disc of a receiver.
+
+        Some count that end before they cross it: see `predicate.accepts`.
+        """
+        model, at = self.model, place.at
+        o, disc, current = self.disc(place.row, at)
+        rule = counting.crossing(place, (2 + EXTENSION) * place.radius)
+        kept, removed, added = find(rule, current=current)
+        about = f"segments across the disc of {place.radius:.3g} m"
+        if disc.regions.row[0] < 0:
+            outline = counting.circle(place, place.radius)
+        else:
+            rim = counting.polygon(disc.regions.reach[0], model.object_receivers.normals[place.row], place.radius)
+            outline = rim @ at.rotation[o].T + place.position
+            about = f"{about}, as far as light can reach it (artifact control)"
+        kept, removed, added = (rows_of(s, self.crossing(place.row, s, at)) for s in (kept, removed, added))
+        return Counts((kept, removed, added), outline, about)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""

@@ -61,6 +61,14 @@ class Segments(NamedTuple):
         return np.where(self.cut_side != NONE, self.cut_side, self.end_side)
 
 
+KEPT, REMOVED, ADDED = range(3)  # kinds of segments: as without mobiles; blocked by one; from there on
+
+
+def rows_of(segments: Segments, rows: np.ndarray) -> Segments:
+    """Return segments by index (m,) or mask (S,)."""
+    return Segments(*(a[rows] for a in segments))
+
+
 class PathStore:
     """Append-only store of the background paths of photons 0 .. N - 1."""
 

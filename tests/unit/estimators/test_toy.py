@@ -17,6 +17,7 @@ from app.settings import Settings, make_solver, open_scene
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators import CHEAPEST, ESTIMATORS, Estimator
+from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated
@@ -75,6 +76,9 @@ class Toy:
         sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
         sums[self.model.surfaces.receiver_range(0)] += self.background(frame.photons, frame.direct)[0]
         return self._read(sums, frame.direct)
+
+    def counted(self, place: Place, find: Find) -> Counts:
+        return hits_on_faces(self.model, place, find)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         return self._read(self._sums_of(*(parts if direct else map(bounced, parts))), direct)

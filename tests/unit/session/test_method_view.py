@@ -9,10 +9,10 @@ import pytest
 
 from app.session import method_view as mv
 from app.session.counted import MOST_DRAWN
-from app.session.strokes import ADDED, KEPT, REMOVED
 from gi_core.estimators import ESTIMATORS
 from gi_core.files.load import load_scene
 from gi_core.photons.flux_sums import NOT_ADDITIVE
+from gi_core.photons.paths import ADDED, KEPT, REMOVED
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 from tests.support.viewer_support import room
