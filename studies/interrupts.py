@@ -43,7 +43,7 @@ def now():
     gathered = session.light._solver.frame_light.static.gathered
     return "at rest" if gathered is None or gathered.enough else "gathering"
 def close():
-    while viewer.frames < {frames} or {doing!r} not in ("", now()):
+    while viewer.clock.frames < {frames} or {doing!r} not in ("", now()):
         time.sleep(0.001)
     doing = now()
     print(time.time(), doing, flush=True)

@@ -150,8 +150,10 @@ class Soak:
         if now - self.noted > EVERY:
             self.noted = now
             use = memory_use()
-            self.notes.append((round(now - self.begun, 1), round(use.resident, 1), round(use.held, 1), viewer.frames))
-            print(f"{self.notes[-1][0]:.0f} s, frame {viewer.frames}: {use}", flush=True)
+            self.notes.append(
+                (round(now - self.begun, 1), round(use.resident, 1), round(use.held, 1), viewer.clock.frames)
+            )
+            print(f"{self.notes[-1][0]:.0f} s, frame {viewer.clock.frames}: {use}", flush=True)
 
     def _finish(self) -> None:
         """Come to rest, compare with a solution from scratch, close."""
@@ -215,7 +217,7 @@ def run(options: argparse.Namespace) -> int:
     trim()
     level, growth = settled(soak.notes, soak.seconds)
     result = {
-        "scene": options.scene, "minutes": options.minutes, "frames": viewer.frames, "actions": soak.counts,
+        "scene": options.scene, "minutes": options.minutes, "frames": viewer.clock.frames, "actions": soak.counts,
         "resident MB": [n[1] for n in soak.notes], "held MB": [n[2] for n in soak.notes],
         "growth in the second half MB": round(growth, 1), "after trimming": str(memory_use()),
         "threads at the end": threading.active_count(), "wrong": soak.wrong,

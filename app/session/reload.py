@@ -32,6 +32,7 @@ class Reload:
     def __init__(self, open_with: Callable) -> None:
         self.coming: Session | None = None  # the session being opened
         self.same = False  # the new scene is the current one, reloaded
+        self.dropped: list[str] = []  # files dropped on the window, until the next frame
         self.problem = ""  # error of the last scene that failed to open; edits that fail are in the log alone
         self._open_with = open_with
         self._begun = 0.0  # s, of the opening

@@ -9,6 +9,7 @@ from app.draw.light_faces import light_faces
 from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.window import view_content, window
+from app.window.preview import Preview
 
 if TYPE_CHECKING:
     import moderngl
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from app.session.first_look import FirstLook
     from app.session.session import Session
     from app.settings import Settings
-    from app.window.preview import Preview
     from app.window.viewport import Viewport
 
 SAMPLES_PER_PIXEL = 4
@@ -30,6 +30,7 @@ class Painter:
         self.ctx: moderngl.Context | None = None  # of the window
         self.renderer: Renderer | None = None  # None before the first scene or look
         self.software = False
+        self.preview = Preview()
         self.uploaded = 0  # session.version in the colour buffers
         self._quiet = 0  # frames since the last change
 
@@ -43,9 +44,9 @@ class Painter:
         self._prepared().set_scene(session.meshes)
         self.uploaded = 0
 
-    def draw_look(self, look: FirstLook, preview: Preview, settings: Settings) -> None:
+    def draw_look(self, look: FirstLook, settings: Settings) -> None:
         """Draw a first look at a scene that opens."""
-        preview.draw(self._prepared(), look, settings, 1 if self.software else SAMPLES_PER_PIXEL)
+        self.preview.draw(self._prepared(), look, settings, 1 if self.software else SAMPLES_PER_PIXEL)
 
     def _prepared(self) -> Renderer:
         if self.renderer is None:

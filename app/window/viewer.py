@@ -14,27 +14,22 @@ from app.session.malloc_arenas import limit_arenas
 from app.session.moving_median import MovingMedian
 from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
-from app.session.session import BUDGET, Session
+from app.session.session import Session
 from app.settings import Settings, UsageError
 from app.window import keys, method_marks, overlay, panel, panel_handle, readout_marks, window
 from app.window.actions import Request, act, views
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
+from app.window.frame_clock import LONGEST_WAIT, FrameClock
 from app.window.menus import Menus
 from app.window.painter import Painter
-from app.window.preview import Preview
-from app.window.ray_cells import RayCells
 from app.window.viewport import Viewport
 
-LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
-LINGER = 1.0  # s of frames after the last input: tooltips come and fade
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
-LONGEST_REST = 4.0  # s without a new picture at rest: light gets as much time as slow drawing takes
 OPENING_PAUSE = 0.05  # s between frames while a first scene opens ...
 COMPILING_PAUSE = 0.25  # ... and while kernels compile, without input: software GL took a seventh of two cores
 PAUSE = 0.5  # s that an idle window waits for input before it checks for signals
-LONGEST_STEP = 0.1  # s per frame of an animation: it does not jump after a pause of the program
 
 
 class Viewer:
@@ -45,10 +40,7 @@ class Viewer:
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
         self.reload = Reload(open_with or Opening)
-        self._dropped: list[str] = []  # files dropped on the window
         self.viewport = Viewport(self.session)
-        self.ray_cells = RayCells()
-        self.preview = Preview()
         self.painter = Painter()
         self.files = Files()
         self.menus = Menus(self.files, self._do, self.open_scene)
@@ -61,17 +53,11 @@ class Viewer:
         self.params.callbacks.post_init = self._begin
         self.params.callbacks.before_exit = self._close
         self.frame_seconds = MovingMedian()
-        self.frames = 0
+        self.clock = FrameClock()
         self.frames_left: int | None = None
         self.exit_when_refined = False
         self.keyboard = keys.Keyboard()
         self.help_open = False
-        self._before = time.perf_counter()
-        self._slept = False  # between the last frame and this one
-        self._seconds = 0.0
-        self._light_seconds = 0.0  # of the last frame: refinement or a move
-        self._light_until = 0.0  # without input, light has its time until then
-        self._awake_until = 0.0  # after input
         self.may_sleep = True  # between frames in which nothing changes
         self._ready = False
         self._news = ""  # for the log: how the scene on show came
@@ -84,20 +70,16 @@ class Viewer:
         self.menus.load_preferences()
         self.folds.load()
         self.files.load_preferences()
-        window.on_drop(self._dropped.extend)
+        window.on_drop(self.reload.dropped.extend)
 
     def _begin_frame(self) -> None:
-        now = time.perf_counter()
-        seconds, self._before = now - self._before, now
-        self._seconds = min(seconds, LONGEST_STEP)
-        if len(imgui.get_current_context().input_events_trail) or imgui.is_any_item_active():
-            self._awake_until = now + LINGER
-        if self.frames == 0:
+        has_input = bool(len(imgui.get_current_context().input_events_trail)) or imgui.is_any_item_active()
+        seconds = self.clock.begin(has_input)
+        if self.clock.frames == 1:
             self.painter.open()
-        self.frames += 1
-        if self.viewport.is_redrawn and not self._slept:  # frames that repeat a picture would hide slow ones
+        if self.viewport.is_redrawn and not self.clock.slept:  # frames that repeat a picture would hide slow ones
             self.frame_seconds.add(seconds)
-        self._slept = False
+        self.clock.slept = False
         if self.params.app_shall_exit and not self._may_leave:  # the window's close button
             self.params.app_shall_exit = False
             window.refuse_to_close()
@@ -122,8 +104,7 @@ class Viewer:
     def _end_frame(self) -> None:
         self.painter.finish()
         if self.viewport.is_redrawn:
-            now = time.perf_counter()
-            self._light_until = now + min(now - self._before - self._light_seconds, LONGEST_REST)
+            self.clock.drew()
         if self.may_sleep:
             self._sleep()
 
@@ -133,7 +114,7 @@ class Viewer:
         failed = self.session.problem is not None and not is_user_error(self.session.problem)
         unchanged = self.painter.is_done if self._ready else failed
         waits = self.session.opening is None and self.reload.coming is None and not self.params.app_shall_exit
-        return bool(unchanged and waits and not self._is_counted and time.perf_counter() >= self._awake_until)
+        return bool(unchanged and waits and not self._is_counted and not self.clock.is_awake)
 
     @property
     def _is_counted(self) -> bool:
@@ -149,13 +130,13 @@ class Viewer:
     def _holds(self) -> bool:
         """Whether new light is not yet drawn: light has as much time as slow drawing, while nobody waits for it."""
         active = self.viewport.control.is_moving or self.session.dragging or self.session.playing
-        waits = self._awake_until <= time.perf_counter() < self._light_until
+        waits = self.clock.is_lights_turn and not self.clock.is_awake
         return waits and not (active or self._is_counted or self.session.light.all_done)
 
     def _is_due(self, refresh: float) -> bool:
         """Whether a frame is due while work at rest goes on; without news after `refresh` [s]."""
         due = self._has_news or time.perf_counter() >= refresh
-        return self.session.light.all_done or (due and time.perf_counter() >= self._light_until)
+        return self.session.light.all_done or (due and not self.clock.is_lights_turn)
 
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
@@ -165,7 +146,7 @@ class Viewer:
             )
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
-            self._slept = True
+            self.clock.slept = True
             resting = self._ready and not self.session.light.all_done
             if resting:
                 self._guard("light", lambda: self.session.tick(0.0, budget=LONGEST_WAIT))
@@ -176,8 +157,8 @@ class Viewer:
                 break
             if resting and self._is_due(refresh):
                 break
-        if self._slept:
-            self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
+        if self.clock.slept:
+            self.clock.wake()
 
     def draw_viewport(self) -> None:
         """Handle input, update the light, draw: the picture shows the poses of this frame."""
@@ -185,12 +166,12 @@ class Viewer:
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
         imgui.begin("Viewport", None, flags)
         imgui.pop_style_var()
-        self._draw_part("input", lambda: self.viewport.handle_input(self._seconds))
+        self._draw_part("input", lambda: self.viewport.handle_input(self.clock.seconds))
         editing = imgui.is_any_item_active()
         still = not (self.viewport.control.is_moving or self.viewport.wipe.held or self.reload.is_editing)
-        started = time.perf_counter()
-        self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
-        self._light_seconds = time.perf_counter() - started
+        started, budget = time.perf_counter(), self.clock.budget(self.viewport.control.is_moving)
+        self._guard("light", lambda: self.session.tick(self.clock.seconds, editing, budget, still))
+        self.clock.light_seconds = time.perf_counter() - started
         if self.session.ready and not self._ready:
             self._ready = True  # one attempt, even a failed one
             self._guard("start", lambda: self._adopt(self.session))
@@ -198,7 +179,7 @@ class Viewer:
             self._guard("drawing", lambda: self.painter.draw(self.session, self.viewport, self._holds))
         elif (opening := self.session.opening) is not None and (look := opening.look) is not None:
             settings = self.session.settings
-            self._guard("first look", lambda: self.painter.draw_look(look, self.preview, settings))
+            self._guard("first look", lambda: self.painter.draw_look(look, settings))
         self._draw_part("overlay", self._draw_over)
         imgui.end()
 
@@ -209,7 +190,7 @@ class Viewer:
             readout_marks.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
         if self._ready and self.session.settings.cells:
-            self.ray_cells.draw(self.viewport)
+            self.viewport.ray_cells.draw(self.viewport)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
         if self._ready:
             self.viewport.covered = panel_handle.box(self.viewport.view)
@@ -281,19 +262,10 @@ class Viewer:
 
     # A frame ----------------------------------------------------------------------------------------
 
-    def _budget(self) -> float:
-        """Return the time to wait for refinement [s]: as long as the rest of a frame takes, within bounds.
-
-        Slow drawing runs on the same cores: half of the time is for light then, while nothing moves.
-        """
-        if self.viewport.control.is_moving:
-            return BUDGET
-        return min(max(self._seconds - self._light_seconds, BUDGET), LONGEST_WAIT)
-
     def _replace_session(self) -> None:
         """Open dropped files; show a newly opened scene once it is ready."""
-        if self._dropped:
-            files, self._dropped[:] = list(self._dropped), []
+        if dropped := self.reload.dropped:
+            files, dropped[:] = list(dropped), []
             drop(self, files)
         new = self.reload.tick(self.session)
         if new is not None:
@@ -315,8 +287,8 @@ class Viewer:
         self.painter.adopt(new)
         old, self.session = self.session, new
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
-        if old is new and self.preview.camera is not None:
-            self.viewport.view.camera = self.preview.camera
+        if old is new and self.painter.preview.camera is not None:
+            self.viewport.view.camera = self.painter.preview.camera
         if old is not new:
             old.close(0.0)
             window.rename(new.settings.document or new.settings.scene)

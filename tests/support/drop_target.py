@@ -27,7 +27,7 @@ def main() -> None:
 
     def say() -> None:
         session, view = viewer.session, viewer.viewport.view
-        if not viewer._ready or session.refining or view.size[0] < 10 or viewer.frames < 20:
+        if not viewer._ready or session.refining or view.size[0] < 10 or viewer.clock.frames < 20:
             return
         if not named:
             x, y = Hand(viewer, None).at(FLOOR)

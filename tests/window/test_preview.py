@@ -30,11 +30,11 @@ def test_the_window_shows_looks_until_the_scene_is_open(play):
         assert len(some) == 3
         for look in some:
             opening.look = look
-            hand.wait(lambda look=look: viewer.preview._uploaded is look)
+            hand.wait(lambda look=look: viewer.painter.preview._uploaded is look)
             hand.ctx.yield_(2)
             pictures.append(hand.pixels().astype(float))
         turned = replace(some[0].camera, yaw=some[0].camera.yaw + 0.3)
-        viewer.preview.camera = turned
+        viewer.painter.preview.camera = turned
         hand.ctx.yield_(2)
         pictures.append(hand.pixels().astype(float))
         may_open.set()

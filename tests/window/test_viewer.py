@@ -39,9 +39,9 @@ def test_frames_continue_while_the_scene_opens(play):
     def script(hand, viewer):
         opening = viewer.session.opening
         hand.wait(lambda: opening.phase == "loading scene")
-        before = viewer.frames
+        before = viewer.clock.frames
         hand.ctx.yield_(20)
-        drawn.append((opening.phase, viewer._ready, viewer.frames - before))
+        drawn.append((opening.phase, viewer._ready, viewer.clock.frames - before))
         seen.set()
         hand.wait_for_light()
         assert viewer.session.light._solver.frame.photons == support.SETTINGS.photons
@@ -67,7 +67,7 @@ def test_frame_times_are_those_of_new_pictures_in_a_row(play, monkeypatch):
         monkeypatch.setattr(viewer.viewport, "draw", lambda *given: (viewer.viewport.redraw(), draw(*given)))
         hand.ctx.yield_(3)
         in_a_row = len(added)
-        viewer._slept = True
+        viewer.clock.slept = True
         hand.ctx.yield_()
         assert 0 < in_a_row == len(added), "the frame after a wait does not count"
         hand.ctx.yield_()
@@ -141,7 +141,7 @@ def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
         hand.wait_for_light()
         hand.wait(lambda: viewer.session.light.all_done)
         hand.ctx.yield_(30)
-        viewer.session.light.all_done, viewer._light_until = False, time.perf_counter() + 1000
+        viewer.session.light.all_done, viewer.clock.light_until = False, time.perf_counter() + 1000
         monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
         count = len(draws)
         viewer.session.light.version += 1
@@ -150,14 +150,14 @@ def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
         viewer.session.light.all_done = True
         hand.ctx.yield_(3)
         assert len(draws) > count and viewer.painter.uploaded == viewer.session.version
-        viewer.session.light.all_done, viewer._light_until = False, time.perf_counter() + 1000
+        viewer.session.light.all_done, viewer.clock.light_until = False, time.perf_counter() + 1000
         viewer.session.light.version += 1
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded < viewer.session.version
         viewer.painter.adopt(viewer.session)
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded == viewer.session.version, "an edited scene was black until light had its time"
-        viewer._light_until = time.perf_counter() + 1000  # drawn anew
+        viewer.clock.light_until = time.perf_counter() + 1000  # drawn anew
         viewer.session.light.version += 1
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded < viewer.session.version
@@ -204,9 +204,9 @@ def test_exception_in_a_part_of_the_window_is_logged_and_the_others_are_drawn(pl
             hand.ctx.set_ref("Panel")
             hand.ctx.item_input_value("##Exposure", 1.5)
             assert viewer.session.settings.exposure == 1.5, "the panel works"
-        frames = viewer.frames
+        frames = viewer.clock.frames
         hand.ctx.yield_(5)
-        assert viewer.frames >= frames + 5
+        assert viewer.clock.frames >= frames + 5
 
     play(script)
     assert capfd.readouterr().err.count("ZeroDivisionError: of a part") == 1
@@ -228,9 +228,9 @@ def test_exception_in_a_stage_is_logged_and_frames_continue(play):
         viewer.painter.renderer.draw = draw
         viewer.viewport.redraw()
         hand.ctx.yield_(5)
-        frames = viewer.frames
+        frames = viewer.clock.frames
         hand.ctx.yield_(5)
-        assert viewer.frames >= frames + 5
+        assert viewer.clock.frames >= frames + 5
 
     play(script)
 
@@ -488,7 +488,7 @@ def test_work_at_rest_goes_on_between_frames(play, monkeypatch):
         hand.wait_for_light()
         session, tick = viewer.session, viewer.session.tick
         hand.wait(lambda: viewer.painter.is_done and session.light.snapshot.rest.report is not None)
-        session.tick = lambda *given, **more: (ticks.append(viewer.frames), tick(*given, **more))
+        session.tick = lambda *given, **more: (ticks.append(viewer.clock.frames), tick(*given, **more))
         viewer.may_sleep = True
         hand.wait(lambda: waits)
         assert not session.light.all_done

@@ -228,7 +228,7 @@ def test_a_mesh_dropped_on_the_picture_stands_there(play, folder, monkeypatch):
         place = (0.25, 0.0, 0.75)
         hand.ctx.mouse_move_to_pos(hand.at(place))
         hand.ctx.yield_(2)
-        change(hand, viewer, lambda: viewer._dropped.append(str(thing)))
+        change(hand, viewer, lambda: viewer.reload.dropped.append(str(thing)))
         session = viewer.session
         assert list(session.poses) == ["block", "thing"]
         assert session.poses["thing"].position == pytest.approx(place, abs=0.01)
@@ -375,7 +375,7 @@ def test_an_edit_that_fails_leaves_the_scene(play, folder):
         session = viewer.session
         hand.ctx.mouse_move_to_pos(hand.at(BLOCK_FRONT))
         hand.ctx.yield_(2)
-        viewer._dropped.append("gone.glb")
+        viewer.reload.dropped.append("gone.glb")
         hand.wait(lambda: errors(viewer))
         assert viewer.session is session and session.edits == ()
         said = errors(viewer)[-1]

@@ -247,12 +247,12 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         hand.wait_for_light()
         hand.move(hand.at((0.8, 0.2, 0.8)))
         assert tuple(imgui.get_mouse_pos()) == pytest.approx(hand.at((0.8, 0.2, 0.8)), abs=1)
-        change(hand, viewer, lambda: viewer._dropped.append(str(file)))
+        change(hand, viewer, lambda: viewer.reload.dropped.append(str(file)))
         bulb = viewer.session.scene.lights[0]
         assert bulb.name == "bulb" and bulb.position == (0.8, 0.2, 0.8) and bulb.flux == (4.0, 4.0, 8.0)
         assert bulb.gammas_degrees.tolist() == gammas and viewer.viewport.lamps.selected is None
         hand.move(hand.at((0.2, 0.0, 0.8)))
-        change(hand, viewer, lambda: viewer._dropped.append(str(file)))
+        change(hand, viewer, lambda: viewer.reload.dropped.append(str(file)))
         down = viewer.session.scene.lights[-1]
         assert down.name == "down" and down.position == pytest.approx((0.2, 0.99, 0.8), abs=0.02)
         assert viewer.session.file_of(viewer.viewport.lamps.selected) == str(file) and max(down.flux) > 0
