@@ -98,7 +98,7 @@ def dragged_frame(scene: str) -> tuple[dict, dict]:
 
     def begin() -> None:
         profile.clear()
-        profile.on = viewer._ready and viewer.session.dragging
+        profile.on = viewer._ready and viewer.session.motion.dragging
         frame()
 
     def end() -> None:

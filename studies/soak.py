@@ -158,7 +158,7 @@ class Soak:
     def _finish(self) -> None:
         """Come to rest, compare with a solution from scratch, close."""
         session = self.viewer.session
-        if session.playing:
+        if session.motion.playing:
             session.toggle_play()
         if session.refining or session.light.busy or self.viewer.reload.coming is not None:
             return

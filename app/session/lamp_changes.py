@@ -21,6 +21,7 @@ class LampChanges:
 
     def __init__(self, settings: Settings, clock: Callable[[], float]) -> None:
         self._clock = clock
+        self.held = False  # the panel holds a lamp's slider
         self._followed = settings.lamps, settings.solo  # in the light on show, or asked for
         self._start: tuple[Mapping[str, Sequence[float]], float] | None = None  # of a cross-fade: levels, and time
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from app.cli import saved_scene
 from app.session.opening import COMPILING, Before
-from app.session.session import Asked, Session
+from app.session.session import Asked, Inserted, Session
 from app.settings import TABLE, Settings
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class Reload:
                     self.problem = f"{coming.problem}"
             return None
         coming.light.move_pending(0.0)
-        if coming.light.is_moving or now.dragging or self._moves(now, coming):
+        if coming.light.is_moving or now.motion.dragging or self._moves(now, coming):
             return None
         self._take_over(now, coming)
         self.coming = None
@@ -137,7 +137,7 @@ class Reload:
             return False
         wanted = {**now.moved, **(self._edited.poses if self._edited is not None else {})}
         self._choose_places(now, coming, wanted)
-        wanted |= coming.inserted
+        wanted |= coming.inserted.poses
         kept = {name: p for name, p in wanted.items() if coming.poses.get(name, p) != p}
         if kept:
             coming.move(kept)
@@ -149,10 +149,10 @@ class Reload:
         from gi_core.files.edits import Insert
 
         for edit in coming.settings.edits:
-            if isinstance(edit, Insert) and edit.name not in {**now.poses, **wanted, **coming.inserted}:
-                poses = {**coming.poses, **wanted, **coming.inserted}
-                tried = (free_pose(coming, poses, edit.name, near) for near in (now.near.get(edit.name), None))
-                coming.inserted[edit.name] = next((pose for pose in tried if pose is not None), poses[edit.name])
+            if isinstance(edit, Insert) and edit.name not in {**now.poses, **wanted, **coming.inserted.poses}:
+                poses = {**coming.poses, **wanted, **coming.inserted.poses}
+                tried = (free_pose(coming, poses, edit.name, near) for near in (now.inserted.near.get(edit.name), None))
+                coming.inserted.poses[edit.name] = next((pose for pose in tried if pose is not None), poses[edit.name])
 
     def _take_over(self, now: Session, coming: Session) -> None:
         """Copy the settings that the user has changed since the start of the reload."""
@@ -160,10 +160,10 @@ class Reload:
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
         coming.light_by_estimator = now.light_by_estimator
         if self.same:
-            coming.near, coming.inserted = now.near, {**now.inserted, **coming.inserted}
+            coming.inserted = Inserted(now.inserted.near, {**now.inserted.poses, **coming.inserted.poses})
         if self._edited is not None:
             coming.history, coming.edits, coming.asked = now.history, now.edits, now.asked
-            coming.filled = now.filled
+            coming.requests.filled = now.requests.filled
         coming.want(replace(coming.settings, **changed))
 
     def close(self) -> None:
@@ -208,7 +208,7 @@ def _words(edits: Sequence[Edit], others: Sequence[Edit]) -> str:
 
 def settings_again(now: Session) -> Settings:
     """Return settings for a reload; settings that the program filled in become None."""
-    chosen = {name: None for name, value in now.filled.items() if getattr(now.settings, name) == value}
+    chosen = {name: None for name, value in now.requests.filled.items() if getattr(now.settings, name) == value}
     return replace(now.settings, **chosen, poses=())
 
 

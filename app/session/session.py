@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.measured_points import MeasuredPoints
@@ -42,6 +42,37 @@ class Asked(NamedTuple):
     follows: bool = False  # an edit that is being opened: it is let finish, as values of a held slider come faster
 
 
+class Inserted(NamedTuple):
+    """Objects inserted in this window, by name."""
+
+    near: dict[str, np.ndarray]  # the points (3,) [m] looked at then
+    poses: dict[str, Pose]  # the poses that they got near there
+
+
+@dataclass
+class Motion:
+    """A drag, or playing; one at most."""
+
+    dragging: bool = False
+    playing: bool = False
+    before: dict[str, Pose] = field(default_factory=dict)  # poses when it began
+    moved_at: float = 0.0  # [s], the last move or dimming
+    path_time: float = 0.0  # [s] along the paths
+
+    @property
+    def is_active(self) -> bool:
+        return self.dragging or self.playing
+
+
+@dataclass
+class Requests:
+    """Settings on the way from the user to the solver."""
+
+    applied: Settings  # those that the light on show has, or will have
+    changed_at: float = 0.0  # [s], the last request
+    filled: dict[str, object] = field(default_factory=dict)  # values of settings that were open
+
+
 class Session(OpenScene):
     """`ready` is True once there is a solver; until then only `opening` and `problem` change."""
 
@@ -61,25 +92,16 @@ class Session(OpenScene):
         self.problem: BaseException | None = None  # of the opening ...
         self.doing = "opening"  # ... and its word for the log
         self.lamp_changes = LampChanges(settings, clock)
-        self.dragging = False
-        self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
-        self.playing = False
+        self.motion = Motion()
         self.history = History()
-        self._before_edit: dict[Field, Any] = {}  # fields when an edit began
-        self._dimming = False  # the panel holds a lamp's slider
-        self.near: dict[str, np.ndarray] = {}  # points (3,) [m] looked at as objects were inserted, by their name
-        self.inserted: dict[str, Pose] = {}  # the poses that they got near there
+        self.inserted = Inserted({}, {})
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
         self._returning: dict[str, Pose] = {}  # poses that the edits asked for last bring back
         self.points = MeasuredPoints()  # of the error chart
         self.light_by_estimator: dict[str | None, str | None] = {}  # by estimator, as they were left
         self._refreshed = 0  # redraws of the same light
         self._worker = worker or Worker()
-        self._applied = settings
-        self.filled: dict[str, object] = {}  # values of settings that were open
-        self._changed_at = 0.0
-        self._moved_at = 0.0
-        self._path_time = 0.0
+        self.requests = Requests(settings)
 
     @property
     def ready(self) -> bool:
@@ -97,7 +119,7 @@ class Session(OpenScene):
     @property
     def in_motion(self) -> bool:
         """Whether objects are in motion, or their light is."""
-        return self.playing or self.dragging or self.light.is_moving or self.light.partial
+        return self.motion.is_active or self.light.is_moving or self.light.partial
 
     @property
     def version(self) -> int:
@@ -117,18 +139,22 @@ class Session(OpenScene):
         self.light.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
         self._dim()
-        if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
+        if (
+            self._to_apply
+            and not self.motion.dragging
+            and (not editing or self.clock() - self.requests.changed_at >= SETTLE)
+        ):
             self._apply()
-        self.playing &= not self.light.move_failed
-        if self.playing and not self.dragging:
+        self.motion.playing &= not self.light.move_failed
+        if self.motion.playing and not self.motion.dragging:
             self._play(seconds)
-            self.playing &= not self.light.move_failed
-        elif not self.dragging and not (editing and self.clock() - self._moved_at < STILL):
+            self.motion.playing &= not self.light.move_failed
+        elif not self.motion.dragging and not (editing and self.clock() - self.motion.moved_at < STILL):
             self.light.settle()
             if not self.is_editing:  # the scene after the edit has other light
                 self.light.refine(budget, self.settings if still and not editing else None)
             self.points.add(self.light.snapshot.rest.point)
-        elif self.clock() - self._moved_at >= STILL:
+        elif self.clock() - self.motion.moved_at >= STILL:
             self.light.settle()
         if not self.settings.show_disc:
             self.held_receiver = -1
@@ -138,7 +164,7 @@ class Session(OpenScene):
         """Follow the settings of the lamps, at once or in a cross-fade."""
         levels = self.lamp_changes.due(self.settings, self.model.emitters.lamps.names)
         if levels is not None:
-            self._moved_at = self.clock()
+            self.motion.moved_at = self.clock()
             self.light.dim(levels)
 
     def fade(self) -> None:
@@ -150,24 +176,24 @@ class Session(OpenScene):
         """Request settings; they apply once they rest."""
         if settings != self.settings:
             self.settings = settings
-            self._changed_at = self.clock()
+            self.requests.changed_at = self.clock()
 
     def take(self, settings: Settings, held: bool) -> None:
         """Request the panel's settings; held: its mouse button is down. Lamps change in one step of undo per press."""
         changed = {name: getattr(settings, name) for name in OF_LAMPS}
         if changed != {name: getattr(self.settings, name) for name in OF_LAMPS}:
-            self.edit(first=not self._dimming, last=not held, **changed)
-            self._dimming = held
+            self.edit(first=not self.lamp_changes.held, last=not held, **changed)
+            self.lamp_changes.held = held
             self._hint_at_exposure(held)
-        elif self._dimming and not held:
+        elif self.lamp_changes.held and not held:
             self.edit(first=False)
-            self._dimming = False
+            self.lamp_changes.held = False
             self._hint_at_exposure(held)
         self.want(settings)
 
     def _hint_at_exposure(self, held: bool) -> None:
         """Log how to meter the exposure where an edit of lamps has ended in other light."""
-        was = replace(self.settings, **{key.name: value for key, value in self._before_edit.items()})
+        was = replace(self.settings, **{key.name: value for key, value in self.history.before.items()})
         if not held and changes_exposure(self.model.emitters, was, self.settings):
             self.log("the exposure stays as it was: key A meters it", WARNING)
 
@@ -175,7 +201,7 @@ class Session(OpenScene):
         """Return to the settings of a scene opened without options, and to its first exposure."""
         s = self.settings
         kept: dict[str, Any] = {name: getattr(s, name) for name, row in TABLE.items() if not row.resets}
-        self.want(replace(Settings(), **(kept | {"exposure": self.start_exposure} | self.filled)))
+        self.want(replace(Settings(), **(kept | {"exposure": self.start_exposure} | self.requests.filled)))
 
     def choose_estimator(self, name: str) -> None:
         """Show an estimator in the light that it had last; at first its photons alone."""
@@ -200,8 +226,8 @@ class Session(OpenScene):
         """Show a scene that has its first picture."""
         # Changes made in the panel meanwhile stay; open settings get their values.
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
-        self.filled = {name: value for name, value in filled.items() if value is not None}
-        self.settings = self._applied = replace(self.settings, **filled)
+        self.requests.filled = {name: value for name, value in filled.items() if value is not None}
+        self.settings = self.requests.applied = replace(self.settings, **filled)
         self.lamp_changes.adopt(opened.settings)
         self._show(opened, SolverThread(opened.solver, self.log, self.clock, self._worker))
         known = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
@@ -211,11 +237,11 @@ class Session(OpenScene):
 
     @property
     def _to_apply(self) -> bool:
-        return replace(self.settings, lamps=(), solo="") != replace(self._applied, lamps=(), solo="")
+        return replace(self.settings, lamps=(), solo="") != replace(self.requests.applied, lamps=(), solo="")
 
     def _apply(self) -> None:
         """Apply the requested settings; only the work that depends on a change is repeated."""
-        old, new = self._applied, self.settings
+        old, new = self.requests.applied, self.settings
         was = old.of_solver
         changed = {name: value for name, value in new.of_solver.items() if value != was[name]}
         try:
@@ -226,7 +252,7 @@ class Session(OpenScene):
             self.log.error("settings", problem)
         if any(row.recolours and getattr(new, name) != getattr(old, name) for name, row in TABLE.items()):
             self._refreshed += 1
-        self._applied = new
+        self.requests.applied = new
 
     # Motion -----------------------------------------------------------------------------------------
 
@@ -235,23 +261,23 @@ class Session(OpenScene):
 
         The light has as many photons as fit the budget; each single move chooses their number again.
         """
-        self._moved_at = self.clock()
-        if not (self.dragging or self.playing):
+        self.motion.moved_at = self.clock()
+        if not self.motion.is_active:
             self.light.begin_motion()
         self.light.move(poses)
 
     def begin_drag(self) -> None:
-        self.dragging = True
+        self.motion.dragging = True
         self.light.begin_motion()
-        self.before_drag = self.poses
+        self.motion.before = self.poses
 
     def end_drag(self, keep: bool = True) -> None:
         """End a drag as one step of undo; not `keep`: return to the poses at the press."""
-        self.dragging = False
+        self.motion.dragging = False
         if keep:
-            self.history.push(self.before_drag, self.poses)
-        elif self.before_drag != self.poses:
-            self.move(self.before_drag)
+            self.history.push(self.motion.before, self.poses)
+        elif self.motion.before != self.poses:
+            self.move(self.motion.before)
 
     def undo(self) -> None:
         self._go_back(self.history.undo(), "nothing to undo")
@@ -260,7 +286,7 @@ class Session(OpenScene):
         self._go_back(self.history.redo(), "nothing to redo")
 
     def _go_back(self, step: Mapping[Any, Any], otherwise: str) -> None:
-        self.playing = False
+        self.motion.playing = False
         if not step:
             self.log(otherwise)
         fields = {key.name: value for key, value in step.items() if isinstance(key, Field)}
@@ -276,12 +302,14 @@ class Session(OpenScene):
     def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
         """Change fields of the settings; the changes from a `first` to a `last` are one step of undo."""
         if first:
-            self._before_edit = {}
+            self.history.before = {}
         for name in fields:
-            self._before_edit.setdefault(Field(name), getattr(self.settings, name))
+            self.history.before.setdefault(Field(name), getattr(self.settings, name))
         self.want(replace(self.settings, **fields))
         if last:
-            self.history.push(self._before_edit, {key: getattr(self.settings, key.name) for key in self._before_edit})
+            self.history.push(
+                self.history.before, {key: getattr(self.settings, key.name) for key in self.history.before}
+            )
 
     # Edits ------------------------------------------------------------------------------------------
 
@@ -293,7 +321,7 @@ class Session(OpenScene):
         """
         from gi_core.files.edits import with_edit
 
-        self.playing = False
+        self.motion.playing = False
         before = self.edits
         for edit in edits:
             self.edits = with_edit(self.edits, edit)
@@ -338,10 +366,10 @@ class Session(OpenScene):
         self.asked = Asked(self.edits, (self.asked or asked).poses) if self.edits != shown else None
 
     def reset_poses(self) -> None:
-        self.playing = False
-        self._path_time = 0.0
+        self.motion.playing = False
+        self.motion.path_time = 0.0
         before = self.poses
-        start = {name: self.inserted.get(name, pose) for name, pose in self._start.items()}
+        start = {name: self.inserted.poses.get(name, pose) for name, pose in self._start.items()}
         if before != start:
             self.move(start)
             self.history.push(before, start)
@@ -349,22 +377,22 @@ class Session(OpenScene):
     # Playing ----------------------------------------------------------------------------------------
 
     def toggle_play(self) -> None:
-        if not self.playing and not self.paths:
+        if not self.motion.playing and not self.paths:
             self.log("this scene has no mobile to play", WARNING)
             return
-        self.playing = not self.playing
-        if self.playing:
+        self.motion.playing = not self.motion.playing
+        if self.motion.playing:
             self.light.begin_motion()
-            self.before_drag = self.poses
+            self.motion.before = self.poses
         else:
-            self.history.push(self.before_drag, self.poses)
+            self.history.push(self.motion.before, self.poses)
 
     def _play(self, seconds: float) -> None:
         """Advance along the paths by a time, so that the speed does not depend on the frame rate."""
         from app.draw.motion import play_head
 
-        self._path_time += seconds
-        self.move({name: pose_at(path, play_head(path, self._path_time)) for name, path in self.paths.items()})
+        self.motion.path_time += seconds
+        self.move({name: pose_at(path, play_head(path, self.motion.path_time)) for name, path in self.paths.items()})
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop all work, waiting for at most `patience` seconds per job. Nothing else may be called afterwards."""

@@ -22,6 +22,7 @@ class History:
     def __init__(self) -> None:
         self._done: list[Step] = []
         self._undone: list[Step] = []
+        self.before: dict[Field, Any] = {}  # fields when the edit under way, or the last one, began
 
     def push(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
         """Record a change; undone steps can then no longer be redone."""

@@ -67,7 +67,7 @@ class Gizmo:
         changed = G.manipulate(eye, projection, OPERATIONS[self.mode], G.MODE.world, matrix, None, snap)
         if G.is_using() and not self._held:
             self._held, self._middle = True, middle
-            session.playing = False
+            session.motion.playing = False
             session.begin_drag()
         if changed and self._held:
             moved = np.array(matrix.values, np.float64).reshape(4, 4).T

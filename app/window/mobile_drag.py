@@ -37,7 +37,7 @@ class MobileDrag:
         mobile = session.scene.mobiles[hit.object - 1].name
         self.others = {name: session.poses[name] for name in names if name != mobile}
         u, v = view.uv(imgui.get_io().mouse_pos)
-        session.playing = False
+        session.motion.playing = False
         session.begin_drag()
         low, high = session.box_of((mobile, *self.others))
         pivot = (low + high) / 2 if self.others else None
@@ -48,7 +48,7 @@ class MobileDrag:
         u, v = view.uv(imgui.get_io().mouse_pos)
         way = math.hypot((u - self.grab.u) * view.size[0], (v - self.grab.v) * view.size[1])
         # A cursor that leaves the window has no place for a moment.
-        if imgui.is_mouse_pos_valid() and (way >= CLICK_PIXELS or session.poses != session.before_drag):
+        if imgui.is_mouse_pos_valid() and (way >= CLICK_PIXELS or session.poses != session.motion.before):
             # The camera may have dollied since the press: the ray is of the current camera.
             grab = self.grab._replace(camera=view.camera)
             pose = drag.dragged(grab, u, v, view.aspect, self.room)

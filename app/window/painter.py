@@ -59,7 +59,13 @@ class Painter:
         holds: light stays as it was last drawn, if this scene has been drawn.
         """
         changed = self.uploaded != session.version and not (holds and self.uploaded)
-        busy = changed or session.refining or session.dragging or session.playing or viewport.control.is_moving
+        busy = (
+            changed
+            or session.refining
+            or session.motion.dragging
+            or session.motion.playing
+            or viewport.control.is_moving
+        )
         self._quiet = 0 if busy else self._quiet + 1
         if changed:
             self._upload(session, viewport)

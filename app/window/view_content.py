@@ -73,7 +73,7 @@ def shown(session: Session) -> Shown:
     sides = (left,) if right is None else (left, right)
     method = session.light.method
     recomputed = method.recomputed if s.show_recomputed and errors is None and method is not None else None
-    moves = session.dragging or session.playing
+    moves = session.motion.is_active
     return Shown(sides, _coming(s, right, reference, moves), errors, s.reference or errors is not None, recomputed)
 
 

@@ -129,7 +129,7 @@ class Viewer:
     @property
     def _holds(self) -> bool:
         """Whether new light is not yet drawn: light has as much time as slow drawing, while nobody waits for it."""
-        active = self.viewport.control.is_moving or self.session.dragging or self.session.playing
+        active = self.viewport.control.is_moving or self.session.motion.is_active
         waits = self.clock.is_lights_turn and not self.clock.is_awake
         return waits and not (active or self._is_counted or self.session.light.all_done)
 

@@ -212,7 +212,7 @@ class Viewport:
     def _select_by(self, grab: drag.Grab) -> None:
         """Select after a drag or a click: Ctrl + click adds or removes an object, Shift + click adds it."""
         name, others = grab.mobile, tuple(n for n in self.selection if n != grab.mobile)
-        if self.session.poses != self.session.before_drag:
+        if self.session.poses != self.session.motion.before:
             self.select(self.selection if name in self.selection else (name,))
         elif grab.mode == drag.TURN and name in self.selection:
             self.select(others)

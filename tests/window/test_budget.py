@@ -78,7 +78,7 @@ def test_held_mobile_shows_all_photons_then_the_same_subset():
         assert s.light.snapshot.photons == 500, "not at the first hesitation"
     for _ in range(5):
         frame(s)
-    assert s.light.snapshot.photons == 1000 and s.dragging and not s.light.partial
+    assert s.light.snapshot.photons == 1000 and s.motion.dragging and not s.light.partial
     assert drag(s, 5, first=5) == [500] * 5
 
 

@@ -9,6 +9,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, from_camera
+from app.session.session import Motion
 from app.window import drag
 from app.window.camera_control import ORBIT, CameraControl
 from app.window.mobile_drag import MobileDrag
@@ -64,14 +65,14 @@ class Room(SimpleNamespace):
     """A session with one mobile."""
 
     def __init__(self) -> None:
-        super().__init__(scene=SimpleNamespace(mobiles=[SimpleNamespace(name="block")]), playing=True)
-        self.poses, self.before_drag, self.ended = {"block": Pose((0.0, 0.0, 0.0))}, None, []
+        super().__init__(scene=SimpleNamespace(mobiles=[SimpleNamespace(name="block")]), motion=Motion(playing=True))
+        self.poses, self.ended = {"block": Pose((0.0, 0.0, 0.0))}, []
 
     def box_of(self, names):
         return np.full(3, -0.1), np.full(3, 0.1)
 
     def begin_drag(self) -> None:
-        self.before_drag = dict(self.poses)
+        self.motion.before = dict(self.poses)
 
     def end_drag(self, keep: bool = True) -> None:
         self.ended.append(keep)

@@ -253,7 +253,7 @@ def test_exception_in_refinement_or_move_is_logged(session):
     session.light._solver.move_all = refuse
     session.toggle_play()
     frame(session)
-    assert not session.playing and "not rigid" in session.log.last.text
+    assert not session.motion.playing and "not rigid" in session.log.last.text
 
 
 def iter_raising(text):

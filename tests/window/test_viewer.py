@@ -161,7 +161,7 @@ def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
         viewer.session.light.version += 1
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded < viewer.session.version
-        viewer.session.playing = True
+        viewer.session.motion.playing = True
         hand.ctx.yield_(3)
         assert viewer.painter.uploaded == viewer.session.version
 

@@ -206,7 +206,7 @@ def test_an_arrow_moves_the_selected_object_along_its_axis(play):
             pose = session.poses["block"]
             dx, dy, dz = np.subtract(pose.position, before)
             assert abs(dx) > 0.03 and abs(dy) < 1e-6 and abs(dz) < 1e-6, (dx, dy, dz)
-            assert pose.quaternion == start.quaternion and not session.dragging
+            assert pose.quaternion == start.quaternion and not session.motion.dragging
             if snaps:
                 assert abs(dx) == pytest.approx(0.01 * round(abs(dx) / 0.01), abs=1e-6)
             assert hand.light_is_that_from_scratch()

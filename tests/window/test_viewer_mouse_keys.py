@@ -156,10 +156,10 @@ def test_keys(play, folder):
 
         start = session.poses["block"]
         hand.press(K.space)
-        assert session.playing
+        assert session.motion.playing
         hand.wait(lambda: session.poses["block"] != start)
         hand.press(K.space)
-        assert not session.playing
+        assert not session.motion.playing
         moved = session.poses["block"]
         hand.ctx.yield_(3)
         assert session.poses["block"] == moved

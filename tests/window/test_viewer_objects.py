@@ -94,7 +94,7 @@ def test_an_object_is_selected_and_moved_by_numbers(play):
         assert viewport.selection == ("block",)
         ctx.item_input_value("##Position x", 0.62)
         hand.wait_for_light()
-        assert session.poses["block"].position == (0.62, *start.position[1:]) and not session.dragging
+        assert session.poses["block"].position == (0.62, *start.position[1:]) and not session.motion.dragging
         ctx.item_input_value("##Rotation y", 30.0)
         hand.wait_for_light()
         turned_by = session.poses["block"]

@@ -313,7 +313,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         assert ("Photons shown", f"{few:,} of 20,000") in rows
         monkeypatch.setattr(session_module, "STILL", 0.05)
         hand.wait(lambda: session.light.snapshot.photons == 20_000)
-        assert session.dragging, "held still for a while"
+        assert session.motion.dragging, "held still for a while"
         monkeypatch.setattr(session_module, "STILL", 60.0)
         hand.move((at[0] + 90, at[1]))
         hand.wait(lambda: session.light.snapshot.photons == few)

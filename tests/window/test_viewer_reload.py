@@ -216,7 +216,7 @@ def test_old_scene_stays_usable_while_the_new_one_loads(play):
         hand.ctx.mouse_down(0)
         for k in range(1, 6):
             hand.move((front[0] + 8 * k, front[1]))
-        assert viewer.clock.frames > frames + 5 and viewer.session is session and session.dragging
+        assert viewer.clock.frames > frames + 5 and viewer.session is session and session.motion.dragging
         assert viewer.reload.progress[0] == "loading scene: room"
         session.want(replace(session.settings, tone_map="reinhard"))
         files.gate.set()

@@ -22,14 +22,14 @@ from gi_core.scene.pose import carried, three
 def move(window: Window, asked: Move) -> None:
     """Move an object by the panel's fields, and other selected ones with it."""
     session, names = window.session, window.viewport.selection
-    if asked.first and not session.dragging:
-        session.playing = False
+    if asked.first and not session.motion.dragging:
+        session.motion.playing = False
         session.begin_drag()
     before = session.poses[asked.name]
     if asked.pose != before:
         others = {name: session.poses[name] for name in names if name != asked.name}
         session.move({asked.name: asked.pose, **carried(others, before, asked.pose)})
-    if asked.last and session.dragging:
+    if asked.last and session.motion.dragging:
         session.end_drag()
 
 
@@ -81,7 +81,7 @@ def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
     file = os.path.abspath(os.path.expanduser(name))
     edit = Insert(_free_name(window, Path(file).stem), file, pose)
     if place is None:
-        window.session.near[edit.name] = window.viewport.looked_at
+        window.session.inserted.near[edit.name] = window.viewport.looked_at
     window.session.change_scene(edit)
 
 

@@ -67,7 +67,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     ui.tip("Let the camera show the selected objects. Key F.")
     imgui.end_disabled()
     imgui.begin_disabled(not session.poses)
-    if imgui.button(("Pause" if session.playing else "Play") + "###Play", (half, 0)):
+    if imgui.button(("Pause" if session.motion.playing else "Play") + "###Play", (half, 0)):
         actions.add("play")
     ui.tip("Move the objects along their paths, or one on a circle. Key Space.")
     imgui.same_line()
