@@ -7,18 +7,18 @@ the job then goes on behind the picture. During a motion the light may be that o
 
 from __future__ import annotations
 
-import enum
 import functools
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.scheduler import RestWork
 from app.session.log import WARNING, Log
 from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Show, Step, Time
-from app.worker import PATIENCE, Worker
+from app.worker import PATIENCE, Call, Worker
 from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
@@ -34,11 +34,46 @@ GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 5
 TIMED_STEP = 0.005  # of the scene's size: the move of a timed frame, as in a quick drag
 
 
-class Stage(enum.Enum):
-    """State of refinement."""
+class Waiting:
+    """Moves and levels of lamps that wait for their turn."""
 
-    REFINING = enum.auto()
-    REFINED = enum.auto()
+    def __init__(self) -> None:
+        self.poses: dict[str, Pose] = {}
+        self.levels: Mapping[str, tuple[float, float, float]] | None = None
+        self.begins = False  # the next move begins a motion
+        self.breaks = threading.Event()  # set while something waits: a frame that shows no move is then broken off
+        self.over = threading.Event()  # set while a new motion waits: a later frame of the old one is broken off
+
+    def __bool__(self) -> bool:
+        return bool(self.poses) or self.levels is not None
+
+    def add(self) -> None:
+        self.breaks.set()
+        if self.begins:
+            self.over.set()
+
+
+@dataclass
+class Refinement:
+    """Steps to all photons."""
+
+    steps: Iterator[Progress] | None = None  # None: all is refined
+    progress: Progress | None = None  # the last step
+
+
+@dataclass
+class Timing:
+    """Frames of photon subsets that are timed, so that the first drag knows which fit."""
+
+    due: bool = True
+    steps: Iterator[bool] | None = None  # None: not begun at these poses
+
+
+class Running(NamedTuple):
+    """A job under way."""
+
+    job: Job
+    call: Call
 
 
 class SolverThread:
@@ -50,25 +85,19 @@ class SolverThread:
         self.log = log
         self.clock = clock
         self.version = 0  # of the picture in the snapshot
-        self.progress: Progress | None = None  # the last step of the refinement under way
         self.gi_seconds = MovingMedian()  # new poses in, irradiance out
         self.grace = GRACE  # s per frame for a move
         self.budget = 0.0  # s per frame in motion; 0: always all photons
-        self.steps_begun = 0
         self.move_failed = False  # the last one
         self.all_done = False  # the last call for a task at rest found none
         self.method: MethodView | None = None  # parts of the method that the window draws
         self._parts: MethodParts | None = None  # those asked for
         self._warned: set[str] = set()  # kinds of warnings that the log has had
-        self._waits = threading.Event()  # set while moves wait: a frame that shows no move is then broken off
-        self._over = threading.Event()  # set while a new motion waits: a later frame of the old one is broken off
-        self._solver, self._work, self._worker = solver, RestWork(solver, clock, self._waits.is_set), worker
-        self._job: Job | None = None
-        self._time_due = True  # frames of photon subsets must be timed
-        self._timings: Iterator[bool] | None = None
-        self._pending: dict[str, Pose] = {}  # poses that wait for their turn
-        self._levels: dict[str, tuple[float, float, float]] | None = None  # of lamps, that wait for their turn
-        self._begins = False  # the next move begins a motion
+        self._waiting = Waiting()
+        self._solver, self._work, self._worker = solver, RestWork(solver, clock, self._waiting.breaks.is_set), worker
+        self._running: Running | None = None
+        self._timing = Timing()
+        self._refinement = Refinement()
         self._begin_refinement()
         self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())
 
@@ -77,28 +106,38 @@ class SolverThread:
     @property
     def busy(self) -> bool:
         job = self._job is not None and self._job.busy
-        return self._stage is Stage.REFINING or job or self._is_asked or self.partial
+        return self._is_refining or job or bool(self._waiting) or self.partial
 
     @property
     def refined(self) -> float:
         """Share of the photons at the present settings; 1: all are in the picture, below it another may be on show."""
-        done = self._stage is Stage.REFINED
-        return 1.0 if done else min(self.progress.fraction, 0.99) if self.progress is not None else 0.0
+        if not self._is_refining:
+            return 1.0
+        return min(self.progress.fraction, 0.99) if self.progress is not None else 0.0
 
     @property
-    def _is_asked(self) -> bool:
-        """Whether a move or levels of lamps wait for their turn."""
-        return bool(self._pending) or self._levels is not None
+    def progress(self) -> Progress | None:
+        """The last step of the refinement under way."""
+        return self._refinement.progress
+
+    @property
+    def _is_refining(self) -> bool:
+        return self._refinement.steps is not None
+
+    @property
+    def _job(self) -> Job | None:
+        """The job under way."""
+        return self._running.job if self._running is not None else None
 
     @property
     def is_idle(self) -> bool:
         """Whether no job is under way."""
-        return self._job is None
+        return self._running is None
 
     @property
     def is_moving(self) -> bool:
         """Whether a move is under way or waits: mobiles are not yet drawn at their poses."""
-        return isinstance(self._job, Move) or bool(self._pending)
+        return isinstance(self._job, Move) or bool(self._waiting.poses)
 
     @property
     def partial(self) -> bool:
@@ -108,8 +147,8 @@ class SolverThread:
     @property
     def poses(self) -> dict[str, Pose]:
         """Poses of the mobiles, those of moves under way included."""
-        moving = self._job.poses if isinstance(self._job, Move) else {}
-        return {**self.snapshot.poses, **moving, **self._pending}
+        moving = job.poses if isinstance(job := self._job, Move) else {}
+        return {**self.snapshot.poses, **moving, **self._waiting.poses}
 
     # -- results ----------------------------------------------------------------------------------
 
@@ -117,9 +156,9 @@ class SolverThread:
         """Take over the result of a job."""
         match result:
             case Step(progress, snapshot, warnings):
-                self.progress = progress
+                self._refinement.progress = progress
                 if progress is None:
-                    self._stage = Stage.REFINED
+                    self._refinement.steps = None
                 if snapshot is not None:
                     self._show(snapshot)
                 for kind, text in warnings.items():
@@ -132,7 +171,7 @@ class SolverThread:
                 else:
                     self.gi_seconds.add(seconds)
                     self._show(snapshot)
-                self._timings = None
+                self._timing.steps = None
                 self._begin_refinement()
             case Rested(task, rest, snapshot, problem):
                 self.all_done = not task
@@ -144,7 +183,7 @@ class SolverThread:
                     self.version += not rest.looks_like(self.snapshot.rest)
                     self.snapshot = self.snapshot._replace(rest=rest)
             case bool(more):
-                self._time_due = more
+                self._timing.due = more
             case view:
                 known = self.method is not None and view.recomputed is None  # by an earlier frame
                 self.method = view._replace(recomputed=self.method.recomputed) if known else view
@@ -153,13 +192,13 @@ class SolverThread:
     def _fail(self, job: Job, problem: Exception) -> None:
         match job:
             case Refine():
-                self._stage, self.progress = Stage.REFINED, None
+                self._refinement = Refinement()
             case Move():
                 self.move_failed = True
             case Dim():
                 pass
             case Time():
-                self._time_due = False
+                self._timing.due = False
             case Rest():
                 self.all_done = True
             case Show(parts):
@@ -175,28 +214,26 @@ class SolverThread:
 
     def _begin_refinement(self) -> None:
         """Start refining at the present state; photons already traced stay."""
-        self.progress = None
-        self._stage, self._steps = Stage.REFINING, _steps(self._solver, self._waits.is_set)
+        self._refinement = Refinement(_steps(self._solver, self._waiting.breaks.is_set))
 
     # -- jobs -------------------------------------------------------------------------------------
 
     def _begin(self, job: Job) -> None:
-        self._job = job
-        self._call = self._worker.submit(functools.partial(job.run, self._solver, self._work))
+        self._running = Running(job, self._worker.submit(functools.partial(job.run, self._solver, self._work)))
 
     def _wait(self, seconds: float) -> bool:
         """Wait for the job under way and take its result; return whether none is under way any more."""
-        job = self._job
-        if job is None:
+        if self._running is None:
             return True
-        if not self._call.wait(seconds):
+        job, call = self._running
+        if not call.wait(seconds):
             return False
-        self._job = None
+        self._running = None
         try:
-            result = self._call.result()
+            result = call.result()
         except Interrupted:
             if isinstance(job, Move) and job.hasty:
-                self._pending = {**job.poses, **self._pending}
+                self._waiting.poses = {**job.poses, **self._waiting.poses}
             self._begin_refinement()
         except Exception as problem:
             self._fail(job, problem)
@@ -211,7 +248,7 @@ class SolverThread:
         # The solver keeps the old picture until the new one is as good.
         self._worker.submit(functools.partial(_configure, self._solver, changes)).result()
         self._begin_refinement()
-        self._time_due, self._timings = True, None
+        self._timing = Timing()
         return True
 
     def keep_results(self) -> Results:
@@ -226,7 +263,7 @@ class SolverThread:
         self._wait(patience)
         self._worker.submit(self._work.keep).wait(patience)
         self._worker.close()
-        self._stage, self._steps, self._timings, self._job = Stage.REFINED, iter(()), None, None
+        self._refinement, self._timing, self._running = Refinement(), Timing(), None
 
     def refine(self, budget: float, rest: Settings | None = None) -> None:
         """Refine for at most `budget` [s]; the step under way then goes on behind the picture.
@@ -234,20 +271,19 @@ class SolverThread:
         rest: settings for work at rest; None while anything moves in the window.
         """
         deadline = self.clock() + budget
-        while self._stage is Stage.REFINING and not self._is_asked:
+        while (steps := self._refinement.steps) is not None and not self._waiting:
             self.settle()  # at once: the refinement step that estimates all photons lasts twice as long
             if self.is_idle and not self._begin_show():
-                self._begin(Refine(self._steps))
-                self.steps_begun += 1
+                self._begin(Refine(steps))
             if not self._wait(deadline - self.clock()):
                 return
-        if self._is_asked or not self._wait(deadline - self.clock()):
+        if self._waiting or not self._wait(deadline - self.clock()):
             return
-        if self.partial or self._stage is Stage.REFINING:
+        if self.partial or self._is_refining:
             return
-        if self._time_due and self.snapshot.poses and self.budget > 0:
-            self._timings = self._timings or _timings(self._solver, self.budget)
-            self._begin(Time(self._timings))
+        if self._timing.due and self.snapshot.poses and self.budget > 0:
+            self._timing.steps = self._timing.steps or _timings(self._solver, self.budget)
+            self._begin(Time(self._timing.steps))
         elif rest is not None:
             self._rest(deadline, rest)
 
@@ -265,7 +301,7 @@ class SolverThread:
         self._parts = parts
         if parts is None:
             self.method = None
-        elif self.is_idle and not self._is_asked and self._begin_show():
+        elif self.is_idle and not self._waiting and self._begin_show():
             self._wait(SHOW_GRACE)
 
     def _begin_show(self) -> bool:
@@ -285,48 +321,47 @@ class SolverThread:
 
         The light has as many photons as fit the budget; settle() adds the others.
         """
-        self._pending.update(poses)
-        self._waits.set()
-        if self._begins:
-            self._over.set()
+        self._waiting.poses.update(poses)
+        self._waiting.add()
         self.move_pending(self.grace)
 
     def dim(self, levels: Mapping[str, tuple[float, float, float]]) -> None:
         """Set levels of lamps; fast light is drawn in this frame."""
-        self._levels = dict(levels)
-        self._waits.set()
+        self._waiting.levels = dict(levels)
+        self._waiting.breaks.set()
         self.move_pending(self.grace)
 
     def begin_motion(self) -> None:
         """Let the next move choose its photons."""
-        self._begins = True
+        self._waiting.begins = True
 
     def settle(self) -> None:
         """Begin the frame of all photons at the poses on show, if the picture has fewer."""
-        if self.partial and self.is_idle and not self._is_asked:
+        if self.partial and self.is_idle and not self._waiting:
             self._begin_move(self.snapshot.poses, hasty=False, settles=True)
 
     def move_pending(self, patience: float) -> None:
         """Begin the waiting moves, and the waiting levels; wait for them for at most `patience` [s]."""
-        deadline = self.clock() + patience
-        while self._is_asked:
+        deadline, waiting = self.clock() + patience, self._waiting
+        while waiting:
             if not self._wait(deadline - self.clock()):
                 return
-            self._waits.clear()
-            self._over.clear()
-            if self._pending:
-                poses, self._pending = self._pending, {}
+            waiting.breaks.clear()
+            waiting.over.clear()
+            if waiting.poses:
+                poses, waiting.poses = waiting.poses, {}
                 self._begin_move(poses, hasty=True)
             else:
-                levels, self._levels = self._levels, None
+                levels, waiting.levels = waiting.levels, None
                 self._begin(Dim(levels or {}, self.budget, self.clock))
         if isinstance(self._job, Move | Dim):
             self._wait(deadline - self.clock())
 
     def _begin_move(self, poses: Mapping[str, Pose], hasty: bool, settles: bool = False) -> None:
         self.move_failed = False
-        begins, self._begins = self._begins and hasty, self._begins and not hasty
-        stop = self._waits if settles else self._over
+        waiting = self._waiting
+        begins, waiting.begins = waiting.begins and hasty, waiting.begins and not hasty
+        stop = waiting.breaks if settles else waiting.over
         self._begin(Move(poses, self.budget, hasty, begins, settles, stop.is_set, self.clock))
 
 
