@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -235,6 +236,7 @@ class CountingSolver:
             emitters=SimpleNamespace(total_flux=np.ones(3), lamps=Lamps(("lamp",), {"lamp": 0})),
             object_receivers=self.receivers,
             receivers_at=lambda poses: self.receivers,
+            transforms=lambda poses: None,
         )
         corners = dict(zip(("low", "high"), vectors.box(self.receivers.positions), strict=True))
         self.chosen = SimpleNamespace(**corners, scene_size=1.0, escaped_first=0.0, behind_first=0.0)
@@ -248,7 +250,8 @@ class CountingSolver:
         )  # fmt: skip
         self.levels = self.frame.levels
         self.light = "photons"
-        self.frame_light = SimpleNamespace(static=SimpleNamespace(gathered=None, is_gathered=False))
+        static = SimpleNamespace(gathered=None, error=lambda levels: math.inf)
+        self.frame_light = SimpleNamespace(static=static, is_gathered=False, gathered_at=lambda at: None)
         self.paths_at_rest, self.scene_size = 0, 1.0
         self.at_rest = 0  # photons of the last picture
         self.budget = FrameBudget()
