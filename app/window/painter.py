@@ -10,6 +10,7 @@ from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.window import view_content, window
 from app.window.preview import Preview
+from app.window.ray_cells import RayCells
 
 if TYPE_CHECKING:
     import moderngl
@@ -31,6 +32,7 @@ class Painter:
         self.renderer: Renderer | None = None  # None before the first scene or look
         self.software = False
         self.preview = Preview()
+        self.ray_cells = RayCells()  # over the picture
         self.uploaded = 0  # session.version in the colour buffers
         self._quiet = 0  # frames since the last change
 

@@ -190,7 +190,7 @@ class Viewer:
             readout_marks.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
         if self._ready and self.session.settings.cells:
-            self.viewport.ray_cells.draw(self.viewport)
+            self.painter.ray_cells.draw(self.viewport)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
         if self._ready:
             self.viewport.covered = panel_handle.box(self.viewport.view)

@@ -29,7 +29,6 @@ from app.window.legend import of_errors
 from app.window.mobile_drag import MobileDrag
 from app.window.pins import Pins
 from app.window.pointer import Pointer, pick
-from app.window.ray_cells import RayCells
 from app.window.scale_fit import ScaleFit
 from app.window.view import View
 from app.window.view_content import Shown, Side
@@ -55,7 +54,6 @@ class Viewport:
         self.scale_fit = ScaleFit()
         self.wipe = Wipe()
         self.gizmo = Gizmo()
-        self.ray_cells = RayCells()
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the selected surface of the static part; None: it has none selected
         self._surface: tuple[str, np.ndarray] | None = None  # material of that surface, and its faces

@@ -219,13 +219,13 @@ def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
         np.testing.assert_allclose(viewer.session.irradiance.mean(), lit.mean(), rtol=1e-3)
 
         # Cells over the picture: of this structure, and the ray under the cursor visits some.
-        assert not viewer.viewport.ray_cells.text
+        assert not viewer.painter.ray_cells.text
         hand.ctx.combo_click("##Cells/Ray under the cursor")
         viewport = viewer.viewport
         middle = tuple(o + s / 2 for o, s in zip(viewport.view.origin, viewport.view.size, strict=True))
-        viewer.viewport.ray_cells.update(viewport, middle)
+        viewer.painter.ray_cells.update(viewport, middle)
         hand.ctx.yield_(2)
-        found = re.search(r"bvh: ([\d,]+) cells of .* cells on the ray: (\d+)", viewer.viewport.ray_cells.text)
+        found = re.search(r"bvh: ([\d,]+) cells of .* cells on the ray: (\d+)", viewer.painter.ray_cells.text)
         assert found and int(found[2]) > 0
 
     assert errors(play(script)) == []
