@@ -125,7 +125,7 @@ def test_light_has_as_much_time_as_slow_drawing(play, monkeypatch):
         assert len(between) and between.min() >= 1.9 * drawn
         assert between.max() < 10 * drawn
 
-    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
     play(script)
 
 
@@ -135,7 +135,7 @@ def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
 
     draws, draw = [], Renderer.draw
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
-    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
 
     def script(hand, viewer):
         hand.wait_for_light()
@@ -278,7 +278,7 @@ def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
         raise SceneError("room.toml: flux must be three numbers >= 0, got [-1, 0, 2]")
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=bad))
-    monkeypatch.setattr(app.window.viewer, "LINGER", 0.0)  # as if reading had taken long ...
+    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)  # as if reading had taken long ...
     monkeypatch.setattr(app.window.window, "wait_for_input", lambda seconds: False)  # ... and nobody had moved a mouse
     with pytest.raises(SceneError, match="flux must be"):
         app.window.run.run(support.SETTINGS)
@@ -451,7 +451,7 @@ def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
     monkeypatch.setattr(SolverThread, "_begin", lambda self, job: (jobs.append(job), begin(self, job)))
 
     def wait(seconds: float) -> bool:
-        waits.append((viewers[0].frames, len(draws), len(jobs), seconds))
+        waits.append((viewers[0].clock.frames, len(draws), len(jobs), seconds))
         return len(waits) % 50 == 0
 
     def script(hand, viewer):
@@ -474,7 +474,7 @@ def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
         assert len(waits) == count, "it plays"
         viewer.may_sleep = False
 
-    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
     monkeypatch.setattr("app.window.window.wait_for_input", wait, raising=False)
     assert errors(play(script)) == []
 
@@ -498,10 +498,10 @@ def test_work_at_rest_goes_on_between_frames(play, monkeypatch):
         assert session.light.snapshot.rest.report.done
 
     def wait(seconds):  # the twentieth ends with input
-        waits.append(viewers[0].frames)
-        return waits.count(viewers[0].frames) == 20
+        waits.append(viewers[0].clock.frames)
+        return waits.count(viewers[0].clock.frames) == 20
 
-    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
     monkeypatch.setattr("app.window.viewer.REFRESH", 1e9)
     monkeypatch.setattr("app.window.window.wait_for_input", wait)
     monkeypatch.setattr("app.rest.live_error.LEAST_NOISE", 0.0)  # measuring lasts until the script ends it

@@ -11,7 +11,7 @@ import pytest
 
 from app.cli import saved_scene
 from app.draw.camera import Bounds, from_camera
-from app.session.session import Session
+from app.session.session import Motion, Session
 from app.window import gizmo
 from app.window.gizmo import MOVE, TURN, moved_pose, snap_step
 from gi_core.model import Model
@@ -77,7 +77,7 @@ def test_handles_wait_for_the_picture_unless_they_are_held(held, monkeypatch):
     shown, asked = room.mobiles[0].pose, Pose((0.7, 0.3, 0.5))
     session = SimpleNamespace(
         poses={"block": asked}, light=SimpleNamespace(snapshot=SimpleNamespace(poses={"block": shown})),
-        model=Model(room), chosen=SimpleNamespace(scene_size=1.0), begin_drag=lambda: None, playing=False,
+        model=Model(room), chosen=SimpleNamespace(scene_size=1.0), begin_drag=lambda: None, motion=Motion(),
     )  # fmt: skip
     session.box_of = partial(Session.box_of, session)
     view = SimpleNamespace(origin=(0, 0), size=(100, 100), camera=CAMERA, aspect=1.0)

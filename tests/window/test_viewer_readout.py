@@ -235,7 +235,7 @@ def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
         hand.ctx.yield_(30)
         assert len(calls) == 1
 
-    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
     settings = replace(support.SETTINGS, show="illuminance")
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
 
