@@ -1,65 +1,142 @@
-"""Frame times of twelve fixed cases, to compare commits: one row per case and run, and a plot of all rows.
+"""Frame times of twelve fixed cases, beside those of the last commit with a row, alternating in one run.
 
-    python -m studies.frame_history --out bench/history.csv
+    python -m studies.frame_history --out bench/history.csv [--only tree]
 
-It takes minutes. A process of its own measures each case, and its row is appended at once.
+It takes minutes. Each side runs `gi-viewer bench` in processes of its own; the earlier commit lies in a git worktree
+under a temporary folder, with its own kernels. A row per case is appended at once, and a plot of all rows is drawn.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import json
+import os
 import platform
+import subprocess
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from app.cli.progress import Bar
 from app.cli.terminal import OK, USAGE, fail
 from app.cli.writable import check_writable
-from app.measure.bench.row import ROOT, Failed, run_apart
-from app.measure.bench.rows import PHOTONS, Row
 from app.measure.chart.figure import need_matplotlib
-from app.settings import Settings, UsageError
+from app.settings import UsageError
 from gi_core.estimators import ESTIMATORS
 
+ROOT = Path(__file__).resolve().parents[1]
 COLUMNS = ("date", "commit", "machine", "processor", "load", "case", "frame_ms", "cpu_ms", "first_frame_ms",
            "from_scratch_ms")  # fmt: skip
-FRAMES = 60
+ROUNDS = 2  # runs of a case at each commit
 
 
-def cases() -> list[Row]:
+class Case(NamedTuple):
+    """A row of every run."""
+
+    key: str
+    words: str  # arguments of `gi-viewer bench`
+
+
+class Program(NamedTuple):
+    """The program at a commit."""
+
+    root: Path
+    environment: dict[str, str]
+
+
+def cases() -> list[Case]:
     """Return the tree by estimator and photons without control, and three rooms whose mobiles gather light."""
     out = []
     for estimator in ESTIMATORS:
-        for photons in PHOTONS:
-            settings = Settings("tree", photons=photons, estimator=estimator, control=False, light="photons")
-            out.append(Row(f"tree, {estimator}, {photons:,} photons", settings, FRAMES, {}))
+        for photons in (10_000, 100_000, 1_000_000):
+            words = f"tree --photons {photons} --estimator {estimator} --no-control --light photons --frames 60"
+            out.append(Case(f"tree, {estimator}, {photons:,} photons", words))
     for scene in ("cornell", "living_room", "gallery"):
-        settings = Settings(scene, photons=16_384, light="best")
-        out.append(Row(f"{scene}, best light, {settings.photons:,} photons", settings, FRAMES, {}))
+        out.append(Case(f"{scene}, best light, 16,384 photons", f"{scene} --photons 16384 --light best --frames 60"))
     return out
 
 
-def history(file: Path, rows: Sequence[Row], run: Callable[[dict], dict] = run_apart) -> Path:
-    """Append a row per case, as soon as it is measured; return the SVG file of the plot.
+def bench(case: Case, program: Program) -> dict:
+    """Return the numbers of a case, measured by a process of the program. Raises UsageError."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "bench.json"
+        command = [sys.executable, "-m", "app", "bench", *case.words.split(), "--json", str(file)]
+        environment = os.environ | {"PYTHONPATH": str(program.root)} | program.environment
+        done = subprocess.run(command, cwd=program.root, env=environment, text=True, capture_output=True)
+        if done.returncode:
+            lines = done.stderr.strip().splitlines() or [f"ended with code {done.returncode}"]
+            raise UsageError(f"{case.key} could not be measured in {program.root}: {lines[-1]}")
+        return json.loads(file.read_text(encoding="utf-8"))
 
-    `run(spec) -> numbers` measures a row, or raises Failed. Raises UsageError for a file of other columns, OSError.
+
+def last_commit(rows: Sequence[dict]) -> str | None:
+    """Return the last commit with a row that the repository has and that is not checked out; None without any."""
+    here = _git("rev-parse", "HEAD")
+    for commit in dict.fromkeys(row["commit"] for row in reversed(rows)):
+        full = _git("rev-parse", "--verify", "--quiet", f"{commit}^{{commit}}")
+        if full and full != here:
+            return full
+    return None
+
+
+def _git(*words: str) -> str:
+    """Return what git prints, empty where it fails."""
+    return subprocess.run(["git", "-C", str(ROOT), *words], text=True, capture_output=True).stdout.strip()
+
+
+@contextmanager
+def checked_out(commit: str) -> Iterator[Program]:
+    """Check a commit out into a temporary worktree; remove it with its kernels at the end."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder) / "tree"
+        if subprocess.run(["git", "-C", str(ROOT), "worktree", "add", "--detach", str(root), commit],
+                          capture_output=True).returncode:  # fmt: skip
+            raise UsageError(f"git cannot check out {commit} into {root}")
+        try:
+            yield Program(root, {"NUMBA_CACHE_DIR": str(Path(folder) / "kernels")})
+        finally:
+            _git("worktree", "remove", "--force", str(root))
+
+
+def compare(
+    file: Path, wanted: Sequence[Case], earlier: Program | None, run: Callable[[Case, Program], dict] = bench
+) -> Iterator[str]:
+    """Append a row per case, as soon as it is measured; yield a line that compares it with an earlier commit.
+
+    `run(case, program) -> numbers` measures. Raises UsageError for a file of other columns, OSError.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     check_writable("--out", file)
-    need_matplotlib()
     if file.exists() and _read(file)[0] != list(COLUMNS):
         raise UsageError(f"{file} has other columns than a history of this program: give another file with --out")
     with Bar() as bar:
-        for k, row in enumerate(rows):
-            bar(row.key, k / len(rows))
-            try:
-                _append(file, row.key, run(row.spec()))
-            except Failed as problem:
-                raise UsageError(f"{row.key} could not be measured: {problem}") from None
-    return draw(file)
+        for k, case in enumerate(wanted):
+            bar(case.key, k / len(wanted))
+            before, now = [], []
+            for _ in range(ROUNDS):
+                if earlier is not None:
+                    before.append(run(case, earlier))
+                now.append(run(case, Program(ROOT, {})))
+            best = min(now, key=lambda n: n["frame_ms"]["median"])
+            _append(file, case.key, best)
+            yield _line(case, before, now)
+
+
+def _line(case: Case, before: list[dict], now: list[dict]) -> str:
+    """Return the times of each round before and now, and the ratio of the least CPU times, which load changes least."""
+    parts = [case.key]
+    for name, unit in (("median", "ms"), ("cpu", "ms CPU")):
+        sides = (", ".join(f"{n['frame_ms'][name]:.3g}" for n in side) for side in (before, now) if side)
+        parts.append(" -> ".join(sides) + f" {unit}")
+    if before:
+        least = (min(n["frame_ms"]["cpu"] for n in side) for side in (now, before))
+        parts.append(f"{next(least) / next(least):.2f} x")
+    return "; ".join(parts)
 
 
 def _append(file: Path, case: str, n: dict) -> None:
@@ -105,9 +182,17 @@ def draw(file: Path) -> Path:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "bench" / "history.csv", metavar="FILE.csv")
+    parser.add_argument("--only", default="", metavar="TEXT", help="cases whose name contains TEXT")
     arguments = parser.parse_args()
+    wanted = [case for case in cases() if arguments.only in case.key]
     try:
-        print(history(arguments.out, cases()))
+        need_matplotlib()
+        commit = last_commit(_read(arguments.out)[1]) if arguments.out.exists() else None
+        with checked_out(commit) if commit else nullcontext() as earlier:
+            print(f"before: {commit or 'no commit'}", flush=True)
+            for line in compare(arguments.out, wanted, earlier):
+                print(line, flush=True)
+        print(draw(arguments.out))
     except (UsageError, OSError) as error:
         return fail(error, USAGE)
     return OK
