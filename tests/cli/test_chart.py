@@ -29,7 +29,7 @@ from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
 from tests.support.scene_builders import box, merge, quad, sphere
-from tests.support.small_charts import small_charts
+from tests.support.small_scale import small_charts
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
 UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40, ""), strict=True))

@@ -33,7 +33,7 @@ from gi_core.scene import Pose
 from tests.cli.test_render import checkered_room
 from tests.cli.test_render_files import ticking
 from tests.support.cli_support import one_line
-from tests.support.small_charts import small_charts
+from tests.support.small_scale import small_charts
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
 FRAMES = 4

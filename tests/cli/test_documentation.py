@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from gi_core.files.find import shipped_scenes
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
-from tests.support.document_examples import ROOT, blocks, bring, work_through
+from tests.support.document_examples import ROOT, blocks, bring, commands, enter, prose, run, work_through
 
 DOCUMENTS = [
     "docs/your-own-room.md",
@@ -35,8 +36,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 
 def anchors(page: Path) -> set[str]:
     """Return the anchors of a page's headings, as GitHub writes them."""
-    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    titles = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    titles = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
@@ -49,6 +49,21 @@ def test_every_link_between_pages_leads_somewhere():
             if not link.startswith("http") and (not target.exists() or (anchor and anchor not in anchors(target))):
                 dead.append(f"{page.relative_to(ROOT)}: {link}")
     assert dead == []
+
+
+IN_TEXT = {  # each command outside of the blocks, and where it stands first
+    shlex.join(words): (words, path)
+    for path in reversed(PAGES)
+    for words in reversed(commands(prose(path)))
+    if words != ["NAME"]  # an attribute of OpenEXR files
+}
+
+
+@pytest.mark.parametrize("line", IN_TEXT)
+def test_every_command_in_the_text_runs(line, monkeypatch, tmp_path):
+    words, path = IN_TEXT[line]
+    enter(monkeypatch, tmp_path)
+    assert run(words) == 0, f"{path.relative_to(ROOT)}: gi-viewer {line}"
 
 
 def test_the_design_lists_every_package():

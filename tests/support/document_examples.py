@@ -1,14 +1,15 @@
 """Run the examples of a document in order, in a separate folder.
 
 Python blocks share a namespace. A TOML block begins with `# NAME.toml`, or `# added to NAME.toml` to extend that file,
-and must load. In shell blocks the lines that start with `gi-viewer` run, with few photons and pixels. A comment
-`<!-- files: a.glb, b.obj -->` names files that the reader already has.
+and must load. Lines that start with `gi-viewer`, and calls in sentences, run in full, on a small room for each shipped
+scene. A comment `<!-- files: a.glb, b.obj -->` names files that the reader already has.
 """
 
 from __future__ import annotations
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,27 +18,26 @@ import pytest
 
 from app import __main__ as cli
 from app.commands.render import STILLS
-from gi_core.files.load import load_scene
+from gi_core.files import load
+from gi_core.files.find import find_scene, shipped_scenes
+from gi_core.model import Model
 from gi_core.scene import SceneError
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import write_ies
-from tests.support.small_charts import small_charts
+from tests.support.small_scale import small_room, small_work
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOM = ROOT / "docs" / "your-own-room.md"
 
 
-# Options that keep examples small; --estimator only where the example leaves it open.
-SMALL = "--max-edge 0.5".split()
-PHOTONS = "--photons 2000".split()
-OF_COMMAND = {"view": [*PHOTONS, "--size", "64x40"], "render": [*PHOTONS, "--size", "64x40"], "bench": PHOTONS,
-              "bake": PHOTONS,
-              "info": PHOTONS, "tune": PHOTONS, "reference": ["--error", "30"],
-              "chart": [*PHOTONS, "--quick", "--frames", "2", "--points", "50"]}  # fmt: skip
-FRAMES = ["--frames", "2"]
-TEXELS = ["--light-map", "128"]
-CHEAPEST = ["--estimator", "impact_count"]
-CHOOSE_THEMSELVES = ("reference", "tune")  # commands without --estimator
+SMALLER = {  # values of options that an example gives, where they only make it larger
+    "--size": "60x40", "--frames": "2", "--photons": "2000", "--points": "30", "--error": "30", "--seconds": "0.1",
+    "--light-map": "128", "--scale": "2", "--max-edge": "0.5",
+}  # fmt: skip
+STANDS_FOR = {"SCENE": "cornell", "N": "2000", "R": "0.1", "DIR": "out", "COMMAND": "info"}  # names in the text
+OUTPUTS = ("--out", "--json", "--csv", "--screenshot")
+SHIPPED = shipped_scenes()
+COMMAND = re.compile(r"^(?:    )?(gi-viewer(?:[ ].*)?)$|`(gi-viewer [^`\n]*)`", re.MULTILINE)
 
 
 class Block(NamedTuple):
@@ -62,14 +62,21 @@ def blocks(path: Path) -> list[Block]:
     return found
 
 
-def work_through(document: str, monkeypatch, folder: Path) -> int:
-    """Run a document's examples in `folder`; return the number of blocks run."""
+def enter(monkeypatch, folder: Path) -> None:
+    """Work in `folder`, in small, where no window opens."""
     from app.window import window
 
     monkeypatch.chdir(folder)
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder / "reference"))
     monkeypatch.setattr(window, "why_no_window", lambda: "tests have no window")
-    small_charts(monkeypatch)
+    room = folder / "small"
+    room.mkdir()
+    small_work(monkeypatch, room)
+
+
+def work_through(document: str, monkeypatch, folder: Path) -> int:
+    """Run a document's examples in `folder`; return the number of blocks run."""
+    enter(monkeypatch, folder)
     names: dict = {"__name__": document}
     done = 0
     for block in blocks(ROOT / document):
@@ -95,32 +102,64 @@ def load_toml(text: str, where: str) -> None:
     file = Path(first[2])
     file.write_text((file.read_text() if first[1] else "") + text)
     try:
-        load_scene(file)
+        load.load_scene(file)
     except SceneError as error:
         pytest.fail(f"{where}: {error}")
 
 
 def commands(text: str) -> list[list[str]]:
-    """Return the arguments of each line that calls gi-viewer."""
-    lines = text.replace("\\\n", " ").splitlines()
-    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("gi-viewer")]
+    """Return the arguments of each line that calls gi-viewer, and of each call between backticks in a sentence."""
+    calls = (line or inline for line, inline in COMMAND.findall(text.replace("\\\n", " ")))
+    words = (shlex.split(call, comments=True)[1:] for call in calls)
+    return [[STANDS_FOR.get(w, w) for w in call] for call in words]
+
+
+def prose(path: Path) -> str:
+    """Return the text of a Markdown file without its fenced blocks."""
+    return re.sub(r"^```.*?^```[ ]*$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
 
 
 def run(arguments: list[str]) -> int:
-    """Run a command on a small scale; its output files must exist afterwards."""
-    name = arguments[0] if arguments and arguments[0] in cli.COMMANDS else "view"
-    more = [*SMALL, *OF_COMMAND[name]]  # the last one counts where an option is given twice
-    more += FRAMES if "--frames" in arguments else []
-    more += TEXELS if "--light-map" in arguments else []
-    more += CHEAPEST if "--estimator" not in arguments and name not in CHOOSE_THEMSELVES else []
-    code = cli.main([*arguments, *more])
-    for option in ("--out", "--json", "--screenshot"):
-        if option in arguments:
-            file = Path(arguments[arguments.index(option) + 1])
-            if option == "--out" and "--frames" in arguments and file.suffix in STILLS:
+    """Run a command with smaller numbers, shipped scenes in small; its output files must exist afterwards."""
+    if "--help" in arguments:
+        with pytest.raises(SystemExit) as stop:
+            cli.parse(arguments)
+        return stop.value.code
+    if "--workers" in arguments:  # tests/cli/test_cluster.py has processes
+        k = arguments.index("--workers")
+        arguments = arguments[:k] + arguments[k + 2 :]
+    if arguments == ["atlas"]:
+        arguments = ["atlas", "--out", "atlas"]
+    small = [SMALLER.get(before, word) for before, word in zip(["", *arguments], arguments, strict=False)]
+    for before, word in zip(["", *small], small, strict=False):
+        if Path(word).suffix in (".toml", ".glb", ".obj") and before not in OUTPUTS and not Path(word).exists():
+            bring(word)
+    lamps = [w.partition("=")[0] for o, w in zip(small, small[1:], strict=False) if o == "--lamp"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(load, "find_scene", lambda name: stand_in(name, lamps) if name in SHIPPED else find_scene(name))
+        code = cli.main(small)
+    for option in OUTPUTS:
+        if option in small:
+            file = Path(small[small.index(option) + 1])
+            if option == "--out" and "--frames" in small and file.suffix in STILLS:
                 file = file.with_stem(f"{file.stem}.0001")
             assert file.stat().st_size > 0
     return code
+
+
+def stand_in(name: str, lamps: list[str]) -> Path:
+    """Write a small room in place of a shipped scene, with lamps that it must have too; return the file."""
+    missing = set(lamps) - set(lamps_of(name)) if lamps else set()
+    assert not missing, f"{name} has no lamp called {missing}"
+    place = 'type = "point"\nposition = [0.5, 0.8, 0.5]\nflux = [9, 9, 9]\n'
+    file = small_room(Path(), f"{name}.toml")
+    file.write_text(file.read_text() + "".join(f'[[light]]\nname = "{lamp}"\n{place}' for lamp in lamps))
+    return file
+
+
+@cache
+def lamps_of(name: str) -> tuple[str, ...]:
+    return Model(load.load_scene(find_scene(name))).emitters.lamps.names
 
 
 FILES = {
@@ -147,6 +186,8 @@ def bring(names: str) -> None:
             node = {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0.5, 0.8, 0.5]}
             lights = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 5}]}}
             write_glb(path, BOX, BOX_FACES, material={"doubleSided": True}, nodes=[node], extensions=lights)
+        elif path.suffix == ".toml":
+            small_room(Path(), name)
         elif path.suffix == ".ies":
             write_ies(path, [0.0, 45.0, 90.0], [0.0], np.array([[900.0, 500.0, 0.0]]))
         elif path.suffix == ".glb":

@@ -1,0 +1,91 @@
+"""Measurements of few photons, a rough truth and tiny pictures, and the room of every command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app import settings
+from app.measure.atlas import command as atlas
+from app.measure.atlas import row
+from app.measure.bench import report_times, rows, sweep
+from app.measure.bench.row import measure_row
+from app.measure.chart import pictures
+from app.measure.chart import settings as chart_settings
+from tests.support.mesh_writers import write_scene
+from tests.support.scene_builders import furnace_scene
+
+TABLES = {  # of `bench --tables`
+    "report_times.TREE": ("wall",), "report_times.GROUND": ("lamp",), "report_times.REFERENCE": 4096,
+    "report_times.REPEATS": 1, "report_times.LEAST_SECONDS": 0.0, "ray_tables.SCENES": (),
+    "ray_tables.measured.__defaults__": (100,),
+}  # fmt: skip
+ROOM = """
+[static]
+mesh = "room.obj"
+max_edge = 0.3
+[camera]
+position = [0.5, 0.5, 0.1]
+target = [0.5, 0.5, 0.9]
+[[mobile]]
+name = "cube"
+mesh = "cube.obj"
+position = [0.3, 0.0, 0.3]
+[[probe]]
+name = "floor"
+position = [0.7, 0.0, 0.7]
+normal = [0, 1, 0]
+[defaults]
+photons = 4096
+radius = 0.1
+"""
+
+
+def small_room(folder: Path, name: str = "room.toml") -> Path:
+    """Write a room of 500 receivers with a lamp called lamp, a cube to move and a probe."""
+    return write_scene(folder, ROOM, name)
+
+
+def small_charts(patch: pytest.MonkeyPatch) -> None:
+    """Make every part of `chart` small; without --quick too."""
+    less = {"photons": (4096, 8192), "limit_photons": 32_768, "truth": 0.1, "picture_truth": 0.3}
+    quick = chart_settings.QUICK._replace(gathered_seconds=0.3, **less)
+    full = chart_settings.FULL._replace(
+        radii=(1.0, 2.0), paths=(1, 4), frames=3, points=60, poses=2, gathered_noise=0.05, gathered_seconds=0.1, **less
+    )
+    patch.setattr(chart_settings, "QUICK", quick)
+    patch.setattr(chart_settings, "FULL", full)
+    patch.setattr(pictures, "SIZE", (60, 40))
+
+
+def one_row() -> Iterator[row.AtlasRow]:
+    solver = row.solved(furnace_scene(), 100)
+    yield row.AtlasRow("a", "a", "0", 0.0, row.Number(float(solver.irradiance.mean())))
+
+
+def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Make all measurements, pictures, time for gathering and the default settings of bare meshes small.
+
+    folder: of the room of `bench --tables`, which has scenes of its own.
+    """
+    small_charts(patch)
+    k = list(settings.Settings.__dataclass_fields__).index("size")
+    values = settings.Settings.__init__.__defaults__
+    patch.setattr(settings.Settings.__init__, "__defaults__", (*values[:k], (60, 40), *values[k + 1 :]))
+    patch.setattr(settings, "SECONDS", 0.1)
+    patch.setattr("gi_core.tuning.setting_trials.PHOTONS", 8192)
+    patch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 32)
+    patch.setattr("gi_core.defaults.choose.MOST_PHOTONS", 4096)
+    patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
+    patch.setattr("gi_core.files.load.COARSEST", 0.5)
+    patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": one_row}, None))
+    patch.setattr(rows, "PHOTONS", (1000,))
+    patch.setattr(rows, "TRIANGLES", (300,))
+    patch.setattr(sweep.sweep, "__defaults__", (measure_row,))
+    for name, value in TABLES.items():
+        patch.setattr(f"app.measure.bench.{name}", value)
+    open_scene, room = report_times.open_scene, settings.Settings(str(small_room(folder)))
+    own = ("tree", "second_tree")
+    patch.setattr(report_times, "open_scene", lambda asked: open_scene(room if asked.scene in own else asked))
