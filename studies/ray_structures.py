@@ -25,8 +25,8 @@ import numpy as np
 from app.cli.progress import Bar
 from app.cli.writable import write_whole
 from app.measure.bench.ray_tables import draw, measured, scene_camera, section
-from app.measure.bench.tables import table
 from app.measure.chart.figure import need_matplotlib
+from app.measure.tables import markdown_table
 from app.settings import Settings, open_scene
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.instruments.ray_timing import REPEATS, Rays, built, costs, rays_of
@@ -84,7 +84,7 @@ def growth(low: int, high: int, out: Path) -> str:
     head = ["us per ray, cells per ray, build ms", *(f"{2 * math.isqrt(c // 2) ** 2:,}" for c in counts)]
     lines = [line + [""] * (len(head) - len(line)) for line in lines]
     _draw(found, out / "growth.svg")
-    write_whole(out / "growth.md", text := table(head, lines) + "\n")
+    write_whole(out / "growth.md", text := markdown_table(head, lines) + "\n")
     return text
 
 

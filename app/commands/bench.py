@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     if (arguments.sweep or arguments.tables) != (arguments.out is not None):
         raise UsageError("--sweep and --out DIR go together, --tables and --out too: the folder that is written to")
     if arguments.tables:
-        from app.measure.bench.report_times import tables
+        from app.measure.bench.report import tables
 
         print(tables(settings, arguments.out))
     elif arguments.sweep:
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         sweep(settings, arguments.frames, arguments.out)
         print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
     else:
-        from app.measure.bench.command import bench
+        from app.measure.bench.measure import bench
 
         bench(settings, arguments.frames, arguments.json, arguments.step / 100)
     return OK

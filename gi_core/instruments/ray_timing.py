@@ -13,6 +13,7 @@ from gi_core.files.completion.camera_view import picture_rays, unit
 from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.rays.accelerator import _nearest, _occluded
+from gi_core.rays.leaf_boxes import LeafBoxes, visited
 from gi_core.rays.structures import STRUCTURES, new_ray
 from gi_core.rays.triangles import CELLS, TESTS, Meshes
 from gi_core.scene.types import Camera
@@ -128,3 +129,10 @@ def costs(structures: list[Structure], rays: dict[str, Rays], repeats: int = REP
                 cost = run()
                 out[k][kind] = cost if turn == 0 else min(out[k][kind], cost)
     return out
+
+
+def boxes_crossed(low: np.ndarray, high: np.ndarray, rays: Rays) -> np.ndarray:
+    """Return the number (n,) of boxes, with corners (m, 3) [m], that each ray crosses."""
+    boxes = LeafBoxes(low, high, np.ones(len(low), np.int64))
+    ends = zip(rays.origin, rays.direction, rays.limit, strict=True)
+    return np.array([visited(boxes, o, d, float(limit)).sum() for o, d, limit in ends])

@@ -7,12 +7,21 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from gi_core.discs.region import whole_discs
-from gi_core.discs.search import Search
+from gi_core.discs.search import PRETESTS, SEARCHES, Search
+from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.predicate import Discs, Lines, lines
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments, concatenate, segments_of
 from gi_core.solver import Solver
+
+__all__ = ["PRETESTS", "SEARCHES", "cells_of", "frame_lines", "photon_lines", "search_run", "static_discs"]
+
+
+def cells_of(search: Search) -> tuple[float, float] | None:
+    """Return the edge of a grid's cells [radii] and the discs per occupied cell; None for a search without a grid."""
+    grid = search.grids[0] if isinstance(search, DiscIndex) else None
+    return (grid.cell_radii, grid.discs_a_cell) if grid is not None else None
 
 
 def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:

@@ -9,7 +9,7 @@ import pytest
 
 from app import __main__ as cli
 from app.draw import motion
-from app.measure.bench import command
+from app.measure.bench import measure as command
 from app.settings import STEP, Settings, make_solver, open_scene
 from tests.support.cli_support import FAST, one_line
 

@@ -8,11 +8,8 @@ from dataclasses import replace
 import pytest
 
 from app import __main__ as cli
-from app.measure.bench import rows as bench_rows
 from app.measure.bench import sweep as bench_sweep
-from app.measure.bench.row import Failed, measure_row, run_apart, vary
-from app.measure.bench.rows import photons_key, rows, triangles_key
-from app.measure.bench.tables import markdown
+from app.measure.bench.sweep import markdown, measure_row, photons_key, rows, run_apart, triangles_key, vary
 from app.settings import Settings, UsageError, make_solver
 from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
@@ -41,7 +38,7 @@ def test_rows_match_the_table():
         assert {photons_key(photons, e) for e in ("tangent_plane", "photon_map", "impact_count")} <= set(keys)
     for triangles in (72_000, 300_000, 1_000_000):
         assert {triangles_key(triangles, r) for r in ("scaled", "fixed")} <= set(keys)
-    assert {"one-sided", "two-sided", bench_rows.SLOW} <= set(keys)
+    assert {"one-sided", "two-sided", bench_sweep.SLOW} <= set(keys)
     for row in rows(TREE, 100):
         assert row.settings.control is row.key.endswith("artifact control") and row.settings.neighbours == 50
         assert json.loads(json.dumps(row.spec())) == row.spec(), "or every row would be measured again on resuming"
@@ -49,7 +46,7 @@ def test_rows_match_the_table():
 
 def test_every_estimator_has_rows(estimator):
     keys = {row.key for row in rows(TREE, 100)}
-    assert {photons_key(n, estimator) for n in bench_rows.PHOTONS} <= keys
+    assert {photons_key(n, estimator) for n in bench_sweep.PHOTONS} <= keys
 
 
 def test_stopped_sweep_resumes_with_missing_rows(tmp_path):
@@ -88,7 +85,7 @@ def test_failed_row_is_listed_and_retried(tmp_path):
 
     def run(spec):
         if spec["settings"]["estimator"] == "photon_map" and spec["settings"]["photons"] == 100_000:
-            raise Failed("no memory left")
+            raise UsageError("no memory left")
         return numbers(spec)
 
     done = bench_sweep.sweep(TREE, 10, tmp_path, run=run)
@@ -144,7 +141,7 @@ def test_row_in_a_child_process_equals_a_row_in_process():
 
 def test_failed_child_process_reports_its_reason():
     spec = rows(Settings("nowhere.toml"), 3)[0].spec()
-    with pytest.raises(Failed, match="nowhere.toml"):
+    with pytest.raises(UsageError, match="nowhere.toml"):
         run_apart(spec)
 
 

@@ -12,18 +12,24 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.chart import measure, page, rival, tuned
+from app.measure.chart import measure, page
 from app.measure.chart import run as chart_run
 from app.measure.chart.figure import draw, front, styles
-from app.measure.chart.gloss import drawn_gloss, truth_of
-from app.measure.chart.measure import AtCases, Walk, errors, flicker, make_walk
-from app.measure.chart.report import REPORT, beside, choice_like
-from app.measure.chart.results import KEY, Results
-from app.measure.chart.rows import Measurer
+from app.measure.chart.measure import AtCases, Measurer, Walk, errors, flicker, make_walk, rival_light
 from app.measure.chart.run import rival_choices
-from app.measure.chart.settings import FULL, TUNED, Choice, choices
-from app.measure.chart.truth import PoseTruth, cases, choose, steady_and_moved
-from app.measure.chart.tuned import nearness
+from app.measure.chart.settings import (
+    FULL,
+    REPORT,
+    TUNED,
+    Choice,
+    beside,
+    choice_like,
+    choices,
+    nearness,
+    tuned_summary,
+)
+from app.measure.chart.truth import PoseTruth, cases, choose, drawn_gloss, gloss_truth, steady_and_moved
+from app.measure.results import KEY, Results
 from app.settings import LampSetting, Settings, make_solver, open_scene
 from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
@@ -129,7 +135,7 @@ def test_tuned_choice_is_plotted_beside_the_best_others(measured, tmp_path, monk
     assert len(run.results.rows) == len(rows), "it is there"
     pytest.importorskip("matplotlib")
     draw(rows, run.about(), out)
-    assert "tune's choice for 16 ms" in tuned.summary(rows)
+    assert "tune's choice for 16 ms" in tuned_summary(rows)
 
 
 def test_the_choice_of_tune_may_have_no_photon_subsets(measured, tmp_path, monkeypatch):
@@ -243,7 +249,7 @@ def test_the_truth_has_the_levels_of_the_lamps(small):
     assert np.array_equal(full.rows, dimmed.rows)
     assert np.array_equal(0.25 * full.truth, dimmed.truth)
     walk = Walk([solvers[0].poses], [full], full.rows, full.weights, *[np.ones(len(full.rows), bool)] * 2, 1.0)
-    seen = [rival.seen(s, walk, 1, 0).irradiance[0] for s in solvers]
+    seen = [rival_light(s, walk, 1, 0).irradiance[0] for s in solvers]
     assert np.array_equal(0.25 * seen[0], seen[1])
 
 
@@ -367,7 +373,7 @@ def test_gloss_towards_the_camera_is_near_its_truth():
     )
     solver = make_solver(scene, Settings(photons=400_000, radius=0.12, light="photons"))
     solver.solve()
-    truth = truth_of(solver, 1000, 0)
+    truth = gloss_truth(solver, 1000, 0)
     assert truth is not None and len(truth.weights) > 100
     corners = solver.surfaces.corner_back[solver.surfaces.two_sided]
     assert not truth.back.all() and (truth.back.any() or not len(corners)), "the sheet shows its back to the camera"
@@ -381,4 +387,4 @@ def test_gloss_towards_the_camera_is_near_its_truth():
     plain = replace(scene, materials=(*materials[:2], *(m._replace(gloss=None) for m in materials[2:])))
     bare = make_solver(plain, Settings(photons=1000, radius=0.12))
     bare.solve()
-    assert truth_of(bare, 100, 0) is None and drawn_gloss(bare, None) is None
+    assert gloss_truth(bare, 100, 0) is None and drawn_gloss(bare, None) is None

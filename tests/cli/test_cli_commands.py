@@ -216,7 +216,7 @@ def test_atlas_is_written_to_out_with_the_rays_asked_for(capsys, tmp_path, monke
         row.solved(None, 10)
         yield row.AtlasRow("a", "a", "0", 0.0, row.Number(0.0))
 
-    monkeypatch.setattr(command.atlas, "__defaults__", ({"Chapter": rows}, None))
+    monkeypatch.setattr(command.atlas, "__defaults__", ({"Chapter": (rows,)}, None))
     monkeypatch.setattr(command, "compile_kernels", lambda bar, rays: used.append(rays))
     for words in ([], ["--rays", "octree"]):
         assert cli.main(["atlas", "--out", str(tmp_path), *words]) == 0

@@ -12,22 +12,24 @@ import math
 import numpy as np
 import pytest
 
-from app.measure.atlas import (
-    command,
-    gloss,
-    gloss_limits,
-    glossy_sheets,
-    mobiles,
-    others,
-    photon_map,
-    programs,
-    ray_structures,
-    tangent_plane,
-)
-from app.measure.atlas import page as atlas_page
+from app.measure.atlas import command, discs, estimates, gloss, gloss_limits, programs
 from app.measure.atlas import row as atlas_row
-from app.measure.atlas.row import AtlasRow, Number, View, near, over_seeds, solved
-from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
+from app.measure.atlas.command import CHAPTERS, measured_rows
+from app.measure.atlas.row import (
+    BLACK,
+    AtlasRow,
+    Number,
+    View,
+    ball,
+    beyond,
+    box,
+    fan,
+    near,
+    over_seeds,
+    scene,
+    sheet,
+    solved,
+)
 from tests.support.significance import p_values, sidak
 
 TESTS = 115  # numbers tested, an upper bound
@@ -58,19 +60,19 @@ def check(row: AtlasRow) -> None:
 
 # The page has more photons than these tests need: divisors, with which `check` still has power for each row.
 FEWER = {
-    photon_map.small_surfaces: 2,
-    photon_map.thin_wall: 8,
-    photon_map.corners: 8,
-    tangent_plane.walls_and_corners: 2,
-    tangent_plane.table_leg: 8,
-    tangent_plane.curved_outside: 32,
-    tangent_plane.larger_than_the_room: 16,
-    tangent_plane.curved_inside: 16,
-    tangent_plane.lamp_near_a_surface: 32,
-    tangent_plane.shadow_edge: 8,
-    others.textbook: 8,
-    others.bright_rooms: 16,
-    others.beside_a_mobile: 8,
+    estimates.small_surfaces: 2,
+    estimates.thin_wall: 8,
+    estimates.corners: 8,
+    discs.walls_and_corners: 2,
+    discs.table_leg: 8,
+    discs.curved_outside: 32,
+    discs.larger_than_the_room: 16,
+    discs.curved_inside: 16,
+    discs.lamp_near_a_surface: 32,
+    discs.shadow_edge: 8,
+    estimates.textbook: 8,
+    estimates.bright_rooms: 16,
+    estimates.beside_a_mobile: 8,
     programs.soup: 8,
     gloss.blur: 16,
     gloss.grazing: 2,
@@ -89,51 +91,22 @@ def measured(monkeypatch):
         def fewer(scene, photons, *arguments, **setting):
             return solved(scene, photons // FEWER.get(rows, 1), *arguments, **setting)
 
-        for module in (atlas_row, others, gloss, glossy_sheets, gloss_limits):
+        for module in (atlas_row, estimates, gloss, gloss_limits):
             monkeypatch.setattr(module, "solved", fewer)
-        found = rows()
-        return [found] if isinstance(found, AtlasRow) else list(found)
+        return list(measured_rows(rows))
 
     return measure
 
 
+SLOW = {
+    estimates.borders, estimates.corners, discs.table_leg, estimates.textbook, estimates.bright_rooms,
+    estimates.beside_a_mobile, programs.scales, programs.drift, programs.soup,
+}  # fmt: skip
 ROWS = [
-    photon_map.small_surfaces,
-    photon_map.thin_wall,
-    pytest.param(photon_map.borders, marks=pytest.mark.slow),
-    pytest.param(photon_map.corners, marks=pytest.mark.slow),
-    tangent_plane.walls_and_corners,
-    pytest.param(tangent_plane.table_leg, marks=pytest.mark.slow),
-    tangent_plane.curved_inside,
-    tangent_plane.curved_outside,
-    tangent_plane.larger_than_the_room,
-    tangent_plane.shadow_edge,
-    tangent_plane.lamp_near_a_surface,
-    pytest.param(others.textbook, marks=pytest.mark.slow),
-    others.small_faces,
-    others.naive_sums,
-    pytest.param(others.bright_rooms, marks=pytest.mark.slow),
-    pytest.param(others.beside_a_mobile, marks=pytest.mark.slow),
-    pytest.param(programs.scales, marks=pytest.mark.slow),
-    programs.at_rest,
-    programs.at_edges,
-    programs.next_to_nothing,
-    pytest.param(programs.drift, marks=pytest.mark.slow),
-    pytest.param(programs.soup, marks=pytest.mark.slow),
-    mobiles.rows,
-    gloss.noise,
-    gloss.grazing,
-    gloss.blur,
-    gloss.shading_normals,
-    gloss_limits.towards_a_mirror,
-    gloss_limits.sharper_than_drawn,
-    gloss_limits.below_the_surface,
-    gloss_limits.two_sided,
-    gloss_limits.few_rays,
-    gloss_limits.many_rays,
-    gloss_limits.from_below,
-    gloss_limits.more_than_arrives,
-    ray_structures.rows,
+    pytest.param(function, marks=[pytest.mark.slow] * (function in SLOW), id=function.__name__)
+    for chapter in CHAPTERS.values()
+    for function in chapter
+    if function is not discs.smaller_and_smaller  # below
 ]
 
 
@@ -146,11 +119,11 @@ def test_measurements_agree_with_theory(rows, measured):
 
 
 def test_borders_have_fans_of_every_angle():
-    assert len(photon_map.KINDS) == 15
+    assert len(estimates.KINDS) == 15
 
 
 def test_noise_of_discs_is_inversely_proportional_to_their_radius(measured):
-    rows = measured(tangent_plane.smaller_and_smaller)
+    rows = measured(discs.smaller_and_smaller)
     for row in rows:
         check(row)
     noise = [row.measured.mean for row in rows]
@@ -199,7 +172,7 @@ def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
         ),
         AtlasRow("b", "b", "0", 0.0, Number(0.0)),
     ]
-    command.atlas(tmp_path / "new", {"Chapter": lambda: iter(rows)})
+    command.atlas(tmp_path / "new", {"Chapter": (lambda: iter(rows),)})
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["index.html"]
     page = (tmp_path / "new" / "index.html").read_text()
     assert "where &lt;a&gt;" in page and "0.510 ± 0.010" in page and "<title>Failure atlas</title>" in page
@@ -211,7 +184,7 @@ def test_rows_of_one_title_share_common_cells():
         AtlasRow(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
         for name, theory, aim in (("noon", "bright", 0.0), ("dusk", "dim", 1.0))
     ]
-    html = atlas_page.page({"Chapter": rows}, {})
+    html = command.page({"Chapter": rows}, {})
     assert html.count("<h3>") == html.count("shade") == 1 and "<b>Remedy</b> shade" in html
     assert "<th>theory</th>" in html and "<td>bright</td>" in html and "<td>dim</td>" in html
     assert html.count("1 ± 0.1") == 2 and "<th>remedy</th>" not in html and "<b>Cost</b>" not in html

@@ -10,16 +10,15 @@ import pytest
 from app import settings
 from app.measure.atlas import command as atlas
 from app.measure.atlas import row
-from app.measure.bench import report_times, rows, sweep
-from app.measure.bench.row import measure_row
-from app.measure.chart import pictures
+from app.measure.bench import report, sweep
+from app.measure.chart import page
 from app.measure.chart import settings as chart_settings
 from tests.support.mesh_writers import write_scene
 from tests.support.scene_builders import furnace_scene
 
 TABLES = {  # of `bench --tables`
-    "report_times.TREE": ("wall",), "report_times.GROUND": ("lamp",), "report_times.REFERENCE": 4096,
-    "report_times.REPEATS": 1, "report_times.LEAST_SECONDS": 0.0, "ray_tables.SCENES": (),
+    "report.TREE": ("wall",), "report.GROUND": ("lamp",), "report.REFERENCE": 4096,
+    "report.REPEATS": 1, "report.LEAST_SECONDS": 0.0, "ray_tables.SCENES": (),
     "ray_tables.measured.__defaults__": (100,),
 }  # fmt: skip
 ROOM = """
@@ -57,7 +56,7 @@ def small_charts(patch: pytest.MonkeyPatch) -> None:
     )
     patch.setattr(chart_settings, "QUICK", quick)
     patch.setattr(chart_settings, "FULL", full)
-    patch.setattr(pictures, "SIZE", (60, 40))
+    patch.setattr(page, "SIZE", (60, 40))
 
 
 def one_row() -> Iterator[row.AtlasRow]:
@@ -80,12 +79,12 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr("gi_core.defaults.choose.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
-    patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": one_row}, None))
-    patch.setattr(rows, "PHOTONS", (1000,))
-    patch.setattr(rows, "TRIANGLES", (300,))
-    patch.setattr(sweep.sweep, "__defaults__", (measure_row,))
+    patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))
+    patch.setattr(sweep, "PHOTONS", (1000,))
+    patch.setattr(sweep, "TRIANGLES", (300,))
+    patch.setattr(sweep.sweep, "__defaults__", (sweep.measure_row,))
     for name, value in TABLES.items():
         patch.setattr(f"app.measure.bench.{name}", value)
-    open_scene, room = report_times.open_scene, settings.Settings(str(small_room(folder)))
+    open_scene, room = report.open_scene, settings.Settings(str(small_room(folder)))
     own = ("tree", "second_tree")
-    patch.setattr(report_times, "open_scene", lambda asked: open_scene(room if asked.scene in own else asked))
+    patch.setattr(report, "open_scene", lambda asked: open_scene(room if asked.scene in own else asked))

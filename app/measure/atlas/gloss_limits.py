@@ -9,24 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.measure.atlas.glossy_sheets import (
+from app.measure.atlas.gloss import (
     F0,
     FAR,
     SMALL,
     eye_at,
     ggx_value,
     lobe_at,
-    radiance_of,
     rays_of,
     sheets_under_the_sky,
 )
-from app.measure.atlas.row import SEEDS, AtlasRow, Number, near, over_seeds, solved
-from app.measure.atlas.shapes import scene, sheet
+from app.measure.atlas.row import SEEDS, AtlasRow, Number, near, over_seeds, scene, sheet, solved
 from gi_core.bsdf.models import lobe
-from gi_core.gloss.hemisphere import CELLS
-from gi_core.gloss.radiance import LEAST_ALPHA
-from gi_core.gloss.rays import MOST_PHOTONS
-from gi_core.gloss.source import LIST, OPENED
+from gi_core.instruments.gloss_rays import CELLS, LEAST_ALPHA, LIST, MOST_PHOTONS, radiance_of, single_rays
 from gi_core.model import Model
 from gi_core.scene import DirectionalLight, Material, Scene, SkyLight
 from gi_core.scene.errors import SceneError
@@ -39,18 +34,6 @@ WIDE = 0.35  # [m]; discs of gloss have twice that
 STEEP = 85.0  # degrees of incidence
 
 
-def rows() -> Iterator[AtlasRow]:
-    """Measure gloss at its limits."""
-    yield from towards_a_mirror()
-    yield sharper_than_drawn()
-    yield from below_the_surface()
-    yield two_sided()
-    yield from few_rays()
-    yield many_rays()
-    yield from_below()
-    yield from more_than_arrives()
-
-
 def towards_a_mirror() -> Iterator[AtlasRow]:
     """Half of GGX's facets are tilted by less than atan alpha: light along the normal leaves within twice that."""
     for alpha in (0.1, 0.01, 0.002, 0.0):
@@ -61,15 +44,12 @@ def towards_a_mirror() -> Iterator[AtlasRow]:
 
         (measured,) = over_seeds(run, SEEDS)
         yield AtlasRow(
-            f"gloss_alpha_{alpha}",
-            f"photons along the normal of metal of alpha {alpha}",
-            "median angle of reflection 2 atan(alpha); below 0.001 a mirror",
-            math.degrees(2 * math.atan(alpha)),
+            f"gloss_alpha_{alpha}", f"photons along the normal of metal of alpha {alpha}",
+            "median angle of reflection 2 atan(alpha); below 0.001 a mirror", math.degrees(2 * math.atan(alpha)),
             measured if alpha else Number(measured.mean),
-            known=1e-5 if alpha == 0 else 0.01 * math.degrees(2 * math.atan(alpha)),
-            quantity="degrees",
+            known=1e-5 if alpha == 0 else 0.01 * math.degrees(2 * math.atan(alpha)), quantity="degrees",
             title="Gloss towards a mirror",
-        )
+        )  # fmt: skip
 
 
 def sharper_than_drawn() -> AtlasRow:
@@ -80,15 +60,12 @@ def sharper_than_drawn() -> AtlasRow:
     seen = radiance_of(solver, given, row, corner, eye_at(0.0))[:, 1]
     up = np.array([0.0, 0.0, 1.0])
     return AtlasRow(
-        "gloss_sharp",
-        f"parallel light on metal of alpha {alpha}, seen along the normal by single rays",
-        f"a lobe of alpha {LEAST_ALPHA}: (alpha / {LEAST_ALPHA})^2",
-        (alpha / LEAST_ALPHA) ** 2,
+        "gloss_sharp", f"parallel light on metal of alpha {alpha}, seen along the normal by single rays",
+        f"a lobe of alpha {LEAST_ALPHA}: (alpha / {LEAST_ALPHA})^2", (alpha / LEAST_ALPHA) ** 2,
         Number(float(seen.mean() / ggx_value(alpha, up[None], up, f0=1.0)[0])),
-        "reflections, by default for such lobes (docs/brdfs.md, Sharp gloss)",
-        known=1e-4,
+        "reflections, by default for such lobes (docs/brdfs.md, Sharp gloss)", known=1e-4,
         quantity="radiance / truth",
-    )
+    )  # fmt: skip
 
 
 def below_the_surface() -> Iterator[AtlasRow]:
@@ -105,16 +82,10 @@ def below_the_surface() -> Iterator[AtlasRow]:
         yield AtlasRow(
             f"gloss_below_{alpha}_{angle:.0f}",
             f"white metal of alpha {alpha}, light at {angle:.0f} degrees, facets that reflect once (model ggx)",
-            "1 - integral of f cos is absorbed",
-            1 - float(weights @ f),
-            measured,
-            "further reflections, which roughness and metallic add (decision 40)",
-            remedied,
-            aim=0.0,
-            known=0.004,
-            quantity="share of flux absorbed",
-            title="Draws below the surface",
-        )
+            "1 - integral of f cos is absorbed", 1 - float(weights @ f), measured,
+            "further reflections, which roughness and metallic add (decision 40)", remedied, aim=0.0, known=0.004,
+            quantity="share of flux absorbed", title="Draws below the surface",
+        )  # fmt: skip
 
 
 def two_sided() -> AtlasRow:
@@ -126,13 +97,9 @@ def two_sided() -> AtlasRow:
         counts[np.isin(light.rows, corners)] for corners in (solver.surfaces.corner_front, solver.surfaces.corner_back)
     ]
     return AtlasRow(
-        "gloss_two_sides",
-        "a two-sided sheet lit from below",
-        "no ray reaches the upper side",
-        0.0,
-        Number(float(sides[0].sum() / sides[1].sum())),
-        quantity="rays above / rays below",
-    )
+        "gloss_two_sides", "a two-sided sheet lit from below", "no ray reaches the upper side", 0.0,
+        Number(float(sides[0].sum() / sides[1].sum())), quantity="rays above / rays below",
+    )  # fmt: skip
 
 
 def few_rays() -> Iterator[AtlasRow]:
@@ -143,28 +110,17 @@ def few_rays() -> Iterator[AtlasRow]:
     first = given.offsets[::CELLS]
     counts = np.diff(first)[row]
     yield AtlasRow(
-        "gloss_no_ray",
-        f"{(counts == 0).sum()} receivers that no ray reaches",
-        "black, and no division by 0",
-        0.0,
-        Number(float(np.abs(seen[counts == 0]).max())),
-        quantity="largest radiance",
-        title="Few rays",
-    )
+        "gloss_no_ray", f"{(counts == 0).sum()} receivers that no ray reaches", "black, and no division by 0", 0.0,
+        Number(float(np.abs(seen[counts == 0]).max())), quantity="largest radiance", title="Few rays",
+    )  # fmt: skip
     alone = np.flatnonzero(counts == 1)
     rays = given.rays[first[row[alone]], 3:].astype(float)
     far = rays[:, 2] > 0.1
     exact = ggx_value(SATIN, rays[far], eye_at(0.0) / FAR)
     yield AtlasRow(
-        "gloss_one_ray",
-        f"{far.sum()} receivers with a single ray",
-        "f E of this ray",
-        1.0,
-        Number(float((seen[alone][far] / exact).mean())),
-        known=1e-4,
-        quantity="radiance / f E",
-        title="Few rays",
-    )
+        "gloss_one_ray", f"{far.sum()} receivers with a single ray", "f E of this ray", 1.0,
+        Number(float((seen[alone][far] / exact).mean())), known=1e-4, quantity="radiance / f E", title="Few rays",
+    )  # fmt: skip
 
 
 def many_rays() -> AtlasRow:
@@ -178,9 +134,7 @@ def many_rays() -> AtlasRow:
     def run(seed):
         solver = solved(field, MOST_PHOTONS, seed, radius=WIDE, gloss=LIST)
         middle = np.flatnonzero(near((0.5, 0.5, 0.0))(solver.receivers))[:1]
-        light = solver.frame.gloss
-        row = np.searchsorted(light.rows, middle).astype(np.int32)
-        given = light.directions()._replace(opened=OPENED[LIST])
+        given, row = single_rays(solver, middle)
         counts.append(int(np.diff(given.offsets[::CELLS])[row[0]]))
         cells = given._replace(opened=0.0, offsets=np.zeros(1, np.int64))
         eye = eye_at(math.radians(45.0))
@@ -189,17 +143,10 @@ def many_rays() -> AtlasRow:
     counts: list[int] = []
     listed, summed = over_seeds(run, 6)
     return AtlasRow(
-        "gloss_many_rays",
-        f"a receiver of {min(counts):,} rays under an even sky, {min(counts) * 24 / 1e6:.1f} MB",
-        "the integral of f L cos",
-        1.0,
-        listed,
-        f"64 cells, {CELLS * 24:,} B",
-        summed,
-        known=0.005,
-        aim_known=0.02,
+        "gloss_many_rays", f"a receiver of {min(counts):,} rays under an even sky, {min(counts) * 24 / 1e6:.1f} MB",
+        "the integral of f L cos", 1.0, listed, f"64 cells, {CELLS * 24:,} B", summed, known=0.005, aim_known=0.02,
         quantity="radiance / truth",
-    )
+    )  # fmt: skip
 
 
 def from_below() -> AtlasRow:
@@ -207,13 +154,9 @@ def from_below() -> AtlasRow:
     solver = solved(sheets_under_the_sky(SATIN), 10_000, radius=SMALL, gloss=LIST)
     seen = radiance_of(solver, *rays_of(solver), -eye_at(0.5))
     return AtlasRow(
-        "gloss_from_below",
-        "lit gloss seen from below its surface",
-        "nothing is sent there",
-        0.0,
-        Number(float(np.abs(seen).max())),
-        quantity="largest radiance",
-    )
+        "gloss_from_below", "lit gloss seen from below its surface", "nothing is sent there", 0.0,
+        Number(float(np.abs(seen).max())), quantity="largest radiance",
+    )  # fmt: skip
 
 
 def more_than_arrives() -> Iterator[AtlasRow]:
@@ -229,16 +172,10 @@ def more_than_arrives() -> Iterator[AtlasRow]:
         share, angle = re.search(r"\(([\d.]+) % at (\d+) degrees\)", str(problem)).groups()
         refused = Number(float(share) / 100)
         yield AtlasRow(
-            "gloss_refused",
-            f"{place}, at {angle} degrees",
-            "integral of f cos",
-            _phong(n, float(angle)),
-            refused,
+            "gloss_refused", f"{place}, at {angle} degrees", "integral of f cos", _phong(n, float(angle)), refused,
             "refused, with this share in the message; `scale = true` darkens it",
-            known=0.02 * _phong(n, float(angle)),
-            quantity="light that leaves / light that arrives",
-            title=title,
-        )
+            known=0.02 * _phong(n, float(angle)), quantity="light that leaves / light that arrives", title=title,
+        )  # fmt: skip
     darkened = replace(field, materials=(shiny._replace(scaled=True),))
     for angle, expected in ((45.0, _phong(n, 45.0)), (STEEP, 1.0)):
 
@@ -247,15 +184,10 @@ def more_than_arrives() -> Iterator[AtlasRow]:
 
         (measured,) = over_seeds(run, SEEDS)
         yield AtlasRow(
-            f"gloss_scaled_{angle:.0f}",
-            f"{place}, darkened, light at {angle:.0f} degrees",
-            f"the smaller of 1 and {_phong(n, angle):.3g}",
-            expected,
-            measured,
-            known=0.01,
-            quantity="light that leaves / light that arrives",
-            title=title,
-        )
+            f"gloss_scaled_{angle:.0f}", f"{place}, darkened, light at {angle:.0f} degrees",
+            f"the smaller of 1 and {_phong(n, angle):.3g}", expected, measured, known=0.01,
+            quantity="light that leaves / light that arrives", title=title,
+        )  # fmt: skip
 
 
 def _phong(n: int, angle: float) -> float:

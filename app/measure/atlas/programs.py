@@ -1,4 +1,4 @@
-"""Failures of programs: many moves, none, extreme scales and places, odd meshes, rays at edges, no photons."""
+"""Failures of programs: many moves, none, extreme scales, odd meshes, rays at edges, no photons; ray structures."""
 
 from __future__ import annotations
 
@@ -9,22 +9,27 @@ from typing import Any
 
 import numpy as np
 
-from app.measure.atlas.mobiles import COUNT, SETTING, block, lit_room
-from app.measure.atlas.photon_map import SUN
-from app.measure.atlas.row import AtlasRow, Number, View, near, ratios, solved
-from app.measure.atlas.shapes import BLACK, furnace, scene, sheet
-from app.measure.atlas.tangent_plane import CONTROL, FURNACE
+from app.measure.atlas.discs import SETTING, block, lit_room
+from app.measure.atlas.row import (
+    BLACK,
+    CONTROL,
+    COUNT,
+    FURNACE,
+    SUN,
+    AtlasRow,
+    Number,
+    View,
+    ball,
+    box,
+    furnace,
+    near,
+    ratios,
+    scene,
+    sheet,
+    solved,
+)
+from gi_core.instruments.ray_timing import Rays, boxes_crossed, built, run_of
 from gi_core.scene import Mesh, Pose
-
-
-def rows() -> Iterator[AtlasRow]:
-    """Measure every failure of programs."""
-    yield drift()
-    yield from at_rest()
-    yield from scales()
-    yield soup()
-    yield from at_edges()
-    yield from next_to_nothing()
 
 
 def drift() -> AtlasRow:
@@ -37,15 +42,11 @@ def drift() -> AtlasRow:
     assert not np.array_equal(solver.irradiance, begun)
     solver.move_all(start)
     return AtlasRow(
-        "drift",
-        "1,000 jumps and back to the start",
-        "0 bits: each frame comes from the background alone",
-        0.0,
-        Number(float(np.abs(solver.irradiance - begun).max())),
-        quantity="largest change of E [W/m2]",
+        "drift", "1,000 jumps and back to the start", "0 bits: each frame comes from the background alone", 0.0,
+        Number(float(np.abs(solver.irradiance - begun).max())), quantity="largest change of E [W/m2]",
         view=View(place, 100_000, SETTING, None, "tangent_plane, at the start and again at the end"),
         title="Many moves",
-    )
+    )  # fmt: skip
 
 
 def at_rest() -> Iterator[AtlasRow]:
@@ -61,15 +62,11 @@ def at_rest() -> Iterator[AtlasRow]:
         most = a_photon * (old.old_segments + old.new_segments + new.old_segments + new.new_segments)
         changed = float(np.abs(solver.irradiance[rows, 1] - before) @ areas[rows]) / most
         yield AtlasRow(
-            f"rest_{step:g}",
-            f"impact_count, a mobile moves by {step:g} m",
-            "only photons that are cut before or after can change",
-            1.0 if step else 0.0,
-            Number(changed),
+            f"rest_{step:g}", f"impact_count, a mobile moves by {step:g} m",
+            "only photons that are cut before or after can change", 1.0 if step else 0.0, Number(changed),
             known=math.inf if step else 0.0,
-            quantity="flux that changes places / flux of all segments of cut photons",
-            title="Flicker",
-        )
+            quantity="flux that changes places / flux of all segments of cut photons", title="Flicker",
+        )  # fmt: skip
 
 
 def scales() -> Iterator[AtlasRow]:
@@ -82,15 +79,9 @@ def scales() -> Iterator[AtlasRow]:
         setting = {**CONTROL, "radius": 0.1 * size}
         ((found,),) = ratios(room, 50_000, [middles], [setting], truth=FURNACE)
         yield AtlasRow(
-            f"scale_{low or size:g}",
-            name,
-            "no failure: 1",
-            1.0,
-            found,
-            "none needed: meshes farther than 8 sizes are shifted to the origin",
-            None,
-            title="Scale and place",
-        )
+            f"scale_{low or size:g}", name, "no failure: 1", 1.0, found,
+            "none needed: meshes farther than 8 sizes are shifted to the origin", None, title="Scale and place",
+        )  # fmt: skip
 
 
 def soup() -> AtlasRow:
@@ -108,14 +99,11 @@ def soup() -> AtlasRow:
 
     ((found,),) = ratios(replace(room, static=loose), 50_000, [with_area], [SETTING], truth=FURNACE)
     return AtlasRow(
-        "soup",
-        "tangent_plane, a furnace of loose triangles, a point, a needle and an edge among them",
-        "no failure: 1",
-        1.0,
-        found,
+        "soup", "tangent_plane, a furnace of loose triangles, a point, a needle and an edge among them",
+        "no failure: 1", 1.0, found,
         view=View(replace(room, static=loose), 50_000, SETTING, None, "tangent_plane, lit like a whole one"),
         title="Odd meshes",
-    )
+    )  # fmt: skip
 
 
 def at_edges() -> Iterator[AtlasRow]:
@@ -131,15 +119,10 @@ def at_edges() -> Iterator[AtlasRow]:
         origins, far = np.tile(middle, (len(d), 1)).astype(np.float32), np.full(len(d), 10.0, np.float32)
         _, face = solver.model.accelerator.nearest(0, origins, d, far)
         yield AtlasRow(
-            f"edges_{name}",
-            f"rays from the middle of a closed room to its {name}",
-            "0 slip through, except by rounding; those count as escaped",
-            0.0,
-            Number(float((face < 0).mean())),
-            known=0.002,
-            quantity="share that hits nothing",
-            title="Rays through vertices and edges",
-        )
+            f"edges_{name}", f"rays from the middle of a closed room to its {name}",
+            "0 slip through, except by rounding; those count as escaped", 0.0, Number(float((face < 0).mean())),
+            known=0.002, quantity="share that hits nothing", title="Rays through vertices and edges",
+        )  # fmt: skip
 
 
 def next_to_nothing() -> Iterator[AtlasRow]:
@@ -159,3 +142,71 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     share = float(black.frame.fates["absorbed"][1] / black.frame.fates["emitted"][1])
     quantity = "flux absorbed at the first hit / emitted"
     yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), quantity=quantity, **common)
+
+
+CAST = 1000  # rays
+HALL, MIDDLE = 100.0, 47.5  # side of a hall, place of an object on all axes [m]
+DENSE, TINY = 0.2, 0.002  # radii of balls [m]
+TRIANGLES = 1000
+ENDS = 20  # tests that cells at the ends of a bundle add
+SHARED = 0.5  # of the tests that a bvh adds: a leaf holds up to four triangles
+
+
+def ray_structures() -> Iterator[AtlasRow]:
+    """Measure every structure where it fails."""
+    rng = np.random.default_rng(0)
+    anywhere = _rays(rng.uniform(0, 1, (CAST, 3)), rng.normal(size=(CAST, 3)))
+    at = rng.uniform(0, 1, (TRIANGLES, 1, 3))
+    soup = np.concatenate([at, at + rng.uniform(-0.02, 0.02, (TRIANGLES, 2, 3))], axis=1)
+    yield _row("none", "none", "small triangles anywhere", "every ray tests all triangles", soup, anywhere)
+
+    dense, walls = ball(DENSE), box((0.0,) * 3, (HALL,) * 3)
+    hall = (MIDDLE + dense.vertices)[dense.faces], walls.vertices[walls.faces]
+    start = rng.uniform(0.1, 0.9, (CAST, 3)) * HALL
+    aimed = _rays(start, MIDDLE - start)
+    where = f"a ball of {2 * DENSE:g} m in a hall of {HALL:g} m, rays aimed at it"
+    theory = "the ball lies in one cell: a ray that enters it tests all of the ball's triangles"
+    yield _row("grid3d", "grid3d", where, theory, np.concatenate(hall), aimed, len(dense.faces))
+
+    tiny = ball(TINY)
+    hall = (MIDDLE + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
+    where = f"a ball of {2e3 * TINY:g} mm in that hall, rays aimed at it"
+    theory = "the smallest cells, 12 levels deep, are larger than the ball: one lists all of its triangles"
+    yield _row("octree", "octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), known=len(walls.faces))
+
+    ends = rng.choice([-0.5, 0.5], (TRIANGLES, 1, 3))
+    slivers = np.concatenate([at, at + ends, at + 1e-3 * rng.normal(size=at.shape)], axis=1)
+    mean = float(boxes_crossed(slivers.min(axis=1), slivers.max(axis=1), anywhere).mean())
+    theory = "a ray tests each sliver whose box it crosses, and those in the same leaf; an octree divides the slivers"
+    yield _row("bvh", "bvh", "slivers along diagonals", theory, slivers, anywhere, mean, "octree", SHARED * mean)
+
+    along, wide = rng.uniform(0, 0.02, (TRIANGLES, 1, 3)), 0.02 * rng.normal(size=(TRIANGLES, 1, 3))
+    bundle = np.concatenate([along, along + 1, along + 1 + wide], axis=1)
+    theory = "planes across an axis cut all of them, but at the ends of the bundle. Boxes of a bvh all overlap"
+    yield _row(
+        "bsp", "bsp", "a bundle of long triangles along the diagonal", theory, bundle, anywhere, helper=None, known=ENDS
+    )
+
+
+def _rays(origins, directions) -> Rays:
+    d = directions / np.linalg.norm(directions, axis=1)[:, None]
+    limits = np.full(len(origins), 1e4, np.float32)
+    return Rays(origins.astype(np.float32), d.astype(np.float32), limits, False)
+
+
+def _tests(name: str, corners: np.ndarray, rays: Rays) -> Number:
+    """Return triangles tested per ray against separate triangles (n, 3, 3)."""
+    mesh = corners.reshape(-1, 3), np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
+    return Number(run_of(built(name, [mesh]), rays, all_rays=True)().tests)
+
+
+def _row(key, name, where, theory, corners, rays, predicted=TRIANGLES, helper="bvh", known=0.0):
+    """Return the row of a structure; helper: a structure that tests fewer, None for none."""
+    least = math.log2(len(corners))
+    return AtlasRow(
+        f"rays_{key}", f"{name}: {where}", theory, float(predicted), _tests(name, corners, rays),
+        f"`--rays {helper}`" if helper else "none, but shorter triangles (`--max-edge`)",
+        _tests(helper, corners, rays) if helper else None, aim=least, known=known,
+        aim_known=(2 if helper == "bvh" else 4) * least, quantity="triangles tested per ray",
+        title="Structures of rays",
+    )  # fmt: skip

@@ -1,15 +1,15 @@
-"""A row of the failure atlas: a failure, its prediction by theory, its measurement, its remedy."""
+"""Rows of the failure atlas: prediction by theory, measurement, remedy; and the small scenes that they measure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gi_core.scene import Scene
+from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Scene
 from gi_core.solver import Solver
 
 SEEDS = 8  # runs per standard error
@@ -107,3 +107,94 @@ def near(*points, tolerance: float = 1e-6) -> Callable:
         return np.any([np.abs(p - q).max(axis=1) < tolerance for q in np.asarray(points, float)], axis=0)
 
     return find
+
+
+BLACK = Material("black", (0.0, 0.0, 0.0))
+SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0))
+BARE: dict[str, Any] = {"estimator": "tangent_plane", "control": False}
+CONTROL: dict[str, Any] = {"estimator": "tangent_plane", "control": True}
+COUNT: dict[str, Any] = {"estimator": "impact_count"}
+FURNACE = 2 * math.pi  # E = pi Le / (1 - rho) in furnace()
+UP = (0.0, 0.0, 1.0)
+
+
+def sheet(corner, u, v, divisions=(1, 1), material: int = 0) -> Mesh:
+    """Return a parallelogram; its front is the side of u x v."""
+    m, n = divisions
+    s, t = np.meshgrid(np.linspace(0, 1, m + 1), np.linspace(0, 1, n + 1), indexing="ij")
+    points = np.asarray(corner, float) + s[..., None] * np.asarray(u, float) + t[..., None] * np.asarray(v, float)
+    at = np.arange((m + 1) * (n + 1)).reshape(m + 1, n + 1)
+    a, b, c, d = (x.reshape(-1) for x in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return Mesh(points.reshape(-1, 3), faces.astype(np.int32), np.full(len(faces), material, np.int32))
+
+
+def fan(place, degrees: float, step: float = 30.0, radius: float = 1.0, material: int = 0) -> Mesh:
+    """Return triangles round an apex that faces up: together they span an angle; 360 closes them."""
+    count = max(round(degrees / step), 1)
+    a = np.radians(degrees) * np.arange(count + (degrees < 360)) / count
+    rim = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1) * radius
+    points = np.concatenate([[[0.0, 0, 0]], rim]) + np.asarray(place, float)
+    k = np.arange(count)
+    faces = np.stack([0 * k, 1 + k, 1 + (k + 1) % len(a)], axis=1)
+    return Mesh(points, faces.astype(np.int32), np.full(count, material, np.int32))
+
+
+def box(low, high, divisions: int = 1, material: int = 0, inward: bool = False) -> Mesh:
+    """Return a closed box, its front outside, or inside: a room."""
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    sides = []
+    for axis in range(3):
+        u, v = np.zeros(3), np.zeros(3)
+        u[(axis + 1) % 3], v[(axis + 2) % 3] = (high - low)[(axis + 1) % 3], (high - low)[(axis + 2) % 3]
+        top = np.where(np.arange(3) == axis, high, low)
+        for corner, outward in ((top, True), (low, False)):
+            a, b = (u, v) if outward != inward else (v, u)
+            sides.append(sheet(corner, a, b, (divisions, divisions), material))
+    return joined(*sides)
+
+
+def ball(radius: float, rings: int = 24, material: int = 0, inward: bool = False) -> Mesh:
+    """Return a sphere about the origin from rings of latitude, its front outside or inside."""
+    theta = np.pi * np.arange(1, rings) / rings
+    phi = np.pi * np.arange(2 * rings) / rings
+    t, p = np.meshgrid(theta, phi, indexing="ij")
+    grid = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+    points = radius * np.concatenate([grid.reshape(-1, 3), [[0.0, 0, 1], [0, 0, -1]]])
+    at = np.arange((rings - 1) * 2 * rings).reshape(rings - 1, -1)
+    a, b, c, d = at[:-1], at[1:], np.roll(at[1:], -1, axis=1), np.roll(at[:-1], -1, axis=1)
+    middle = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    first, last, pole = at[0], at[-1], len(points) - 2
+    caps = [np.stack([0 * first + pole, first, np.roll(first, -1)], 1)]
+    caps.append(np.stack([0 * last + pole + 1, np.roll(last, -1), last], 1))
+    faces = np.concatenate([middle, *caps])
+    faces = faces[:, ::-1] if inward else faces
+    return Mesh(points, np.ascontiguousarray(faces, np.int32), np.full(len(faces), material, np.int32))
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    """Return several meshes as one; materials keep their numbers."""
+    first = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + np.int32(k) for m, k in zip(meshes, first, strict=True)]).astype(np.int32),
+        np.concatenate([m.face_material for m in meshes]),
+    )
+
+
+def scene(mesh: Mesh, materials, eye, target, lights=(), mobiles=(), fov: float = 40.0) -> Scene:
+    """Return a scene with z up and a camera for its picture."""
+    return Scene(mesh, tuple(materials), tuple(mobiles), tuple(lights), (), Camera(eye, target, fov), UP, name="atlas")
+
+
+def furnace(divisions: int, *more: Mesh, low=(0.0, 0, 0), high=(1.0, 1, 1), reflectance: float = 0.5) -> Scene:
+    """A closed room whose surfaces all emit Le = 1 and reflect: E = pi / (1 - rho) everywhere."""
+    glow = Material("glow", (reflectance,) * 3, (1.0, 1.0, 1.0))
+    room = joined(box(low, high, divisions, inward=True), *more)
+    return scene(room, (glow,), (0.5, -1.9, 1.1), (0.5, 0.5, 0.4))
+
+
+def beyond(distance: float, radius: float) -> float:
+    """Return the share of a disc's area that lies beyond a line at a distance from its middle (negative: before it)."""
+    d = max(min(distance / radius, 1.0), -1.0)
+    return (math.acos(d) - d * math.sqrt(1 - d * d)) / math.pi

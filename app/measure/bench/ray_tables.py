@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from app.cli.progress import Bar
 from app.draw.camera import from_camera, scene_bounds
-from app.measure.bench.tables import table
 from app.measure.chart.figure import need_matplotlib
+from app.measure.tables import markdown_table
 
 if TYPE_CHECKING:
     from gi_core.instruments.ray_timing import Cost, Structure
@@ -28,8 +28,7 @@ NOTE = (
 
 def measured(model: Model, bar: Bar, rays: int = RAYS) -> list[tuple[Structure, dict[str, Cost]]]:
     """Return every structure at every leaf size over a model's static part, with its costs by kind of ray."""
-    from gi_core.instruments.ray_timing import LEAVES, built, costs, rays_of
-    from gi_core.rays.structures import STRUCTURES
+    from gi_core.instruments.ray_timing import LEAVES, STRUCTURES, built, costs, rays_of
 
     casts = rays_of(model, scene_camera(model), rays)
     meshes = [(model.surfaces.vertices[0], model.surfaces.faces[0])]
@@ -59,7 +58,7 @@ def section(found: dict[str, list[tuple[Structure, dict[str, Cost]]]]) -> str:
         chosen = best(rows)
         embree = next((c for s, c in chosen if s.name == "embree"), None)
         lines = [_line(s, c, embree) for s, c in chosen]
-        parts += [f"### {title}", table(HEAD, lines), _over_leaves(rows)]
+        parts += [f"### {title}", markdown_table(HEAD, lines), _over_leaves(rows)]
     return "\n\n".join(p for p in parts if p)
 
 

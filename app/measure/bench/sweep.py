@@ -1,22 +1,171 @@
-"""`gi-viewer bench SCENE --sweep --out DIR`: many rows into sweep.json and sweep.md.
+"""`gi-viewer bench SCENE --sweep --out DIR`: settings and variants of the scene, into sweep.json and sweep.md.
 
-Both files are whole at any time. A sweep that was stopped resumes with the rows that are missing or failed.
+Both files are whole at any time. A sweep that was stopped resumes with the rows that are missing or failed. A separate
+process measures each row: it has its own peak memory, and its failure ends no other row.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import math
+import subprocess
+import sys
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from app.settings import STEP, Settings, UsageError
+from gi_core.estimators import DEFAULT, ESTIMATORS
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
+from collections.abc import Callable
+from functools import partial
 
 from app.cli.progress import Bar
 from app.cli.version import commit
 from app.cli.writable import write_whole
-from app.measure.bench.row import Failed, run_apart
-from app.measure.bench.rows import rows
-from app.measure.bench.tables import markdown
-from app.measure.machine import processor
-from app.settings import Settings, UsageError
+from app.measure.results import Failure, attempted, processor
+from app.measure.tables import Column, cells, digits, fixed, markdown_table, section, times
+
+PHOTONS = (10_000, 100_000, 1_000_000)
+TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
+RADII = ("scaled", "fixed")  # of discs in finer meshes: see `vary`
+GROWTH_PHOTONS = 100_000  # of rows that vary triangles or sides
+NEIGHBOURS = 50
+SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
+
+
+class Row(NamedTuple):
+    """One measurement; `variant` has keys of `vary`."""
+
+    key: str
+    settings: Settings
+    frames: int
+    variant: dict
+
+    def spec(self) -> dict:
+        """Return the input of a row's process as JSON returns it: lists for tuples."""
+        spec = {"settings": asdict(self.settings), "frames": self.frames, "variant": self.variant}
+        return json.loads(json.dumps(spec))
+
+
+def rows(settings: Settings, frames: int) -> list[Row]:
+    """Return all rows, cheap ones first; artifact control is off except in its own rows."""
+    base = replace(settings, control=False, neighbours=settings.neighbours or NEIGHBOURS)
+    out = []
+
+    def add(key: str, photons: int, estimator: str = DEFAULT, control: bool = False, **variant) -> None:
+        wanted = replace(base, photons=photons, estimator=estimator, control=control)
+        out.append(Row(key, wanted, frames, variant))
+
+    for photons in PHOTONS:
+        for estimator in ESTIMATORS:
+            add(photons_key(photons, estimator), photons, estimator)
+        add(photons_key(photons, DEFAULT, control=True), photons, control=True)
+    add(SLOW, PHOTONS[-1], step=SLOW_STEP)
+    for sides in ("one-sided", "two-sided"):
+        add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
+    for triangles in TRIANGLES:
+        for radius in RADII:
+            add(triangles_key(triangles, radius), GROWTH_PHOTONS, triangles=triangles, radius=radius)
+    return out
+
+
+def photons_key(photons: int, estimator: str, control: bool = False) -> str:
+    return f"{photons} photons, {estimator}" + (", artifact control" if control else "")
+
+
+def triangles_key(triangles: int, radius: str) -> str:
+    return f"{triangles} triangles, radius {radius}"
+
+
+ROOT = Path(__file__).resolve().parents[3]
+GUESSES = 8  # of the longest edge
+CLOSE = 0.02  # of the number of triangles wanted
+
+
+def run_apart(spec: dict) -> dict:
+    """Measure a row by a separate process. Raises UsageError."""
+    code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from app.measure.bench.sweep import main; sys.exit(main())"
+    done = subprocess.run([sys.executable, "-c", code], input=json.dumps(spec), text=True, capture_output=True)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines()
+        raise UsageError(lines[-1] if lines else f"ended with code {done.returncode}")
+    return json.loads(done.stdout)
+
+
+def main() -> int:
+    """Measure the row on stdin, print its numbers as JSON; return the exit code."""
+    from gi_core.scene import SceneError
+
+    try:
+        print(json.dumps(measure_row(json.load(sys.stdin))))
+    except (SceneError, UsageError, OSError, MemoryError) as problem:
+        print(" ".join(str(problem).split()) or type(problem).__name__, file=sys.stderr)
+        return 1
+    return 0
+
+
+def measure_row(spec: dict) -> dict:
+    """Open the scene, make the row's variant, measure. Raises SceneError, UsageError."""
+    from app.cli.progress import Bar, compile_kernels
+    from app.measure.bench.measure import measure, warm_up
+    from app.settings import open_moving_scene
+
+    settings = Settings(**{name: _tuples(value) for name, value in spec["settings"].items()})
+    scene, settings = vary(open_moving_scene(settings), settings, spec["variant"])
+    with Bar() as bar:
+        compile_kernels(bar, settings.rays)
+        warm_up(scene, settings)
+        return measure(scene, settings, spec["frames"], bar, spec["variant"].get("step", STEP))
+
+
+def _tuples(value):
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def vary(scene, settings: Settings, variant: dict):
+    """Return scene and settings of a variant with the keys `two_sided` (bool), or `triangles` (int) and `radius`.
+
+    Mobiles cut the same photons in all variants of triangles. Discs of radius "scaled" shrink with the area per
+    receiver, so that a segment crosses as many of them; of radius "fixed" they do not.
+    """
+    from app.settings import make_solver
+
+    if "two_sided" in variant:
+        scene = replace(scene, materials=tuple(m._replace(two_sided=variant["two_sided"]) for m in scene.materials))
+    if "triangles" in variant:
+        own = make_solver(scene, settings)
+        scene = replace(scene, static=_finer(scene.static, variant["triangles"]))
+        settings = replace(settings, radius=own.setting.radius)
+        if variant["radius"] == "scaled":
+            share = _static_receivers(own) / _static_receivers(make_solver(scene, settings))
+            settings = replace(settings, radius=own.setting.radius * math.sqrt(share))
+    return scene, settings
+
+
+def _static_receivers(solver: Solver) -> int:
+    return solver.surfaces.receiver_range(0).stop
+
+
+def _finer(mesh, triangles: int):
+    """Return a mesh cut finer until it has about the number of triangles wanted; one with as many is not changed."""
+    from gi_core.geometry.surfaces import face_normals
+    from gi_core.geometry.tessellation import tessellate
+
+    if len(mesh.faces) >= (1 - CLOSE) * triangles:
+        return mesh
+    edge, best = 1.5 * math.sqrt(face_normals(mesh)[1].sum() / triangles), mesh
+    for _ in range(GUESSES):
+        tried = tessellate(mesh, edge)
+        if abs(len(tried.faces) - triangles) < abs(len(best.faces) - triangles):
+            best = tried
+        if abs(len(tried.faces) - triangles) <= CLOSE * triangles:
+            break
+        edge *= math.sqrt(len(tried.faces) / triangles)  # half the edge: four times the triangles
+    return best
+
 
 FORMAT = "gi-viewer sweep 3"
 
@@ -24,8 +173,8 @@ FORMAT = "gi-viewer sweep 3"
 def sweep(settings: Settings, frames: int, out: Path, run: Callable = run_apart) -> dict:
     """Measure the missing rows of `out`/sweep.json, write it and sweep.md; return the contents of sweep.json.
 
-    `run(spec) -> numbers` measures a row, or raises Failed. Raises UsageError for a folder that holds a sweep of
-    another scene, commit or processor, OSError for one that cannot be written.
+    `run(spec) -> numbers` measures a row. Raises UsageError for a folder that holds a sweep of another scene, commit or
+    processor, OSError for one that cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "sweep.json"
@@ -39,10 +188,11 @@ def sweep(settings: Settings, frames: int, out: Path, run: Callable = run_apart)
                 continue
             bar(f"row {k + 1} of {len(wanted)}: {row.key}", k / len(wanted))
             done["failed"].pop(row.key, None)
-            try:
-                done["rows"][row.key] = {**run(row.spec()), "asked": row.spec()}
-            except Failed as problem:
-                done["failed"][row.key] = str(problem)
+            made = attempted(row.key, partial(run, row.spec()))
+            if isinstance(made, Failure):
+                done["failed"][row.key] = made.reason
+            else:
+                done["rows"][row.key] = {**made, "asked": row.spec()}
             write_whole(file, json.dumps(done, indent=1) + "\n")
             write_whole(out / "sweep.md", markdown(done))
     write_whole(out / "sweep.md", markdown(done))
@@ -64,3 +214,91 @@ def _resumed(file: Path, started: dict) -> dict:
                 "give another folder with --out, or delete it"
             )
     return have
+
+
+def markdown(sweep: dict) -> str:
+    """Return the whole report."""
+    have = sweep["rows"]
+    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _stages(have), _failed(sweep)]
+    return "\n\n".join(p for p in parts if p) + "\n"
+
+
+def _head(sweep: dict) -> str:
+    rows = sweep["rows"].values()
+    threads = ", ".join(sorted({str(r["threads"]) for r in rows})) or "unknown"
+    wrong = [key for key, r in sweep["rows"].items() if not r["bits_equal"]]
+    bits = "Every row's last frame has the same bits as from scratch." if rows and not wrong else ""
+    if wrong:
+        bits = f"**The last frame differs from scratch in: {'; '.join(wrong)}.**"
+    loads = [r["load"] for r in rows if r.get("load") is not None]
+    busy = f" Up to {max(loads):.1f} threads ran or waited in the minute before a row." if loads else ""
+    machine = f"{sweep['processor']}, {threads} threads, commit {sweep['commit'] or 'unknown'}. Times in ms, medians"
+    return f"# Sweep of {sweep['scene']}\n\n{machine}; artifact control off unless stated.{busy} {bits}".rstrip()
+
+
+def _cut(row: dict) -> float:
+    return row["share_cut"] * row["photons"]
+
+
+def _scan(row: dict) -> float:
+    return sum(ms for name, ms in row["stages_ms"].items() if "scan" in name)
+
+
+def _all_else(row: dict) -> float | None:
+    return 1e3 * (row["frame_ms"]["median"] - _scan(row)) / _cut(row) if _cut(row) else None
+
+
+ROW = (
+    Column("row", lambda r: r["key"]),
+    Column("cut", _cut, "{:,.0f}".format),
+    Column("frame", lambda r: r["frame_ms"]["median"], digits),
+    Column("95 %", lambda r: r["frame_ms"]["p95"], digits),
+    Column("CPU", lambda r: r["frame_ms"]["cpu"], digits),
+    Column("scan", _scan, digits),
+    Column("all else, us per cut photon", _all_else, fixed),
+    Column("from scratch", lambda r: r["from_scratch_ms"], digits),
+    Column("ratio", lambda r: r["from_scratch_ratio"], times),
+    Column("first frame", lambda r: r["first_frame_ms"], digits),
+    Column("peak MB", lambda r: r["peak_rss_mb"], "{:,.0f}".format),
+)
+GROWTH = (
+    Column("triangles", lambda r: r["triangles"], "{:,}".format),
+    Column("receivers", lambda r: r["receivers"], "{:,}".format),
+    Column("radius m", lambda r: r["radius"], "{:.4g}".format),
+    Column("frame", lambda r: r["frame_ms"]["median"], digits),
+    Column("ratio", lambda r: r["frame_ms"]["median"] / r["of"], times),
+    Column("segments changed", lambda r: r["segments_changed"], "{:,.0f}".format),
+)
+
+
+def _rows(have: dict) -> str:
+    """Return the table of all rows but those of triangles; frames should grow with the photons cut, plus a scan."""
+    grown = {triangles_key(n, radius) for n in TRIANGLES for radius in RADII}
+    return section("Rows", markdown_table(*cells(ROW, [r | {"key": k} for k, r in have.items() if k not in grown])))
+
+
+def _growth_with_triangles(have: dict) -> str:
+    parts = []
+    for radius in RADII:
+        measured = [have[key] for n in TRIANGLES if (key := triangles_key(n, radius)) in have]
+        if measured:
+            least = measured[0]["frame_ms"]["median"]
+            made = markdown_table(*cells(GROWTH, [r | {"of": least} for r in measured]))
+            parts.append(f"Radius {radius}:\n\n{made}")
+    return section("Growth with static triangles (the same surfaces cut finer)", "\n\n".join(parts))
+
+
+def _stages(have: dict) -> str:
+    """Return the time of each stage at the largest number of photons measured."""
+    counts = [n for n in PHOTONS if photons_key(n, DEFAULT) in have]
+    if not counts:
+        return ""
+    r = have[photons_key(max(counts), DEFAULT)]
+    lines = [[name, digits(ms)] for name, ms in (r["stages_ms"] | {"whole frame": r["frame_ms"]["median"]}).items()]
+    return section(
+        f"Stages of a frame at {max(counts):,} photons ({DEFAULT})", markdown_table(["stage", "took"], lines)
+    )
+
+
+def _failed(sweep: dict) -> str:
+    return section("Failed", "\n".join(f"- {key}: {why}" for key, why in sweep["failed"].items()))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from app.cli.cluster import Machines
 from app.cli.progress import opened
+from app.measure.chart.figure import draw, need_matplotlib
+from app.measure.chart.page import SOON_ENOUGH, write_page
+from app.measure.chart.run import Run
+from app.measure.chart.settings import tuned_summary
+from app.measure.results import Failure
 from app.settings import Settings, open_moving_scene
-
-if TYPE_CHECKING:
-    from app.cli.cluster import Machines
-    from app.measure.chart.rows import Failure
 
 
 def chart(
@@ -24,12 +25,6 @@ def chart(
 
     Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
     """
-    from app.measure.chart.figure import draw, need_matplotlib
-    from app.measure.chart.page import write_page
-    from app.measure.chart.pictures import SOON_ENOUGH
-    from app.measure.chart.run import Run
-    from app.measure.chart.tuned import summary
-
     need_matplotlib()
     out.mkdir(parents=True, exist_ok=True)
     with opened(settings, open_moving_scene) as (bar, scene):
@@ -48,6 +43,6 @@ def chart(
     if soon:
         least = min(soon, key=lambda r: r["total all"])
         said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
-    near = [words] if (words := summary(rows)) else []
+    near = [words] if (words := tuned_summary(rows)) else []
     files = (str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))
     return "\n".join([said, *near, *files]), run.failures

@@ -7,9 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.cli.extras import need
-from app.measure.chart.report import REPORT, SCENES
-from app.measure.chart.rival import RIVAL
-from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, RESTED, TUNED
+from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, REPORT, RESTED, RIVAL, SCENES, TUNED
 from app.settings import BUDGET
 from gi_core.estimators import ESTIMATORS
 

@@ -1,18 +1,33 @@
-"""One setting of the chart: frame time along the path, error in each class, flicker."""
+"""Settings of the chart measured on one scene: frame time along the path, error in each class, flicker; and the rival,
+path tracing from every vertex in every frame, without photons.
+
+All solvers are twins of one, so photons are traced once.
+"""
 
 from __future__ import annotations
 
+import os
+import platform
 import time
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from app.measure.chart.gloss import drawn_gloss
-from app.measure.chart.settings import Choice
-from app.measure.chart.truth import PoseTruth, background_of, light_of, steady_and_moved
+from app.measure.chart.settings import TUNED, Choice, Effort, choice_of
+from app.measure.chart.truth import PoseTruth, background_of, drawn_gloss, light_of, steady_and_moved
+from app.measure.results import Failure, attempted
+from app.measure.tuning import tune
+from app.settings import BUDGET, Settings, make_solver
+from gi_core.estimators import CHEAPEST, DEFAULT
+from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import noise_of_truth, relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.receiver_classes import CLASSES
+from gi_core.scene import Scene
 from gi_core.solver import Solver
 
 WATCHED = 3000  # static receivers drawn; their light is recorded in every frame
@@ -90,7 +105,7 @@ def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> AtCases:
     return _at_cases(out)
 
 
-def row(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, first_frame: float) -> dict:
+def row_of(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, first_frame: float) -> dict:
     """Return the columns of a setting: times [ms] and relative errors of `gi_core.geometry.error`."""
     numbers = {
         **choice._asdict(),
@@ -151,3 +166,149 @@ def flicker(light: np.ndarray, walk: Walk) -> float:
 def _jump(light: np.ndarray, areas: np.ndarray) -> float:
     """Return the sum of area x change over all frames."""
     return float((areas * np.abs(np.diff(light, axis=0))).sum())
+
+
+TIMED = 4  # paths per vertex; the time of more is scaled from these
+OTHER_SEED = 0x417A1  # the truth has other paths
+
+
+def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> AtCases:
+    """Return the irradiance of each case from a number of paths per receiver; it has no gloss."""
+    out = []
+    for case in walk.cases:
+        gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ OTHER_SEED)
+        out.append(gatherer.paths(case.rows, 0, paths).mean(axis=1))
+    return AtCases(out, [None] * len(out))
+
+
+def rival_times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:
+    """Return the time [ms] of a frame with paths from every vertex; times over TIMED paths are scaled.
+
+    The first frame takes as long as every other one.
+    """
+    count, took = min(paths, TIMED), []
+    for k in range(3 if count == 1 else 1):  # a frame of four paths takes seconds: one is enough
+        gatherer = _gatherer(solver, walk.lap[k % len(walk.lap)], k)
+        started = time.perf_counter()
+        gatherer.paths(np.arange(len(gatherer.positions)), 0, count)
+        took.append(1e3 * (time.perf_counter() - started) * paths / count)
+    return {"frame_ms": float(np.median(took)), "frame_p95_ms": max(took), "first_frame_ms": float(np.median(took))}
+
+
+def _gatherer(solver: Solver, poses, seed: int) -> Gatherer:
+    everywhere = {**solver.poses, **poses}
+    points = evaluation_points(solver.surfaces, solver.model.receivers_at(everywhere))
+    return Gatherer(solver.scene, *points, seed, everywhere, model=solver.model, levels=solver.levels)
+
+
+LIMIT_SEED = 1000  # added to the seed: the limit must not share photons with the rows
+
+
+class Measurer:
+    """One scene and the solvers of its settings. `family`, `rival` and `tuned` measure along a walk."""
+
+    def __init__(self, scene: Scene, settings: Settings, effort: Effort, bar, threads: int | None = None) -> None:
+        """bar(stage, fraction): called on the way; threads: None for one per core."""
+        self.scene, self.settings, self.effort, self.bar, self._threads = scene, settings, effort, bar, threads
+        started = time.perf_counter()
+        self.base = make_solver(scene, replace(settings, estimator=CHEAPEST), threads=threads)
+        self._prepare_seconds = time.perf_counter() - started
+        self._traced: dict[int, float] = {}  # s from the start to that number of photons
+        self._gather_seconds = 0.0
+        self._limits: Solver | None = None
+
+    @property
+    def _process(self) -> dict[str, object]:
+        """Columns of the process that has timed a row."""
+        return {"process": f"{platform.node()}:{os.getpid()}", "threads": self.base.model.threads}
+
+    def family(self, choices: Iterable[Choice], walk: Walk) -> Iterator[dict | Failure]:
+        """Yield the row of each setting of one family: they share the limit at very many photons."""
+        limits: list = []
+
+        def row(choice: Choice) -> dict:
+            if choice.light == "best":  # gathered light has no limit at many photons
+                return self._row(choice, None, walk)
+            if not limits:
+                limits.append(at_cases(self.limit(choice), walk))
+            return self._row(choice, limits[0], walk)
+
+        for choice in choices:
+            yield attempted(f"{choice.curve}, {choice.summary()}", partial(row, choice))
+
+    def rival(self, choice: Choice, walk: Walk) -> Iterator[dict | Failure]:
+        """Yield the row of the rival."""
+
+        def row() -> dict:
+            seen = rival_light(self.base, walk, choice.photons, self.settings.seed)
+            times = rival_times(self.base, walk, choice.photons)
+            named = choice._asdict() | {"curve": choice.curve}
+            return named | times | errors(seen, None, walk.cases) | self._process
+
+        yield attempted(f"{choice.curve}, {choice.photons} paths", row)
+
+    def tuned(self, most: int, walk: Walk) -> Iterator[dict | Failure]:
+        """Yield the row of the choice of `tune` on this scene and machine; most: photons."""
+
+        def row() -> dict:
+            s = self.base.setting
+            solver, _ = self.solved(Choice(DEFAULT, most, most, s.radius, s.neighbours, True, "best", paths=64))
+            found = tune(solver, 1e-3 * BUDGET, self.bar)
+            return self._row(choice_of(found, self._traced, solver.frame.subsets), None, walk)
+
+        yield attempted(TUNED, row)
+
+    def solved(self, choice: Choice):
+        """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""
+        self.trace(choice.traced)
+        if choice.light == "best":
+            self._gather()
+        solver = self.base.twin()
+        solver.configure(photons=choice.traced, **choice.setting)
+        started = time.perf_counter()
+        solver.solve()
+        return solver, time.perf_counter() - started
+
+    def _row(self, choice: Choice, limit, walk) -> dict:
+        solver, seconds = self.solved(choice)
+        first = self._prepare_seconds + self._traced[choice.traced] + seconds
+        if choice.light == "best":
+            first += self._gather_seconds
+        seen = go(solver, walk, *choice.frame)
+        if choice.rested:
+            seen = seen._replace(at_cases=at_cases(solver, walk, self.effort.gathered_seconds))
+        return row_of(choice, seen, limit, walk, first) | self._process
+
+    def trace(self, photons: int) -> None:
+        """Trace photons up to a number, with the cheapest estimator."""
+        if photons in self._traced:
+            return
+        most = max(self._traced, default=0)
+        started = time.perf_counter()
+        self.base.configure(photons=photons)
+        self.base.solve()
+        self._traced[photons] = self._traced.get(most, 0.0) + time.perf_counter() - started
+
+    def _gather(self) -> None:
+        """Gather the static light, once; every twin has it."""
+        noise = self.effort.gathered_noise
+        if self.base.frame_light.static.gathered is None or self.base.frame_light.static.gathered.noise > noise:
+            started = time.perf_counter()
+            for progress in self.base.gather_steps():
+                self.bar(progress.stage, progress.fraction)
+                if self.base.frame_light.static.gathered.noise <= noise:
+                    break
+            self._gather_seconds = time.perf_counter() - started
+
+    def limit(self, choice: Choice):
+        """Return a solver of the same family with very many photons, other ones."""
+        if self._limits is None:
+            settings = replace(self.settings, estimator=CHEAPEST, seed=self.settings.seed + LIMIT_SEED)
+            self._limits = make_solver(
+                self.scene, replace(settings, photons=self.effort.limit_photons), threads=self._threads
+            )
+            self._limits.solve()
+        limit = self._limits.twin()
+        limit.configure(**choice.setting)
+        limit.solve()
+        return limit

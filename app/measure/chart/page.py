@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
+from dataclasses import replace
+from functools import partial
 from html import escape
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from app.cli.writable import write_whole
-from app.measure.chart import pictures
-from app.measure.chart.report import SCENES, beside
-from app.measure.chart.rival import RIVAL
+from app.draw import raycast
+from app.draw.colour_map import signed_colours
+from app.draw.shot import Shot
 from app.measure.chart.run import Run
-from app.measure.chart.settings import Choice
-from app.measure.chart.tuned import summary as tuned_summary
-from app.measure.html_page import document, image, table
+from app.measure.chart.settings import RIVAL, SCENES, Choice, beside, tuned_summary
+from app.measure.tables import Column, cells, document, fixed, html_table, image, milliseconds, percent
+from app.rest.reference_store import ReferenceStore
+from gi_core.estimators import ESTIMATORS
+from gi_core.geometry.error import relative_error, signed_error
 
 ALL_COLUMNS = ("noise", "bias", "total", "total l2")
 GLOSS_NOTE = (
@@ -30,9 +36,9 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
         *(f"<p>{escape(words[0].upper() + words[1:])}.</p>" for words in [tuned_summary(rows)] if words),
         _inline((out / "chart.svg").read_text(encoding="utf-8")),
         "<h2>The best of each estimator</h2>",
-        f"<p>The least error of all receivers within {pictures.SOON_ENOUGH:g} ms per frame. Maps: blue too dark, "
-        f"red too bright, full colour at a relative error of {pictures.SCALE:.0%}.</p>",
-        _pictures(pictures.pictures(run, rows)),
+        f"<p>The least error of all receivers within {SOON_ENOUGH:g} ms per frame. Maps: blue too dark, "
+        f"red too bright, full colour at a relative error of {SCALE:.0%}.</p>",
+        _pictures(pictures(run, rows)),
         *_report(rows, about),
         "<h2>Every setting</h2>",
         _everything(rows),
@@ -43,7 +49,7 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
 
 def has_gloss(rows: list[dict]) -> bool:
     """Return whether some setting has an error of gloss."""
-    return any(_there(r.get("total gloss")) for r in rows)
+    return any(Column("", lambda r: r.get("total gloss")).cell(r) for r in rows)
 
 
 def _summary(rows: list[dict], about: dict) -> str:
@@ -91,57 +97,121 @@ def _pictures(found) -> str:
     return f"<div class='row'>{''.join(out)}</div>"
 
 
+REPORT_COLUMNS = (  # of a row of the report, and the measured row of the same setting or {}
+    Column("table", lambda p: p[0].table),
+    Column("estimator", lambda p: p[0].estimator),
+    Column("photons", lambda p: p[0].photons, "{:,}".format),
+    Column("frame, 2003", lambda p: 1e3 * p[0].seconds, "{:,.0f} ms".format),
+    Column("frame now", lambda p: p[1].get("frame_ms"), milliseconds),
+    Column("times faster", lambda p: 1e3 * p[0].seconds / p[1]["frame_ms"] if p[1] else None, "{:,.0f}".format),
+    Column("noise, 2003", lambda p: p[0].noise, percent),
+    Column("noise now", lambda p: p[1].get("noise all"), percent),
+    Column("bias, 2003", lambda p: p[0].bias, percent),
+    Column("bias now", lambda p: p[1].get("bias all"), percent),
+    Column("total, 2003", lambda p: p[0].total, percent),
+    Column("total now", lambda p: p[1].get("total all"), percent),
+)
+REPORT_NOTE = (
+    "Discs of 1 % of the scene, no artifact control. The report's errors are differences from pictures of "
+    "tangent_plane with 5 or 100 million photons (noise of photon_map: from its own). Ours are differences of "
+    "irradiance from the truth, so only times compare directly. The report gives no k of its photon maps."
+)
+
+
 def _report(rows: list[dict], about: dict) -> list[str]:
     """Return the report's tables 2.1, 2.6, 2.7 and 2.8 redone."""
     if about["scene"] not in SCENES:
         return []
-    head = ["table", "estimator", "photons", "frame, 2003", "frame now", "times faster", "noise, 2003", "noise now",
-            "bias, 2003", "bias now", "total, 2003", "total now"]  # fmt: skip
-    lines = []
-    for then, now in beside(rows, about["scene_size"]):
-        ms = now and now["frame_ms"]
-        lines.append([
-            then.table, then.estimator, f"{then.photons:,}", f"{1e3 * then.seconds:,.0f} ms", _ms(ms),
-            f"{1e3 * then.seconds / ms:,.0f}" if ms else "", _percent(then.noise), _percent(now and now["noise all"]),
-            _percent(then.bias), _percent(now and now["bias all"]), _percent(then.total),
-            _percent(now and now["total all"]),
-        ])  # fmt: skip
-    note = (
-        "Discs of 1 % of the scene, no artifact control. The report's errors are differences from pictures of "
-        "tangent_plane with 5 or 100 million photons (noise of photon_map: from its own). Ours are differences of "
-        "irradiance from the truth, so only times compare directly. The report gives no k of its photon maps."
-    )
-    return ["<h2>The report's tables, redone</h2>", table(head, lines), f"<p>{note}</p>"]
+    pairs = [(then, now or {}) for then, now in beside(rows, about["scene_size"])]
+    table = html_table(*cells(REPORT_COLUMNS, pairs))
+    return ["<h2>The report's tables, redone</h2>", table, f"<p>{REPORT_NOTE}</p>"]
+
+
+def _named(row: dict) -> str:
+    words = f"{row['photons']} paths per vertex" if row["curve"] == RIVAL else Choice.of(row).summary()
+    return f"{row['curve']}: {words}"
+
+
+def _error(head: str, name: str) -> Column:
+    return Column(head, lambda r: r.get(name), percent)
 
 
 def _everything(rows: list[dict]) -> str:
     kinds = {"affected": "changed", "mobile": "mobile", "border": "borders"}
     kinds |= {"gloss": "gloss"} if has_gloss(rows) else {}
+    columns = (
+        Column("setting", _named),
+        Column("median", lambda r: r["frame_ms"], milliseconds),
+        Column("95 %", lambda r: r["frame_p95_ms"], milliseconds),
+        Column("first", lambda r: 1e-3 * r["first_frame_ms"], "{:.2f} s".format),
+        *(_error(name, f"{name} all") for name in ALL_COLUMNS),
+        *(_error(head, f"total {name}") for name, head in kinds.items()),
+        Column("flicker", lambda r: r["flicker"], partial(percent, places=2)),
+        Column("jump", lambda r: r["jump"], fixed),
+    )
     over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", len(kinds)), ("over frames", 2)]
-    head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, *kinds.values(), "flicker", "jump"]
-    lines = []
-    for r in sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"])):
-        words = f"{r['photons']} paths per vertex" if r["curve"] == RIVAL else Choice.of(r).summary()
-        lines.append([
-            f"{r['curve']}: {words}", _ms(r["frame_ms"]), _ms(r["frame_p95_ms"]), f"{1e-3 * r['first_frame_ms']:.2f} s",
-            *(_percent(r[f"{name} all"]) for name in ALL_COLUMNS),
-            *(_percent(r.get(f"total {name}")) for name in kinds),
-            _percent(r["flicker"], 2), _number(r["jump"]),
-        ])  # fmt: skip
-    return table(head, lines, over)
+    ordered = sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"]))
+    return html_table(*cells(columns, ordered), over)
 
 
-def _there(value) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)
+SIZE = (480, 320)  # pixels
+SOON_ENOUGH = 40.0  # ms: longest frame among the best settings
+SCALE = 0.5  # relative error at the ends of the colour scale
 
 
-def _percent(value, digits: int = 1) -> str:
-    return f"{100 * value:.{digits}f} %" if _there(value) else ""
+class PagePicture(NamedTuple):
+    """A picture and its caption."""
+
+    title: str
+    text: str
+    image: np.ndarray  # (h, w, 3) uint8
+    error_map: np.ndarray | None
 
 
-def _ms(value) -> str:
-    return f"{value:.3g} ms" if _there(value) and value < 1000 else f"{value:,.0f} ms" if _there(value) else ""
+def best_rows(rows: list[dict]) -> list[dict]:
+    """Return per estimator the row of least error within SOON_ENOUGH, else its fastest row."""
+    out = []
+    for estimator in ESTIMATORS:
+        own = [r for r in rows if r["estimator"] == estimator]
+        soon = [r for r in own if r["frame_ms"] <= SOON_ENOUGH]
+        if own:
+            out.append(min(soon, key=lambda r: r["total all"]) if soon else min(own, key=lambda r: r["frame_ms"]))
+    return out
 
 
-def _number(value) -> str:
-    return f"{value:.2f}" if _there(value) else ""
+def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
+    """Return the truth and the best row of each estimator, at the first pose where errors were measured."""
+    poses = run.lap[run.truth_frames[0]]
+    solver = run.measurer.base.twin()
+    solver.move_all(poses)
+    store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed, levels=solver.levels)
+    for reached in store.gather(run.effort.picture_truth):
+        run.bar("truth of the pictures", reached.fraction)
+    truth, areas = reached.state.mean, store.weights
+    solver.frame = solver.frame._replace(irradiance=truth)
+    shot = Shot(solver, replace(run.settings, size=SIZE))
+    out = [PagePicture("truth", f"unbiased path tracing, noise {100 * reached.noise:.1f} %", shot.take(), None)]
+    settings = replace(run.settings, size=SIZE, exposure=shot.exposure)
+    for row in best_rows(rows):
+        run.bar(f"picture of {row['estimator']}", 0.0)
+        choice = Choice.of(row)
+        solver, _ = run.measurer.solved(choice)
+        solver.move_all(poses, *choice.frame)
+        shot = Shot(solver, settings)
+        error = signed_error(solver.irradiance, truth, areas)
+        total = relative_error(solver.irradiance, truth, areas)
+        text = f"{choice.summary()}: {row['frame_ms']:.3g} ms per frame; error {100 * total.l1:.1f} % here"
+        out.append(PagePicture(choice.curve, text, shot.take(), _map(shot, error)))
+    return out
+
+
+def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
+    """Return an error map (h, w, 3) uint8 of relative errors (R,): blue too dark, red too bright."""
+    display = signed_colours(np.nan_to_num(error) / SCALE)
+    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)  # of sRGB
+    colours = [(linear[m.front], linear[np.maximum(m.back, 0)]) for m in shot.meshes]
+    model, solver = shot.solver.model, shot.solver
+    at, camera = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
+    return raycast.picture(
+        model.accelerator, at, shot.meshes, colours, camera, SIZE, 0.0, "clip", shot.settings.cull, textured=False
+    )

@@ -1,6 +1,6 @@
-"""A run of the chart: missing settings are measured family by family and written to the table.
+"""A run of the chart.
 
-A family shares its limit at very many photons.
+Missing settings are measured family by family and written to the table. A family shares its limit at very many photons.
 """
 
 from __future__ import annotations
@@ -9,24 +9,24 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from app.cli.cluster import Machines
 from app.cli.progress import Bar, time_left
 from app.cli.version import commit
 from app.draw import motion
-from app.measure.chart import measure, truth
-from app.measure.chart import rival as chart_rival
-from app.measure.chart.measure import Walk
-from app.measure.chart.report import choices_like_the_report
-from app.measure.chart.results import KEY, Results
-from app.measure.chart.rows import Failure, Measurer
-from app.measure.chart.settings import Choice, Effort, choices, effort
-from app.measure.chart.tuned import nearness
-from app.measure.machine import load, processor
+from app.measure.chart import truth
+from app.measure.chart.measure import Measurer, Walk, make_walk
+from app.measure.chart.settings import RIVAL, Choice, Effort, choices, choices_like_the_report, effort, nearness
+from app.measure.results import KEY, Failure, Results, load, processor
 from app.settings import STEP, Settings
 from gi_core.estimators import DEFAULT
 from gi_core.scene import Scene
+
+if TYPE_CHECKING:
+    from app.cli.cluster import Machines
+    from app.measure.results import Failure
+
 
 FIXED = 60_000  # photons of about the same time as the fixed cost of a row
 
@@ -112,7 +112,7 @@ class Run:
         finest = self.measurer.limit(Choice(DEFAULT, 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
         seed = self.settings.seed
         found = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
-        return measure.make_walk(finest, self.lap, found, seed)
+        return make_walk(finest, self.lap, found, seed)
 
 
 def lamps_of(settings: Settings) -> str:
@@ -150,4 +150,4 @@ def _measured(ready: tuple[Measurer, Walk], run: Callable, what) -> list[dict | 
 def rival_choices(counts: tuple[int, ...]) -> Iterator[Choice]:
     """Return the rival's settings; `photons` holds its paths per vertex."""
     for paths in counts:
-        yield Choice(chart_rival.RIVAL, paths, paths, 0.0, 0, False, "photons")
+        yield Choice(RIVAL, paths, paths, 0.0, 0, False, "photons")

@@ -1,17 +1,25 @@
-"""Settings that the chart measures. A new dimension is a field of Choice and a line in `choices`."""
+"""Settings that the chart measures: those varied, those most like the report of 2003, the choice of `tune`.
+
+A new dimension is a field of Choice and a line in `choices`. The report's errors are mean differences of luminance from
+a picture by tangent_plane at very many photons. The noise in table 2.8 is from photon_map's own picture of 5 million
+photons. The report gives no k of its photon maps.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
-from app.settings import Settings
+from app.measure.tuning import Tuned
+from app.settings import BUDGET, Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.frames.frame_budget import ENOUGH
 from gi_core.frames.frame_size import PATHS, PATHS_AT_REST
 from gi_core.solver import Solver
 
-TUNED = "tune's choice"
+TUNED, RIVAL = "tune's choice", "path gather"
 DRAGGED, GATHERED, NO_CONTROL = ", while dragged", ", gathered light", ", no control"  # curves of an estimator
 RESTED = ", at rest"
 
@@ -171,3 +179,108 @@ def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
 
 def _round(x: float) -> float:
     return float(f"{x:.3g}")
+
+
+SCENES = ("tree", "tree_worst")  # like the report's
+RADIUS = 0.01  # of the scene size
+
+
+class ReportRow(NamedTuple):
+    """A row of the report: seconds per frame for tracing and estimating, relative errors, None if not given."""
+
+    table: str
+    estimator: str
+    photons: int
+    seconds: float
+    noise: float | None
+    bias: float | None
+    total: float | None
+
+
+REPORT = (
+    ReportRow("2.1", "tangent_plane", 50_000, 0.85, 0.1610, None, None),
+    ReportRow("2.1", "impact_count", 1_000_000, 1.11, None, None, 1.3954),
+    ReportRow("2.6", "tangent_plane", 1_000, 0.11, 0.2464, 0.14403, 0.286912),
+    ReportRow("2.7", "tangent_plane", 10_000, 0.485, 0.0857, 0.1440, 0.1682),
+    ReportRow("2.8", "photon_map", 10_000, 0.20, 1.725, 0.6280, 0.5439),
+    ReportRow("2.8", "photon_map", 50_000, 0.47, 0.932, 0.6280, 0.6246),
+    ReportRow("2.8", "photon_map", 200_000, 2.29, 0.622, 0.6280, 0.6572),
+)
+
+
+def choice_like(then: ReportRow, scene_size: float, neighbours: int) -> Choice:
+    """Return the setting like a row of the report: discs of 1 % of the scene, no corrections."""
+    radius = float(f"{RADIUS * scene_size:.3g}")
+    like = Choice(then.estimator, then.photons, then.photons, radius, neighbours, False, "photons")
+    return like._replace(border_correction=False, textbook=True) if then.estimator == "photon_map" else like
+
+
+def choices_like_the_report(scene: str, solver: Solver) -> list[Choice]:
+    """Return the settings like the report's rows, none for scenes other than its tree."""
+    if scene not in SCENES:
+        return []
+    return [choice_like(then, solver.scene_size, solver.setting.neighbours) for then in REPORT]
+
+
+def beside(rows: list[dict], scene_size: float) -> list[tuple[ReportRow, dict | None]]:
+    """Return each row of the report with the measured row of the same setting, None if there is none."""
+
+    def same(r: dict, like: Choice) -> bool:
+        names = [name for name in Choice._fields if name not in ("radius", "neighbours")]
+        return abs(r["radius"] - like.radius) <= 1e-3 * like.radius and all(r[n] == getattr(like, n) for n in names)
+
+    likes = [(then, choice_like(then, scene_size, 0)) for then in REPORT]
+    return [(then, next((r for r in rows if same(r, like)), None)) for then, like in likes]
+
+
+LATE = 1.1  # of the budget: a frame of this length still keeps it
+JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
+
+
+def choice_of(found: Tuned, traced: Iterable[int], subsets: Iterable[int]) -> Choice:
+    """Return the setting of the chart that is like a choice of tune: the most photons predicted to keep the budget.
+
+    traced: numbers of photons traced before; subsets: photons that a frame of an estimator with additive sums may use.
+    """
+    setting, most = found.choice.setting, max(traced)
+    additive = ESTIMATORS[setting.estimator].additive
+    counts = sorted(subsets if additive else traced)
+    frame = max((n for n in counts if n <= found.choice.frame), default=counts[0])
+    return Choice(
+        setting.estimator, frame, most if additive else frame, setting.radius, setting.neighbours, setting.control,
+        "best", setting.border_correction, setting.textbook, found.paths or 0, True,
+    )  # fmt: skip
+
+
+def nearness(rows: list[dict]) -> dict[str, float]:
+    """Return by class of receivers: error of tune's choice / least error of all settings at most as slow.
+
+    A choice within the budget is compared with every setting within the budget. {} if it was not measured.
+    """
+    tuned = [r for r in rows if r["curve"] == TUNED]
+    if not tuned:
+        return {}
+    chosen = tuned[-1]
+    limit = max(LATE * BUDGET, chosen["frame_ms"])
+    moving = [r for r in rows if r["curve"] != TUNED and not r["curve"].endswith(RESTED)]
+    out = {}
+    for name in JUDGED:
+        others = [r[f"total {name}"] for r in moving if r["frame_ms"] <= limit]
+        others = [e for e in others if isinstance(e, float) and math.isfinite(e) and e > 0]
+        if others and isinstance(chosen[f"total {name}"], float):
+            out[name] = chosen[f"total {name}"] / min(others)
+    return out
+
+
+def tuned_summary(rows: list[dict]) -> str:
+    """Return the nearness in words, "" if it was not measured."""
+    near = nearness(rows)
+    if not near:
+        return ""
+    chosen = [r for r in rows if r["curve"] == TUNED][-1]
+    choice = Choice.of(chosen)
+    parts = ", ".join(f"{ratio:.2f} x at {JUDGED[name]}" for name, ratio in near.items())
+    return (
+        f"tune's choice for {BUDGET:g} ms ({choice.estimator}, {choice.summary()}) takes {chosen['frame_ms']:.1f} ms; "
+        f"its error is {parts}, relative to the least error of all settings that are no slower"
+    )

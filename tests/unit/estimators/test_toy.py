@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.bench import rows as bench_rows
-from app.measure.chart import pictures
+from app.measure.bench import sweep as bench_rows
+from app.measure.chart import page as pictures
 from app.measure.chart import settings as chart_settings
 from app.measure.tuning import candidates
 from app.settings import Settings, make_solver, open_scene

@@ -1,13 +1,72 @@
-"""HTML pages in one file: style for wide and narrow windows, light and dark; tables; pictures."""
+"""Tables of measurements: columns with their texts, as Markdown or HTML; HTML pages in one file, with pictures.
+
+Pages have a style for wide and narrow windows, light and dark.
+"""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from html import escape
+from typing import Any, NamedTuple
 
 import numpy as np
+
+
+class Column(NamedTuple):
+    """A column of a table of rows."""
+
+    head: str
+    of: Callable[[Any], Any]  # value of a row; None or NaN: an empty cell
+    text: Callable[[Any], str] = str  # with unit and digits
+
+    def cell(self, row: Any) -> str:
+        value = self.of(row)
+        return (
+            "" if value is None or value == "" or (isinstance(value, float) and math.isnan(value)) else self.text(value)
+        )
+
+
+def cells(columns: Sequence[Column], rows: Iterable[Any]) -> tuple[list[str], list[list[str]]]:
+    """Return the heads of columns, and the cells of each row."""
+    return [c.head for c in columns], [[c.cell(row) for c in columns] for row in rows]
+
+
+def digits(value: float, unit: str = "", most: float = 100) -> str:
+    """Return three digits of a number, or all before the decimal point from `most` on."""
+    return (f"{value:.3g}" if value < most else f"{value:,.0f}") + unit
+
+
+def fixed(value: float, places: int = 2) -> str:
+    return f"{value:,.{places}f}"
+
+
+def percent(value: float, places: int = 1) -> str:
+    return f"{100 * value:.{places}f} %" if math.isfinite(value) else ""
+
+
+def times(value: float) -> str:
+    return f"{value:.3g} x"
+
+
+milliseconds = partial(digits, unit=" ms", most=1000)
+
+
+def markdown_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table, "" without lines."""
+    if not lines:
+        return ""
+    rule = ["---"] + ["---:"] * (len(head) - 1)
+    return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *lines))
+
+
+def section(title: str, body: str) -> str:
+    """Return a Markdown section, "" without a body."""
+    return f"## {title}\n\n{body}" if body else ""
+
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #222; --paper: #fff; --faint: #ddd; --line: #888; }
@@ -40,7 +99,7 @@ def document(title: str, parts: Iterable[str]) -> str:
     return f"<!doctype html>\n<html lang='en'><head>{head}</head><body>\n{body}\n</body></html>\n"
 
 
-def table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequence[tuple[str, int]] = ()) -> str:
+def html_table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequence[tuple[str, int]] = ()) -> str:
     """Return an HTML table that scrolls if it is too wide; over: headings of groups of columns, with their counts."""
     lines = list(lines)
     words = [k == 0 or any(len(line[k]) > NUMBER for line in lines) for k in range(len(head))]

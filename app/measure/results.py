@@ -1,12 +1,40 @@
-"""results.csv: one row per setting, on disk as soon as it is measured, so that a stopped run resumes."""
+"""Rows of measurements: measured so that one failure costs no other, kept on disk; conditions of the machine."""
 
 from __future__ import annotations
 
 import csv
 import io
+import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple, TypeVar
 
 from app.cli.writable import write_whole
+from app.settings import UsageError
+from gi_core.scene import SceneError
+
+Row = TypeVar("Row")
+
+
+class Failure(NamedTuple):
+    """A row that could not be measured."""
+
+    name: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.name} could not be measured: {self.reason}"
+
+
+def attempted(name: str, measure: Callable[[], Row]) -> Row | Failure:
+    """Return a measured row, or why it failed: no error of one row, whichever it is, may cost the others."""
+    try:
+        return measure()
+    except Exception as error:
+        told = isinstance(error, SceneError | UsageError | OSError)
+        return Failure(name, " ".join(str(error).split()) if told and str(error) else repr(error))
+
 
 FILE = "results.csv"
 KEY = ("scene", "commit", "processor", "seed", "frames", "asked_points", "lamps")  # conditions of a row
@@ -63,3 +91,33 @@ def _value(text: str):
         except ValueError:
             pass
     return text
+
+
+def peak_rss_mb() -> float | None:
+    """Return the peak resident memory of this process [MB], None where it is unknown (Windows)."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def load() -> float | None:
+    """Return the mean number of threads that ran or waited in the last minute, None where unknown (Windows)."""
+    try:
+        return os.getloadavg()[0]
+    except (AttributeError, OSError):
+        return None
+
+
+def processor() -> str:
+    """Return the name of the processor, else its architecture."""
+    import platform
+
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

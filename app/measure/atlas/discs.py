@@ -1,0 +1,326 @@
+"""Failures of discs: at walls, corners, curves, shadow edges, by size; mobiles and lamps in odd places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from app.measure.atlas.row import (
+    BARE,
+    BLACK,
+    CONTROL,
+    COUNT,
+    FURNACE,
+    SEEDS,
+    SUN,
+    AtlasRow,
+    Number,
+    View,
+    ball,
+    beyond,
+    box,
+    furnace,
+    joined,
+    near,
+    over_seeds,
+    ratios,
+    scene,
+    sheet,
+    solved,
+)
+from gi_core.scene import Material, Mobile, PointLight, Pose
+
+
+def walls_and_corners() -> Iterator[AtlasRow]:
+    """In a furnace E is the same everywhere; the part of a disc behind a wall is missing."""
+    room, radius = furnace(20), 0.1
+    along = np.linspace(0.3, 0.7, 9)
+    places = {
+        "corner": (near(*np.indices((2, 2, 2)).reshape(3, -1).T), 0.25, "in a corner of three walls"),
+        "edge": (near(*[(x, 0, 0) for x in along], *[(x, 1, 1) for x in along]), 0.5, "at the edge of two walls"),
+        "wall": (near(*[(x, 0.05, 0) for x in along]), 1 - beyond(0.05, radius), "half a radius before a wall"),
+    }
+    settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+    found, helped = ratios(room, 100_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
+    for (key, (_, share, where)), m, h in zip(places.items(), found, helped, strict=True):
+        yield AtlasRow(
+            f"room_{key}", f"tangent_plane without control, {where}", "the share of the disc that light can reach",
+            share, m, "artifact control: divide by the reachable area", h, cost="24 % of frame time",
+            view=View(room, 100_000, settings[0], settings[1]) if key == "corner" else None,
+            title="A disc in a corner, at an edge, before a wall",
+        )  # fmt: skip
+
+
+def table_leg() -> Iterator[AtlasRow]:
+    """A post stands in the disc: its foot hides its own area."""
+    side, radius, gap = 0.1, 0.2, 0.05
+    post = box((0.5, 0.45, 0), (0.5 + side, 0.45 + side, 0.6), 4)
+    room = furnace(20, post)
+    settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+    sides = near((0.5 - gap, 0.5, 0), (0.6 + gap, 0.5, 0), (0.55, 0.45 - gap, 0), (0.55, 0.55 + gap, 0))
+    (m,), (h,) = ratios(room, 50_000, [sides], settings, truth=FURNACE)
+    yield AtlasRow(
+        "leg", "tangent_plane without control, 5 cm beside a table leg of 10 cm, radius 20 cm", "1 - a² / πr²",
+        1 - side * side / (math.pi * radius * radius), m,
+        "artifact control: the part of the disc that is seen from its middle", h,
+        view=View(room, 50_000, settings[0], settings[1]), title="A disc round the leg of a table",
+    )  # fmt: skip
+
+
+def curved_inside() -> AtlasRow:
+    """Inside a sphere every tangent disc lies behind the surface: nothing would cross it before its hit.
+
+    The concave rule is always on: on its own smooth patch a segment counts up to 2r behind its hit.
+    """
+    glow = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0))
+    hollow = scene(ball(1.0, 24, inward=True), (glow,), (0, -3.6, 1), (0, 0, 0))
+    settings = [{**BARE, "radius": 0.15}, {**CONTROL, "radius": 0.15}]
+
+    def belt(receivers):
+        return np.abs(receivers.positions[:, 2]) < 0.7
+
+    (m,), (h,) = ratios(hollow, 50_000, [belt], settings, truth=FURNACE)
+    return AtlasRow(
+        "concave",
+        "tangent_plane, inside of a sphere: the surface rises through its own disc",
+        "0 without the concave rule; 1 with it, which is always on",
+        1.0,
+        m,
+        "on its own smooth patch a segment counts up to 2r behind its hit",
+        h,
+        known=0.025,  # the steepest segments end their 2r before they reach the disc
+        view=View(hollow, 50_000, settings[1], None, "tangent_plane with the rule; the half before it is not drawn"),
+        title="A disc inside a sphere",
+    )
+
+
+def curved_outside() -> Iterator[AtlasRow]:
+    """Outside, the disc floats in front of the surface: of parallel light it measures E cos(theta) exactly."""
+    grey = BLACK._replace(reflectance=(0.5,) * 3, two_sided=True)
+    globe = scene(ball(1.0, 24), (grey,), (0, -3.6, 1.5), (0, 0, 0), (SUN,))
+    settings = [{**BARE, "radius": 0.15}, {**CONTROL, "radius": 0.15}]
+
+    def ring(k):
+        z = math.cos(math.pi * k / 24)
+        return lambda r: (np.abs(r.positions[:, 2] - z) < 1e-6) & ((r.positions * r.normals).sum(axis=1) > 0)
+
+    for k in (4, 8):
+        cosine = math.cos(math.pi * k / 24)
+        (m,), (h,) = ratios(globe, 100_000, [ring(k)], settings, truth=cosine)
+        yield AtlasRow(
+            f"convex_{k * 180 // 24}",
+            f"tangent_plane, outside of a sphere, light at {k * 180 // 24}° to its normal",
+            "no failure: 1",
+            1.0,
+            m,
+            "none needed",
+            h,
+            known=0.003,  # normals of facets
+            view=View(globe, 100_000, settings[1], None, "tangent_plane, lit from above") if k == 4 else None,
+            title="A disc outside a sphere",
+        )
+
+
+def larger_than_the_room() -> Iterator[AtlasRow]:
+    """A disc that holds the whole wall measures its flux over the disc's area; the error saturates, nothing breaks."""
+    room = furnace(4)
+    middles = near((0.5, 0.5, 0), (0.5, 0.5, 1), (0, 0.5, 0.5), (1, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 1, 0.5))
+    for radius in (1.0, 4.0):
+        settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+        (m,), (h,) = ratios(room, 20_000, [middles], settings, truth=FURNACE)
+        yield AtlasRow(
+            f"huge_{radius:g}", f"tangent_plane without control, radius {radius:g} m in a room of 1 m",
+            "wall over disc: 1 / πr²", 1 / (math.pi * radius * radius), m, "artifact control", h,
+            view=View(room, 20_000, settings[0], settings[1]) if radius == 1 else None,
+            title="A disc larger than the room",
+        )  # fmt: skip
+
+
+def smaller_and_smaller() -> Iterator[AtlasRow]:
+    """Noise of a disc is the noise of its count, 1 / sqrt(N E pi r² / Phi), so it is proportional to 1 / r."""
+    room, photons, seeds = furnace(16), 20_000, 3
+    flux = 6 * math.pi  # of the room's walls
+    for radius in (0.04, 0.02, 0.01):
+        spread = []
+        for seed in range(seeds):
+            solver = solved(room, photons, seed, **CONTROL, radius=radius)
+            inner = np.sort(np.minimum(solver.receivers.positions, 1 - solver.receivers.positions), axis=1)[:, 1] > 0.1
+            E = solver.irradiance[inner, 1] / FURNACE
+            assert np.isfinite(E).all()
+            spread.append(E.std())
+        error = np.mean(spread) / math.sqrt(2 * seeds * int(inner.sum()))
+        expected = math.sqrt(flux / (photons * FURNACE * math.pi * radius * radius))
+        yield AtlasRow(
+            f"noise_{radius:g}",
+            f"tangent_plane, {photons:,} photons, radius {radius:g} m in a room of 1 m",
+            "noise √(Φ / N E πr²)",
+            expected,
+            Number(float(np.mean(spread)), float(error), seeds * int(inner.sum())),
+            "a larger radius, or more photons by its square",
+            None,
+            known=0.03 * expected,  # a photon crosses a disc more than once; Sobol photons lie a little more evenly
+            quantity="standard deviation of E / truth",
+            view=View(room, photons, {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.1})
+            if radius == 0.02
+            else None,
+            title="The radius to 0",
+        )
+
+
+def shadow_edge() -> Iterator[AtlasRow]:
+    """Half a floor in the shadow of a plate: a disc across the edge holds its share of light, lit or dark itself."""
+    ground = sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40))
+    plate = sheet((-1.5, -1.5, 1), (0, 3, 0), (1.5, 0, 0), (1, 1), 1)
+    half = scene(joined(ground, plate), (BLACK, BLACK._replace(two_sided=True)), (0.6, -2.2, 1.4), (0.2, 0, 0), (SUN,))
+    coarse, fine = {**CONTROL, "radius": 0.2}, {**CONTROL, "radius": 0.05}
+    offsets = (-0.1, 0.1)
+    places = [near(*[(x, y, 0) for y in np.linspace(-0.6, 0.6, 25)]) for x in offsets]
+    found, helped = ratios(half, 100_000, places, [coarse, fine])
+    for x, m, h in zip(offsets, found, helped, strict=True):
+        yield AtlasRow(
+            f"shadow_{'lit' if x > 0 else 'dark'}",
+            f"tangent_plane, radius 0.2 m, 0.1 m {'before' if x > 0 else 'behind'} a hard shadow's edge",
+            "the share of the disc that is lit: edges blur over ± r", beyond(-x, 0.2), m, "a radius of 0.05 m", h,
+            aim=1.0 if x > 0 else 0.0, cost="16 times the photons for the same noise",
+            view=View(half, 200_000, coarse, fine) if x > 0 else None, quantity="E / that of the lit side",
+            title="The edge of a hard shadow",
+        )  # fmt: skip
+
+
+def lamp_near_a_surface() -> AtlasRow:
+    """A point light a height h over the floor: the disc's mean of I h / (h² + x²)^1.5, over I / h² at its foot."""
+    h, radius = 0.1, 0.2
+    lamp = PointLight("lamp", (0, 0, h), (4 * math.pi,) * 3)
+    ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
+    coarse, fine = {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.01}
+    (m,), (n,) = ratios(ground, 200_000, [near((0, 0, 0))], [coarse, fine], truth=1 / h**2)
+    return AtlasRow(
+        "small_lamp", "tangent_plane, radius 0.2 m, at the foot of a point light 0.1 m above",
+        "2h² / r² (1 - h / √(h² + r²))", 2 * h * h / radius**2 * (1 - h / math.hypot(h, radius)), m,
+        "a radius of a tenth of the height", n, aim=2 * 100 * (1 - 1 / math.hypot(1, 0.1)),
+        view=View(ground, 200_000, coarse, fine), title="A small lamp near a surface",
+    )  # fmt: skip
+
+
+SETTING: dict[str, Any] = {**CONTROL, "radius": 0.1}
+GREY = Material("grey", (0.5,) * 3)
+
+
+def lit_room(*mobiles: Mobile, more=(), lights=()):
+    """A closed grey room of 1 m, a lamp of 0.2 m under its ceiling."""
+    lamp = sheet((0.4, 0.4, 0.99), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 1)
+    room = box((0, 0, 0), (1, 1, 1), 8, 0, inward=True)
+    materials = GREY, Material("lamp", (0.0,) * 3, (10.0,) * 3)
+    return scene(joined(room, lamp, *more), materials, (0.5, -1.9, 0.8), (0.5, 0.5, 0.4), lights, mobiles)
+
+
+def block(half: float = 0.15, height: float = 0.3, at=(0.5, 0.5, 0.0)) -> Mobile:
+    return Mobile("block", box((-half, -half, 0), (half, half, height), 4), Pose(at))
+
+
+def sparks() -> Iterator[AtlasRow]:
+    """A point light just above the floor: half of its flux arrives, within some millimetres."""
+    for height in (1e-4, 1e-6):
+        lamp = PointLight("spark", (0.01, 0.02, height), (1e3,) * 3)
+        ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
+
+        def run(seed, ground=ground):
+            solver = solved(ground, 5000, seed, **COUNT)
+            return (float(solver.irradiance[:, 1] @ solver.receivers.areas) / 500.0,)
+
+        (found,) = over_seeds(run, SEEDS)
+        yield AtlasRow(
+            f"spark_{height:g}",
+            f"impact_count, a point light {height:g} m over the floor",
+            "no failure: half of its flux arrives",
+            1.0,
+            found,
+            known=1e-3,  # photons within 1e-4 of the horizon, and unevenness of Sobol points
+            quantity="flux that arrives / half of that emitted",
+            view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
+            if height == 1e-4
+            else None,
+            title="A tiny bright lamp at a surface",
+        )
+
+
+def swallowed() -> AtlasRow:
+    """Measure the light that leaves a closed mobile over a bulb."""
+    bulb = PointLight("bulb", (0.5, 0.5, 0.2), (10.0,) * 3)
+    walls = box((0, 0, 0), (1, 1, 1), 8, 0, inward=True)
+    looks = (GREY,), (0.5, -1.9, 0.8), (0.5, 0.5, 0.4), (bulb,)
+    place = scene(walls, *looks, (block(at=(0.5, 0.5, 0.05)),))
+    solver = solved(place, 20_000, **SETTING)
+    return AtlasRow(
+        "swallowed", "tangent_plane, a bulb inside a closed mobile: the room", "0: each photon is cut on its way",
+        0.0, Number(float(solver.irradiance[solver.surfaces.receiver_range(0)].max())),
+        quantity="largest E of the room [W/m2]", title="A light inside a mobile",
+    )  # fmt: skip
+
+
+def laid_over() -> Iterator[AtlasRow]:
+    """Measure the light that passes a mobile flush over the lamp / the light of the free lamp."""
+    plate = Mobile("plate", box((-0.15, -0.15, -0.01), (0.15, 0.15, 0.0), 2, 0), Pose((0.5, 0.5, 0.98)))
+    place = lit_room(plate)
+    solver = solved(place, 20_000, poses={"plate": Pose((0.5, 0.5, 5.0))}, **SETTING)
+    below = np.flatnonzero(solver.receivers.positions[solver.surfaces.receiver_range(0), 2] < 0.9)
+    free = solver.irradiance[below].mean()
+    for name, height in {"0.1 mm under": 0.9899, "1 µm under": 0.99 - 1e-6, "flush with": 0.99}.items():
+        solver.move("plate", Pose((0.5, 0.5, height)))
+        yield AtlasRow(
+            f"over_{height:.7g}",
+            f"tangent_plane, a plate {name} a lamp",
+            "0, except photons that leave at the rim or start in a gap thinner than the ray offset",
+            0.0,
+            Number(float(solver.irradiance[below].mean() / free)),
+            known=0.02,
+            quantity="E of the room / E without the plate",
+            view=View(place, 100_000, SETTING, None, "tangent_plane, the plate 1 cm under the lamp")
+            if height == 0.9899
+            else None,
+            title="A mobile over a lamp",
+        )
+
+
+def under_a_box() -> AtlasRow:
+    """Measure light under a box that stands exactly on the floor."""
+    place = lit_room(block(0.25, 0.4))
+    solver = solved(place, 40_000, **{**SETTING, "radius": 0.08})
+    p, n = solver.receivers.positions, solver.receivers.normals
+    static = np.arange(len(p)) < solver.surfaces.receiver_range(0).stop
+    under = static & (p[:, 2] == 0) & (n[:, 2] > 0.9) & (np.abs(p[:, :2] - 0.5).max(axis=1) < 0.16)
+    assert under.any()
+    return AtlasRow(
+        "under", "tangent_plane, the floor under a box that stands on it", "0: no leak", 0.0,
+        Number(float(solver.irradiance[under].max())), quantity="largest E [W/m2]",
+        view=View(place, 100_000, SETTING, None, "tangent_plane, the box stands exactly on the floor"),
+        title="A mobile on the floor",
+    )  # fmt: skip
+
+
+def odd_places() -> Iterator[AtlasRow]:
+    """Measure frames against solutions from scratch for mobiles that touch, cross, leave and swallow."""
+    small = Mobile("small", box((-0.05, -0.05, 0.1), (0.05, 0.05, 0.2), 2), Pose((0.5, 0.5, 0.0)))
+    places = {
+        "on the floor, another inside it": (0.5, 0.5, 0.0),
+        "half in a wall": (0.0, 0.5, 0.4),
+        "half in a corner": (1.0, 1.0, 0.8),
+        "outside": (3.0, 0.5, 0.5),
+        "10,000 km away": (1e7, -1e7, 1e7),
+    }
+    for k, (name, at) in enumerate(places.items()):
+        yield AtlasRow(
+            f"odd_{k}", f"tangent_plane, a mobile {name}", "0: the bits of a solution from scratch, all finite", 0.0,
+            Number(off((block(at=at), small))), quantity="largest difference of E [W/m2]",
+            title="Mobiles that touch, cross, swallow and leave",
+        )  # fmt: skip
+
+
+def off(poses) -> float:
+    """Return the largest difference [W/m2] of E from a solution from scratch, inf for NaN."""
+    solver = solved(lit_room(*poses), 4000, poses={m.name: m.pose for m in poses}, **SETTING)
+    difference = np.abs(solver.irradiance - solver.from_scratch()).max()
+    return float(difference) if np.isfinite(solver.irradiance).all() else math.inf

@@ -1,0 +1,55 @@
+"""Light of glossy receivers outside of pictures: their single rays, radiance, and the faces that shine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.gloss.hemisphere import CELLS, GRAZING
+from gi_core.gloss.radiance import LEAST_ALPHA, Directions, gloss_radiance, room_for
+from gi_core.gloss.rays import MOST_PHOTONS
+from gi_core.gloss.sharp import is_sharp
+from gi_core.gloss.source import LIST, OPENED, RADII
+from gi_core.photons.paths import segments_of
+from gi_core.solver import Solver
+
+__all__ = [
+    "CELLS", "GRAZING", "LEAST_ALPHA", "LIST", "MOST_PHOTONS", "RADII", "Directions",
+    "bounced_once", "radiance_of", "shining_faces", "single_rays",
+]  # fmt: skip
+
+
+def single_rays(solver: Solver, receivers: np.ndarray) -> tuple[Directions, np.ndarray]:
+    """Return the rays of a solver of gloss LIST, and the rows (n,) int32 of receivers (n,) among them."""
+    light = solver.frame.gloss
+    return light.directions()._replace(opened=OPENED[LIST]), np.searchsorted(light.rows, receivers).astype(np.int32)
+
+
+def radiance_of(solver: Solver, light: Directions, row: np.ndarray, receiver: np.ndarray, eye) -> np.ndarray:
+    """Return the radiance (n, 3) of gloss under irradiance 1, towards an eye (3,) [m]; all faces have the first's lobe.
+
+    row: of each receiver (n,) in `light`.
+    """
+    s, n = solver.surfaces, len(row)
+    position, normal = solver.receivers.positions[receiver], solver.receivers.normals[receiver]
+    lobes, seen = np.tile(s.lobe[0], (n, 1)), room_for(n)
+    gloss_radiance(light, row, np.ones((n, 3)), position, normal, lobes, normal, s.tables, eye, seen)
+    return seen
+
+
+def bounced_once(solver: Solver) -> np.ndarray:
+    """Return the vectors (n, 3) [m] from first to second hit of the photons of a frame."""
+    paths, _ = solver.frame.store.subset(solver.frame.photons)
+    segments = segments_of(paths, 0, solver.frame.photons)
+    return (segments.end - segments.origin)[segments.bounce == 1].astype(float)
+
+
+def shining_faces(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
+    """Return a glossy face (R,) of each receiver that carries light for it, -1: none, and whether it is on the back."""
+    s = solver.surfaces
+    face, back = np.full(len(solver.irradiance), -1), np.zeros(len(solver.irradiance), bool)
+    glossy = np.flatnonzero(~np.isnan(s.lobe[:, 4]) & ~is_sharp(s))
+    for corners, is_back in ((s.corner_front[glossy], False), (s.corner_back[glossy], True)):
+        real = corners >= 0
+        rows = corners[real]
+        face[rows], back[rows] = np.repeat(glossy[:, None], 3, axis=1)[real], is_back
+    return face, back
