@@ -25,9 +25,8 @@ class Column(NamedTuple):
 
     def cell(self, row: Any) -> str:
         value = self.of(row)
-        return (
-            "" if value is None or value == "" or (isinstance(value, float) and math.isnan(value)) else self.text(value)
-        )
+        is_missing = value is None or value == "" or (isinstance(value, float) and math.isnan(value))
+        return "" if is_missing else self.text(value)
 
 
 def cells(columns: Sequence[Column], rows: Iterable[Any]) -> tuple[list[str], list[list[str]]]:
