@@ -1,6 +1,6 @@
 """Sharp gloss in pictures without OpenGL: reflection rays, drawn from the lobe and traced through the scene.
 
-Lamps smaller than a rough lobe are also sampled (`gi_core/gloss/lamp_rays.py`). Highlights of lights without a surface
+Lamps smaller than a rough lobe are also sampled (`gi_core/gloss/lobe_rays.py`). Highlights of lights without a surface
 are added with shadow rays. Rays that leave the scene bring the light of the sky.
 """
 
@@ -15,11 +15,10 @@ from app.draw.draw_mesh import DrawMesh
 from app.draw.raycast import above_textures, seen_radiance
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
 from gi_core.base.vectors import dot
-from gi_core.bsdf.table import Tables, join
+from gi_core.bsdf.table import join
 from gi_core.geometry.error import luminance
 from gi_core.gloss.highlights import OFFSET, arriving, highlights, without_surface
-from gi_core.gloss.lamp_rays import lamp_rays, share_of_lamps
-from gi_core.gloss.lobe_rays import draw_lobe
+from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone, lamp_rays, share_of_lamps
 from gi_core.gloss.reflectors import Reflector
 from gi_core.lights.light_sampling import Lights
 from gi_core.rays.accelerator import Accelerator, Transforms
@@ -65,24 +64,14 @@ class Hits(NamedTuple):
 class Views(NamedTuple):
     """Hits on one reflector as its lobe sees them."""
 
-    lobe: np.ndarray  # (n, 5)
-    tables: Tables
-    to_eye: np.ndarray  # (n, 3) unit
-    normals: np.ndarray  # (n, 3) unit, shading normals
-    tangents: np.ndarray  # (n, 3) unit
-    flat: np.ndarray  # (n, 3) unit, of the faces
+    lobe: LobeViews  # normals: shading normals
+    flat: np.ndarray  # (n, 3) unit, normals of the faces
     points: np.ndarray  # (n, 3) [m]
-
-    @property
-    def of_lobe(self) -> tuple[np.ndarray, Tables, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the first arguments of draw_lobe()."""
-        return self[:5]
 
     def repeated(self, count: int) -> Views:
         """Return each view `count` times."""
-        arrays = self.lobe, self.to_eye, self.normals, self.tangents, self.flat, self.points
-        lobe, *others = (np.repeat(a, count, axis=0) for a in arrays)
-        return Views(lobe, self.tables, *others)
+        flat, points = (np.repeat(a, count, axis=0) for a in (self.flat, self.points))
+        return Views(self.lobe.repeated(count), flat, points)
 
 
 class Mirrors:
@@ -113,7 +102,6 @@ class Mirrors:
         self._delta, self._sky, self._area = without_surface(lights), lights.sky, lights.area
         # Luminaires have highlights instead.
         self._has_lamps = LAMP_RAYS > 0 and bool((lights.area.table < 0).any())
-        self._tables = next((m.tables for m in meshes if m.tables is not None), join([]))
         self._reflectors: list[Reflector] = []
         self._owner: list[int] = []  # object of each
         self._above: dict[int, Above] = {}
@@ -130,7 +118,8 @@ class Mirrors:
                 self._owner.append(o)
         self._of_face = np.concatenate(of_face)
         self._normals, self._tangents = np.concatenate(normals), np.concatenate(tangents)
-        self._lobes = np.array([r.lobe.lobe for r in self._reflectors]).reshape(-1, 5)
+        tables = next((m.tables for m in meshes if m.tables is not None), join([]))
+        self._lobes = gloss_alone(np.array([r.lobe.lobe for r in self._reflectors]).reshape(-1, 5), tables)
         self._has_rough = any(len(r.lobe.taps) > 1 for r in self._reflectors)
 
     def reflected(
@@ -191,20 +180,19 @@ class Mirrors:
         along = self._tangents[world.draw[hits.face, 0]]
         along = along - normal * dot(normal, along)[:, None]
         along /= np.maximum(np.sqrt(dot(along, along)), 1e-30)[:, None]
-        lobe = np.broadcast_to(self._lobes[k], (len(point), 5))
-        return Views(lobe, self._tables, -hits.direction, normal, along, flat, point)
+        return Views(LobeViews.of_lobes(self._lobes, k, -hits.direction, normal, along), flat, point)
 
     def _highlights(self, world: PictureScene, views: Views) -> np.ndarray:
         """Return the radiance (n, 3) of lights without a surface in gloss."""
         light = arriving(self._accelerator, self._at, views.points, views.flat, self._delta, world.size)
         light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
-        return highlights(*views.of_lobe, light, self._delta.value)
+        return highlights(views.lobe, light, self._delta.value)
 
     def _of_lamps(self, world: PictureScene, hits: Hits, views: Views, count: int, to_lamps: int) -> np.ndarray:
         """Return the radiance (n, 3) that `to_lamps` rays to lamps bring, beside `count` drawn from the lobe."""
         start = views.points + OFFSET * world.size * views.flat
         numbers = _numbers(hits, to_lamps, 1)[..., :2]
-        rays = lamp_rays(self._area, *views.of_lobe, start, views.flat, numbers, count / to_lamps)
+        rays = lamp_rays(self._area, views.lobe, start, views.flat, numbers, count / to_lamps)
         out = np.zeros(rays.radiance.shape)
         rows = np.nonzero(rays.lamp >= 0)
         face = self._nearest(world, start[rows[0]], rays.direction[rows])[0]
@@ -218,11 +206,9 @@ class Mirrors:
     def _of_lobe(self, lit: Lit, hits: Hits, views: Views, k: int, count: int, to_lamps: int) -> np.ndarray:
         """Return the radiance (n, 3) that `count` rays drawn from the lobe of reflector k bring, beside `to_lamps`."""
         numbers, many = _numbers(hits, count, 0), views.repeated(count)
-        new, factors, values = draw_lobe(*many.of_lobe, numbers.reshape(-1, 3))
+        new, factors, density = draw_lobe(many.lobe, numbers.reshape(-1, 3))
+        # A normal between faces may send a ray below its own, where no ray to a lamp competes.
         below = np.minimum(dot(new, many.flat), 0.0)
-        # The density of rays; a normal between faces may send one below its own, where no ray to a lamp competes.
-        most = factors.max(axis=1)
-        density = np.divide(values * dot(new, many.normals), most, out=np.zeros(len(most)), where=most > 0)
         density[below < 0] = np.inf
         new = new - 2 * below[:, None] * many.flat
         eye = np.repeat(hits.eye, count, axis=0)
@@ -232,8 +218,7 @@ class Mirrors:
         start = many.points + OFFSET * lit.world.size * many.flat
         eye = many.points - travelled * new
         rival = density * count / to_lamps if to_lamps else np.full(len(density), np.inf)
-        given = start, new, eye, key, rival
-        radiance = self._radiance(lit, *given, hits.bounce + 1, spread, hits.rays, k)
+        radiance = self._radiance(lit, start, new, eye, key, rival, hits.bounce + 1, spread, hits.rays, k)
         return (factors * radiance).reshape(-1, count, 3).mean(axis=1)
 
     def _gloss_seen_in(self, k: int) -> Above:

@@ -14,7 +14,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather.path_ends import starts
 from gi_core.gather.path_tracer import BLOCK, PathTracer
 from gi_core.gloss.highlights import arriving, highlights, without_surface
-from gi_core.gloss.lobe_rays import draw_lobe
+from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
@@ -64,21 +64,26 @@ def reference_gloss(
         mean[part], error[part] = L.mean(axis=1), L.std(axis=1, ddof=1) / math.sqrt(rays)
     delta = without_surface(lights)
     if len(delta.kind):
-        s = model.surfaces
         light = arriving(model.accelerator, at, views.positions, views.flat, delta, model.world.size)
         light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
-        mean += highlights(
-            s.lobe[views.face], s.tables, views.to_eye, views.normals, views.tangents, light, delta.value
-        )
+        mean += highlights(_lobe_views(model, views), light, delta.value)
     return mean, error
+
+
+def _lobe_views(model: Model, views: GlossViews) -> LobeViews:
+    faces, of = np.unique(views.face, return_inverse=True)
+    lobes = gloss_alone(model.surfaces.lobe[faces], model.surfaces.tables)
+    return LobeViews.of_lobes(lobes, of.reshape(-1), views.to_eye, views.normals, views.tangents)
 
 
 def _by_rays(model: Model, at: Transforms, lights: Lights, views: GlossViews, rays: int, seed: int, first: int):
     """Return the radiance (n, rays, 3) that single rays bring; first: number of the first point."""
-    s, n = model.surfaces, len(views.face)
-    position, normal, flat, tangent, to_eye, face = (np.repeat(a, rays, axis=0) for a in views)
+    n = len(views.face)
+    position, normal, flat, face = (
+        np.repeat(a, rays, axis=0) for a in (views.positions, views.normals, views.flat, views.face)
+    )
     numbers = np.random.default_rng([seed, first]).random((n * rays, 3))
-    d, factors, _ = draw_lobe(s.lobe[face], s.tables, to_eye, normal, tangent, numbers)
+    d, factors, _ = draw_lobe(_lobe_views(model, views).repeated(rays), numbers)
     factors = np.where(((d * flat).sum(axis=1) > 0)[:, None], factors, 0.0)  # none from below the face
     path = np.int64(first) * rays + np.arange(n * rays)
     total, tracer = np.zeros((n * rays, lights.channels)), PathTracer(model, at, lights, seed)

@@ -14,8 +14,8 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.vec import dot, row
 from gi_core.base.vectors import dot as dots
-from gi_core.bsdf.table import Tables
-from gi_core.gloss.lobe_rays import local_value, local_view
+from gi_core.bsdf import surface
+from gi_core.gloss.lobe_rays import LobeViews
 from gi_core.lights.light_sampling import PHOTOMETRIC, DeltaLights, Lights, triangle_area
 from gi_core.lights.next_event import delta_light_at
 from gi_core.rays.accelerator import FAR, Accelerator, Transforms
@@ -87,31 +87,23 @@ def _aim(points, lights, far, direction, strength, distance):
             direction[k, e, 0], direction[k, e, 1], direction[k, e, 2] = x, y, z
 
 
-def highlights(
-    lobe: np.ndarray, tables: Tables, to_eye: np.ndarray, normals: np.ndarray, tangents: np.ndarray,
-    light: Arriving, values: np.ndarray,
-) -> np.ndarray:  # fmt: skip
-    """Return the radiance (n, 3) float64 [W/m2/sr] towards the eye.
-
-    lobe (n, 5), to_eye, normals, tangents (n, 3): as for draw_lobe(); values (L, 3): of the lights.
-    """
-    out = np.zeros((len(to_eye), 3))
-    views = (np.ascontiguousarray(a, np.float64) for a in (lobe, to_eye, normals, tangents))
-    _add(tables, *views, *light, np.ascontiguousarray(values, np.float64), out)
+def highlights(views: LobeViews, light: Arriving, values: np.ndarray) -> np.ndarray:
+    """Return the radiance (n, 3) float64 [W/m2/sr] towards the eye; values (L, 3): of the lights."""
+    out = np.zeros((len(views.of), 3))
+    _add(views, light, np.ascontiguousarray(values, np.float64), out)
     return out
 
 
 @kernel
-def _add(tables, lobe, to_eye, normals, tangents, direction, strength, distance, values, out):
-    for k in range(len(lobe)):
-        axes, i = local_view(lobe, to_eye, normals, tangents, k)
+def _add(views, light, values, out):
+    for k in range(len(out)):
+        i, n, t = row(views.to_eye, k), row(views.normals, k), row(views.tangents, k)
         for e in range(len(values)):
-            o = direction[k, e]
-            x, y, z = dot(o, axes[0]), dot(o, axes[1]), dot(o, axes[2])
-            if not (strength[k, e] > 0.0 and z > 0.0):
+            o = row(light.direction[k], e)
+            E = light.strength[k, e] * dot(o, n)
+            if not E > 0.0:
                 continue
-            red, green, blue = local_value(tables, lobe, k, i, (x, y, z))
-            E = strength[k, e] * z
+            red, green, blue = surface.value(views.lobes, views.of[k], i, o, n, t)
             out[k, 0] += E * red * values[e, 0]
             out[k, 1] += E * green * values[e, 1]
             out[k, 2] += E * blue * values[e, 2]

@@ -1,107 +1,130 @@
-"""Rays drawn from the gloss of a surface, as photons draw them: for pictures, and to measure a lobe.
+"""Rays of gloss alone, for pictures and the reference: drawn from a lobe as paths draw them, and to lamps.
 
-Values and densities of a lobe are those of its draws, in the axes of `local_view`.
+Both kinds share the light of a lamp by the balance heuristic (Veach 1997). A lobe wider than a lamp seldom draws a ray
+to it; a narrower one seldom has the lamp's point in it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.random_numbers import basis
-from gi_core.base.vec import cross, dot, row, weighted
-from gi_core.bsdf import ggx, table
+from gi_core.base.vec import difference, dot, row
+from gi_core.base.vectors import dot as dots
+from gi_core.base.vectors import length
+from gi_core.bsdf import ggx, surface
+from gi_core.bsdf.surface import Bsdfs, Glossy, Tabulated
 from gi_core.bsdf.table import Tables
+from gi_core.lights.light_sampling import AreaLights
+from gi_core.lights.next_event import point_on_lamp
 
-GRAZING = 1e-3  # least cosine of the view
+
+def gloss_alone(lobe: np.ndarray, tables: Tables) -> Bsdfs:
+    """Return the reflection of lobes (K, 5) over black: F0, F90, alpha; alpha -1 - k: table k."""
+    black = np.zeros((len(lobe), 3))
+    glossy = Glossy(black, black, np.arange(len(lobe), dtype=np.int32), np.array(lobe, np.float64), ggx.albedos())
+    return Tabulated(*glossy, tables, black) if len(tables.head) else glossy
 
 
-def draw_lobe(
-    lobe: np.ndarray, tables: Tables, to_eye: np.ndarray, normals: np.ndarray, tangents: np.ndarray, numbers: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Draw a direction of incident light per view: return directions, factors and values of f.
+class LobeViews(NamedTuple):
+    """Views of n glossy points."""
 
-    lobe (n, 5): F0, F90, alpha, < 0 for tables; to_eye, normals, tangents (n, 3) unit; numbers (n, 3) in [0, 1).
-    Directions (n, 3) float64 are unit; their radiance times factors (n, 3) is the mean radiance of gloss; f (n,) [1/sr]
-    is its largest channel, inf for a mirror. Factors are 0 below the surface.
+    lobes: Bsdfs  # see gloss_alone()
+    of: np.ndarray  # (n,) int64, lobe of each view
+    to_eye: np.ndarray  # (n, 3) float64 unit
+    normals: np.ndarray  # (n, 3) float64 unit
+    tangents: np.ndarray  # (n, 3) float64 unit, of tables
+
+    @classmethod
+    def of_lobes(cls, lobes: Bsdfs, of: np.ndarray | int, *vectors: np.ndarray) -> LobeViews:
+        """Return views of lobes, of: that of each view, or of all; vectors: to_eye, normals and tangents (n, 3)."""
+        n = len(vectors[0])
+        to_eye, normals, tangents = (np.ascontiguousarray(v, np.float64) for v in vectors)
+        return cls(lobes, np.array(np.broadcast_to(of, n), np.int64), to_eye, normals, tangents)
+
+    def repeated(self, count: int) -> LobeViews:
+        """Return each view `count` times."""
+        return LobeViews(self.lobes, *(np.repeat(a, count, axis=0) for a in self[1:]))
+
+
+def draw_lobe(views: LobeViews, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw a direction of incident light per view by numbers (n, 3) in [0, 1): directions, factors and densities.
+
+    Directions (n, 3) float64 are unit; their radiance times factors (n, 3) float64 is the mean radiance of gloss;
+    densities (n,) float64 [1/sr] are inf for a mirror. Factors are 0 below the surface.
     """
-    n = len(to_eye)
+    n = len(numbers)
     out = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-    views = (np.ascontiguousarray(a, np.float64) for a in (lobe, to_eye, normals, tangents, numbers))
-    lobe, to_eye, normals, tangents, numbers = views
-    _draw(lobe, tables, to_eye, normals, tangents, numbers, *out)
+    _draw(views, np.ascontiguousarray(numbers, np.float64), *out)
     return out
 
 
 @kernel
-def local_view(lobe, to_eye, normals, tangents, k):
-    """Return the axes of view k in the world, and its direction to the eye in these, above the surface."""
-    n, d = row(normals, k), row(to_eye, k)
-    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-    a, b = (ax, ay, az), (bx, by, bz)
-    if lobe[k, 4] < 0.0:
-        a = row(tangents, k)
-        b = cross(n, a)
-    ix, iy, iz = dot(d, a), dot(d, b), max(dot(d, n), GRAZING)
-    size = math.sqrt(ix * ix + iy * iy + iz * iz)
-    return (a, b, n), (ix / size, iy / size, iz / size)
+def _draw(views, numbers, directions, factors, densities):
+    for k in range(len(numbers)):
+        u, v, w = row(numbers, k)
+        i, n, t = row(views.to_eye, k), row(views.normals, k), row(views.tangents, k)
+        d, factor, p = surface.sampled(views.lobes, views.of[k], i, n, t, u, v, w)
+        directions[k, 0], directions[k, 1], directions[k, 2] = d
+        factors[k, 0], factors[k, 1], factors[k, 2] = factor
+        densities[k] = math.inf if p < 0.0 else p
+
+
+class LampRays(NamedTuple):
+    """A ray to a lamp from each of L numbers at each of n points."""
+
+    lamp: np.ndarray  # (n, L) int64, row of the area lights; -1: no ray
+    direction: np.ndarray  # (n, L, 3) float64 unit
+    radiance: np.ndarray  # (n, L, 3) float64 [W/m2/sr], towards the eye if the lamp is seen; the mean over L counts
+
+
+def lamp_rays(
+    lights: AreaLights, views: LobeViews, points: np.ndarray, flat: np.ndarray, numbers: np.ndarray, rivals: float
+) -> LampRays:
+    """Return rays from points (n, 3) float64 [m] to lamps, above the faces of normals `flat` (n, 3) alone.
+
+    numbers (n, L, 2) in [0, 1); rivals: rays drawn from the lobe per ray to a lamp. Luminaires get no ray.
+    """
+    shape = numbers.shape[:2]
+    out = LampRays(np.full(shape, -1), np.empty((*shape, 3)), np.zeros((*shape, 3)))
+    _aim(lights, views, *(np.ascontiguousarray(a, np.float64) for a in (points, flat, numbers)), rivals, out)
+    return out
 
 
 @kernel
-def local_value(tables, lobe, k, i, o):
-    """Return f [1/sr] of lobe k, red, green, blue, for the directions i to the eye and o above; 0 for a mirror."""
-    alpha = lobe[k, 4]
-    if alpha < 0.0:
-        return table.value(tables, -1 - int(alpha), i[0], i[1], i[2], o[0], o[1], o[2])
-    if alpha < ggx.SMOOTH:
-        return 0.0, 0.0, 0.0
-    f, c = ggx.gloss(alpha, i[0], i[1], i[2], o[0], o[1], o[2])
-    red, green, blue = ggx.fresnels(lobe[k], c)
-    return f * red, f * green, f * blue
+def _aim(lights, views, points, flat, numbers, rivals, out):
+    for k in range(len(points)):
+        i, n, t = row(views.to_eye, k), row(views.normals, k), row(views.tangents, k)
+        for j in range(numbers.shape[1]):
+            e, density, p = point_on_lamp(lights, numbers[k, j, 0], numbers[k, j, 1])
+            way = difference(p, row(points, k))
+            d = math.sqrt(dot(way, way))
+            if lights.table[e] >= 0 or d == 0.0:
+                continue
+            way = way[0] / d, way[1] / d, way[2] / d
+            at_lamp, z = -dot(way, row(lights.normal, e)), dot(way, n)
+            if not (at_lamp > 0.0 and z > 0.0 and dot(way, row(flat, k)) > 0.0):
+                continue
+            red, green, blue = surface.value(views.lobes, views.of[k], i, way, n, t)
+            rival = rivals * surface.pdf(views.lobes, views.of[k], i, way, n, t)
+            share = z / (density * d * d / at_lamp + rival)
+            out.lamp[k, j] = e
+            out.direction[k, j, 0], out.direction[k, j, 1], out.direction[k, j, 2] = way
+            out.radiance[k, j, 0] = red * share * lights.radiance[e, 0]
+            out.radiance[k, j, 1] = green * share * lights.radiance[e, 1]
+            out.radiance[k, j, 2] = blue * share * lights.radiance[e, 2]
 
 
-@kernel
-def local_density(tables, lobe, k, i, o):
-    """Return the density [1/sr] with which draw_lobe() takes o; arguments as for local_value()."""
-    alpha = lobe[k, 4]
-    if alpha < 0.0:
-        return table.pdf(tables, -1 - int(alpha), i[0], i[1], i[2], o[0], o[1], o[2])
-    if alpha < ggx.SMOOTH:
-        return 0.0
-    return ggx.gloss(alpha, i[0], i[1], i[2], o[0], o[1], o[2])[0] * o[2] / ggx.masking(alpha, i[2], o[2])
+def share_of_lamps(lights: AreaLights, lamp: np.ndarray, way: np.ndarray, density: np.ndarray) -> np.ndarray:
+    """Return the share (n,) of a lamp's light that rays to lamps bring, where rays from the lobe hit lamp (n,).
 
-
-@kernel
-def _draw(lobe, tables, to_eye, normals, tangents, numbers, directions, factors, values):
-    for k in range(len(lobe)):
-        u, v, w = numbers[k, 0], numbers[k, 1], numbers[k, 2]
-        (a, b, n), (ix, iy, iz) = local_view(lobe, to_eye, normals, tangents, k)
-        f = math.inf
-        if lobe[k, 4] < 0.0:
-            m = -1 - int(lobe[k, 4])
-            x, y, z, red, green, blue = table.sample(tables, m, ix, iy, iz, u, v, w)
-            share = table.albedo(tables, m, ix, iy, iz)
-            red, green, blue = share * red, share * green, share * blue
-            if w < 1.0 - table.mirror_share(tables, m, ix, iy, iz):
-                r, g, c = table.value(tables, m, ix, iy, iz, x, y, z)
-                f = max(r, max(g, c))
-        else:
-            alpha = lobe[k, 4]
-            hx, hy, hz, g = 0.0, 0.0, 1.0, 1.0
-            if alpha >= ggx.SMOOTH:
-                hx, hy, hz = ggx.visible_half(alpha, ix, iy, iz, u, v)
-            c = ix * hx + iy * hy + iz * hz
-            x, y, z = 2.0 * c * hx - ix, 2.0 * c * hy - iy, 2.0 * c * hz - iz
-            red, green, blue = ggx.fresnels(lobe[k], c)
-            if alpha >= ggx.SMOOTH and z > 0.0:
-                g = ggx.masking(alpha, iz, z)
-                f = ggx.gloss(alpha, ix, iy, iz, x, y, z)[0] * max(red, max(green, blue))
-            red, green, blue = g * red, g * green, g * blue
-        if z <= 0.0:
-            red, green, blue, f = 0.0, 0.0, 0.0, 0.0
-        o = weighted((x, y, z), a, b, n)
-        directions[k, 0], directions[k, 1], directions[k, 2] = o[0], o[1], o[2]
-        factors[k, 0], factors[k, 1], factors[k, 2] = red, green, blue
-        values[k] = f
+    way (n, 3) [m]: of the rays, from start to hit; density (n,) [1/sr]: of rays from the lobe, times their number per
+    ray to a lamp; inf: there are none to lamps.
+    """
+    distance = length(way)
+    at_lamp = np.maximum(-dots(way, lights.normal[lamp]) / distance, 1e-9)
+    p_lamp = lights.density[lamp] * distance * distance / at_lamp
+    return p_lamp / (p_lamp + density)

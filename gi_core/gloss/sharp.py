@@ -16,7 +16,7 @@ import numpy as np
 
 from gi_core.bsdf.table import Tables
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.gloss.lobe_rays import draw_lobe
+from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 
 MOST_NOISE = 2.0  # of cells: GGX of alpha 0.153; narrower lobes are also narrower than a cell
 DRAWS = 4096  # rays that measure a lobe: its noise factor within 2 %
@@ -37,9 +37,11 @@ class SharpLobe(NamedTuple):
 
 def noise_factor(lobe: np.ndarray, tables: Tables) -> float:
     """Return the noise factor of a lobe (5,), inf for a mirror."""
-    _, factors, values = _drawn(lobe, tables, 1.0)
-    share, gloss = factors.max(axis=1), float(factors.max(axis=1).mean())
-    return math.sqrt(math.pi * float((share * values).mean())) / gloss if gloss > 0 else 0.0
+    d, factors, densities = _drawn(lobe, tables, 1.0)
+    share, cosine = factors.max(axis=1), d[:, 2]
+    gloss, lit = float(share.mean()), share > 0
+    squared = (share[lit] ** 2 * densities[lit] / cosine[lit]).sum() / len(share)
+    return math.sqrt(math.pi * squared) / gloss if gloss > 0 else 0.0
 
 
 def hemispherical_albedo(lobe: np.ndarray, tables: Tables) -> np.ndarray:
@@ -85,14 +87,13 @@ def _taps(lobe: np.ndarray, tables: Tables) -> np.ndarray:
     k = np.arange(TAPS)
     inverse = sum(((k >> bit) & 1) / 2 ** (bit + 1) for bit in range(TAPS.bit_length() - 1))  # Hammersley's points
     numbers = np.stack([(k + 0.5) / TAPS, inverse + 0.5 / TAPS, (0.5 + k * 0.6180339887498949) % 1], axis=1)
-    d, factors, values = _rays(lobe, tables, 1.0, numbers)
-    kept = factors.max(axis=1) > 0
-    d, factors, values = d[kept], factors[kept].max(axis=1), values[kept]
-    if np.isinf(values).all():
+    d, factors, densities = _rays(lobe, tables, 1.0, numbers)
+    lit = factors.max(axis=1) > 0
+    d, densities = d[lit], densities[lit]
+    if np.isinf(densities).all():
         return np.zeros((1, 3))
     slopes = d[:, :2] / (1 + d[:, 2:])
-    # A ray has the density f cos / factor and stands for one over TAPS times that.
-    return np.c_[slopes, np.sqrt(factors / (TAPS * values * d[:, 2]))]
+    return np.c_[slopes, np.sqrt(1 / (TAPS * densities))]
 
 
 def _drawn(lobe: np.ndarray, tables: Tables, cosine: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -104,7 +105,7 @@ def _rays(lobe: np.ndarray, tables: Tables, cosine: float, numbers: np.ndarray):
     n = len(numbers)
     view = np.array([math.sqrt(1 - cosine * cosine), 0.0, cosine])
     axes = (np.broadcast_to(np.array(axis, np.float64), (n, 3)) for axis in (view, (0, 0, 1), (1, 0, 0)))
-    return draw_lobe(np.broadcast_to(lobe, (n, 5)), tables, *axes, numbers)
+    return draw_lobe(LobeViews.of_lobes(gloss_alone(lobe[None], tables), 0, *axes), numbers)
 
 
 def sharp_faces(surfaces: Surfaces) -> tuple[list[SharpLobe], np.ndarray]:

@@ -44,7 +44,7 @@ from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
 from gi_core.gloss.highlights import arriving, highlights
-from gi_core.gloss.lobe_rays import draw_lobe
+from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 from gi_core.gloss.radiance import gloss_radiance
 from gi_core.instruments import child
 from gi_core.lights.next_event import room_for_shadows
@@ -172,10 +172,9 @@ def _shine(solver: Solver) -> None:
     tables = solver.surfaces.tables
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
     gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))
-    draw_lobe(np.ones((1, 5)), tables, one, one, one, one)
-    delta = solver.model.lights.delta
-    highlights(np.ones((1, 5)), tables, one, one, one, arriving(solver.model.accelerator, at, one, one, delta, 1.0),
-               delta.value)  # fmt: skip
+    views, delta = LobeViews.of_lobes(gloss_alone(np.ones((1, 5)), tables), 0, one, one, one), solver.model.lights.delta
+    draw_lobe(views, one)
+    highlights(views, arriving(solver.model.accelerator, at, one, one, delta, 1.0), delta.value)
     _shine_on_mobiles(solver)
 
 

@@ -95,10 +95,10 @@ def counted(shot: Shot, most: int = reflected.MOST_RAYS, wanted: float = reflect
     """Return the picture of drawn(), and the number of rays from lobes."""
     count, draw = 0, reflected.draw_lobe
 
-    def counting(lobe, *others):
+    def counting(views, numbers):
         nonlocal count
-        count += len(lobe)
-        return draw(lobe, *others)
+        count += len(numbers)
+        return draw(views, numbers)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reflected, "draw_lobe", counting)

@@ -12,6 +12,7 @@ from gi_core.gather.gloss_reference import gloss_views, reference_gloss
 from gi_core.gather.path_ends import starts
 from gi_core.gather.path_tracer import PathTracer
 from gi_core.gather.reference import reference_irradiance
+from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 from gi_core.gloss.sharp import sharp_lobe
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
@@ -46,11 +47,10 @@ def test_in_a_furnace_gloss_has_the_radiance_of_its_albedo(name):
     lights = model.lights_at(model.emitters.lamps.full())
     mean, error = reference_gloss(model, at, lights, views, 512, 1)
     s = model.surfaces
-    from gi_core.gloss.lobe_rays import draw_lobe
-
-    many = [np.repeat(a, 4096, axis=0) for a in (s.lobe[views.face], views.to_eye, views.normals, views.tangents)]
-    numbers = np.random.default_rng(3).random((len(many[0]), 3))
-    albedo = draw_lobe(many[0], s.tables, *many[1:], numbers)[1].reshape(-1, 4096, 3).mean(axis=1)
+    vectors = (np.repeat(a, 4096, axis=0) for a in (views.to_eye, views.normals, views.tangents))
+    lobes = LobeViews.of_lobes(gloss_alone(s.lobe[views.face], s.tables), np.repeat(np.arange(12), 4096), *vectors)
+    numbers = np.random.default_rng(3).random((len(lobes.of), 3))
+    albedo = draw_lobe(lobes, numbers)[1].reshape(-1, 4096, 3).mean(axis=1)
     np.testing.assert_allclose(mean, 0.5 * albedo, atol=4 * error.max(), rtol=0.01)
     assert error.max() < 0.02 * mean.max()
     assert sharp_lobe(s.lobe[views.face[0]], s.tables) is None, "cells carry it"
