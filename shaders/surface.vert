@@ -1,6 +1,6 @@
 #version 330 core
 // Carries object space to the screen; diffuse light of both sides comes ready with each vertex. Gloss is evaluated here
-// for the eye, from the directions of light at the vertex: gi_core/gloss/radiance.py does the same arithmetic.
+// for the eye, from the directions of light at the vertex: gi_core/gloss/light.py does the same arithmetic.
 
 uniform mat4 model;            // object to world
 uniform mat4 view_projection;  // world to clip

@@ -15,8 +15,7 @@ import numpy as np
 
 from app.draw.tonemap import srgb_decode
 from app.draw.unlit import BACKGROUND
-from gi_core.gloss.probe_places import INSIDE
-from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
+from gi_core.gloss.reflectors import INSIDE, PLANAR, PROBE, Reflector
 from gi_core.gloss.sharp import TAPS
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from app.draw.draw_mesh import DrawMesh
     from app.draw.gl_textures import GLTextures
-    from gi_core.gloss.radiance import Directions
+    from gi_core.gloss.light import Directions
     from gi_core.gloss.reflectors import Reflector
     from gi_core.scene.types import Texture
 

@@ -32,8 +32,7 @@ from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
 if TYPE_CHECKING:
     from app.draw.bare_lights import BareLights
     from app.draw.draw_mesh import DrawMesh
-    from gi_core.gloss.light import GlossLight
-    from gi_core.gloss.radiance import Directions
+    from gi_core.gloss.light import Directions, GlossLight
     from gi_core.scene.types import Texture
 
 OUTLINE = (1.0, 0.78, 0.32, 0.95)

@@ -13,7 +13,7 @@ import numpy as np
 from app.draw.draw_mesh import DrawMesh
 from gi_core.bsdf.table import join
 from gi_core.display.vertex_light import light_vertices, weigh_vertices
-from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.light import Directions, gloss_radiance, room_for
 
 if TYPE_CHECKING:
     from gi_core.gloss.light import GlossLight

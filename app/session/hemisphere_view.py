@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.base.random_numbers import basis
 from gi_core.bsdf.table import Tables
-from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import is_sharp
 
 if TYPE_CHECKING:

@@ -13,10 +13,9 @@ from gi_core.frames.progress import Progress
 from gi_core.gather.denoise import averaged
 from gi_core.gather.gloss_gather import GlossGather, GlossGathers
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
-from gi_core.gloss.cells import GlossCells
+from gi_core.gloss.cells import GlossCells, as_light
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.light import GlossLight, settled
-from gi_core.gloss.shares import as_light
 from gi_core.gloss.source import GlossSource
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms

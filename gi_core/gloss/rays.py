@@ -14,9 +14,8 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.gloss.discs import GRAIN, GlossDiscs
+from gi_core.gloss.discs import GRAIN, GlossDiscs, Intake
 from gi_core.gloss.hemisphere import CELLS, axes_of, cell_towards
-from gi_core.gloss.intake import Intake
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange

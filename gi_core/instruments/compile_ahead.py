@@ -44,8 +44,8 @@ from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
 from gi_core.gloss.highlights import arriving, highlights
+from gi_core.gloss.light import gloss_radiance
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
-from gi_core.gloss.radiance import gloss_radiance
 from gi_core.instruments import child
 from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model

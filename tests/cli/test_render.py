@@ -380,7 +380,7 @@ def test_scenes_without_textures_carry_none():
 
 
 def test_a_glossy_picture_equals_the_opengl_picture():
-    """Plastic walls and a golden mobile: the vertex shader and gi_core/gloss/radiance.py do the same arithmetic."""
+    """Plastic walls and a golden mobile: the vertex shader and gi_core/gloss/light.py do the same arithmetic."""
     from gi_core.scene.types import Gloss
 
     scene = room()

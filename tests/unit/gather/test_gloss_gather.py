@@ -10,8 +10,8 @@ from gi_core.gather.gloss_gather import RAYS, ROUNDS, GlossGather
 from gi_core.gather.path_ends import in_known_light
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.gloss.cells import as_light
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, centres, direction_of, even_light
-from gi_core.gloss.shares import as_light
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver

@@ -13,7 +13,7 @@ from gi_core.files.edits import Duplicate, Finish, Remove, edited
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.hemisphere import CELLS, cell_of, centres, even_light
-from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST, WAYS
 from gi_core.retrace.cuts import current_segments

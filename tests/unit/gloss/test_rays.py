@@ -10,7 +10,7 @@ import pytest
 from gi_core.bsdf.table import join
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, cell_of
-from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RayTree
 from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE

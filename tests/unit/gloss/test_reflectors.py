@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from app.measure.scene_info import material_lines
-from gi_core.gloss.probe_places import PROBES
-from gi_core.gloss.reflectors import PLANES, reflectors, ways
+from gi_core.gloss.reflectors import PLANES, PROBES, reflectors, ways
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
 from tests.support.scene_builders import box, merge, quad, sphere

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.geometry.surfaces import glossy_receivers
-from gi_core.gloss.sites import SPACING, TURN, sites
-from gi_core.gloss.source import LIST, GlossSource
+from gi_core.gloss.source import LIST, SPACING, TURN, GlossSource, sites
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
 from gi_core.solver import Solver
