@@ -133,17 +133,18 @@ class Mirrors:
         rows = np.flatnonzero(self._of_face[strip.face[hit]] >= 0)
         rays, height = hit[rows], strip.rows.stop - strip.rows.start
         first = strip.rows.start * (len(strip.face) // height)
-        given = strip.face[rays], strip.u[rays], strip.v[rays], strip.directions[rays].astype(np.float64)
+        directions = strip.directions[rays].astype(np.float64)
         eyes = np.broadcast_to(strip.eye.astype(np.float64), (len(rays), 3))
-        lit, hits = Lit(world, front, back), Hits(*given, eyes, rays + first, 0, False, 1)
+        hits = Hits(strip.face[rays], strip.u[rays], strip.v[rays], directions, eyes, rays + first, 0, False, 1)
+        lit = Lit(world, front, back)
         out = self._gloss(lit, hits)
         if RAYS > 1 and self._has_rough:
             at = rays // len(PIXEL_OFFSETS)
             counts = _rays_wanted(self._shown(under[rows], out), at, height, len(strip.face) // len(PIXEL_OFFSETS))
             counts = _within(counts, int(MOST_RAYS * height / self._height))
             for count in np.unique(counts[counts > 1]):
-                some = np.flatnonzero(counts == count)
-                out[some] = self._gloss(lit, hits.at(some)._replace(rays=int(count)))
+                alike = np.flatnonzero(counts == count)
+                out[alike] = self._gloss(lit, hits.at(alike)._replace(rays=int(count)))
         return rows, out
 
     def _shown(self, under: np.ndarray, gloss: np.ndarray) -> np.ndarray:
@@ -156,13 +157,13 @@ class Mirrors:
         out, of = np.zeros((len(hits.face), 3)), self._of_face[hits.face]
         for k in np.unique(of):
             rows = np.flatnonzero(of == k)
-            some, rough = hits.at(rows), len(self._reflectors[k].lobe.taps) > 1
-            views = self._views(lit.world, some, int(k))
+            own, rough = hits.at(rows), len(self._reflectors[k].lobe.taps) > 1
+            views = self._views(lit.world, own, int(k))
             count = hits.rays if rough and not hits.spread else 1
             to_lamps = max(count * LAMP_RAYS // RAYS, 1) if rough and self._has_lamps else 0
-            out[rows] = self._of_lobe(lit, some, views, int(k), count, to_lamps)
+            out[rows] = self._of_lobe(lit, own, views, int(k), count, to_lamps)
             if to_lamps:
-                out[rows] += self._of_lamps(lit.world, some, views, count, to_lamps)
+                out[rows] += self._of_lamps(lit.world, own, views, count, to_lamps)
             if rough and len(self._delta.kind):  # mirrors have none
                 out[rows] += self._highlights(lit.world, views)
         return out

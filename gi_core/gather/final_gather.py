@@ -91,10 +91,10 @@ class FinalGather:
             halves = np.zeros((2, *self.last.shape))
             for half in range(2):
                 number, first = 2 * pair + half, 0
-                some = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS)
+                on_lamps = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS)
                 while first < len(self._lit):
                     began, rows = time.perf_counter(), self._lit[first : first + max(1, self._pace.fit(STEP) >> m)]
-                    self._gather(rows, number, m, some, light, halves[half])
+                    self._gather(rows, number, m, on_lamps, light, halves[half])
                     first += len(rows)
                     self._pace.took(len(rows) << m, time.perf_counter() - began)
                     yield False
@@ -118,7 +118,7 @@ class FinalGather:
         self.mean, self.paths, self._pairs = sum_of_lamps(per_lamp), total, self._pairs + 1
 
     def _gather(
-        self, rows: np.ndarray, number: int, m: int, some: Candidates, field: np.ndarray, out: np.ndarray
+        self, rows: np.ndarray, number: int, m: int, on_lamps: Candidates, field: np.ndarray, out: np.ndarray
     ) -> None:
         """Write the estimates of set `number` of 2^m paths at receivers."""
 
@@ -126,18 +126,18 @@ class FinalGather:
             at_once = max(1, BLOCK >> m)
             for a in range(first, last, at_once):
                 part = rows[a : min(a + at_once, last)]
-                out[part] = self._block(part, number, m, some, field) / (1 << m)
+                out[part] = self._block(part, number, m, on_lamps, field) / (1 << m)
 
         run_ranges(work, len(rows), self._model.threads, max(1, BLOCK >> (m + 2)))
 
-    def _block(self, rows: np.ndarray, number: int, m: int, some: Candidates, field: np.ndarray) -> np.ndarray:
+    def _block(self, rows: np.ndarray, number: int, m: int, on_lamps: Candidates, field: np.ndarray) -> np.ndarray:
         model, lights, s, world = self._model, self._lights, self._model.surfaces, self._model.world
         n, count, at, far = len(rows), len(rows) << m, model.static, float(np.float32(FAR * world.size))
         start, total = [a[rows] for a in self._starts], np.zeros((n, lights.channels))
         path = (number * SET + rows[:, None] << m) + np.arange(1 << m)
         pick = picks(self._seed, m, 0, path, lights.delta)
         ends = starts(rows, np.arange(n), *start)
-        rays = join_lamps(world.bsdfs, some, pick, 1 << m, ends, lights, far)
+        rays = join_lamps(world.bsdfs, on_lamps, pick, 1 << m, ends, lights, far)
         add_unblocked(model, at, rays, len(rays.row), total)
         each = (np.repeat(a, 1 << m, axis=0) for a in start)
         ends = starts(path.reshape(-1), np.repeat(np.arange(n), 1 << m), *each)

@@ -93,20 +93,20 @@ class GlossGather:
         The generator may be dropped and restarted: an unfinished round is then gathered again.
         """
         while not self.enough:
-            found, first = np.empty_like(self.mean), 0
+            light, first = np.empty_like(self.mean), 0
             while first < len(self.rows):
                 began, last = time.perf_counter(), min(first + self._pace.fit(STEP), len(self.rows))
 
-                def work(_, a, b, first=first, found=found):
+                def work(_, a, b, first=first, light=light):
                     for i in range(first + a, first + b, PART):
                         part = slice(i, min(i + PART, first + b))
-                        found[part] = self._round(part)
+                        light[part] = self._round(part)
 
                 run_ranges(work, last - first, self._tracer.model.threads, GRAIN)
                 self._pace.took(last - first, time.perf_counter() - began)
                 first = last
                 yield False
-            self.mean = (self.mean * self.rounds + found) / (self.rounds + 1)
+            self.mean = (self.mean * self.rounds + light) / (self.rounds + 1)
             self.rounds += 1
             yield True
 
@@ -161,8 +161,8 @@ class GlossGathers:
 
     def find(self, discs: GlossDiscs, at: Transforms, levels: np.ndarray) -> GlossGather | None:
         """Return the light at poses and levels (G, 3) once it has a result, None before."""
-        of, found = self._kept.get(key_of(at, levels), (None, None))
-        return found if of is discs and found is not None and (found.rounds or found.enough) else None
+        of, gather = self._kept.get(key_of(at, levels), (None, None))
+        return gather if of is discs and gather is not None and (gather.rounds or gather.enough) else None
 
     def begin_with(self, light: GlossGather, discs: GlossDiscs, levels: np.ndarray) -> None:
         """Keep light of the static part without mobiles, at levels (G, 3) of the lamps."""
@@ -176,12 +176,12 @@ class GlossGathers:
 
         irradiance: of the objects in `at` [W/m2]; disc_area [m2]: of the frame's estimator, see in_known_light().
         """
-        of, found = self._kept.pop(key := key_of(at, levels), (None, None))
-        if of is not discs or found is None:
+        of, gather = self._kept.pop(key := key_of(at, levels), (None, None))
+        if of is not discs or gather is None:
             lights, ending = self._model.lights_at(levels), in_known_light(self._model, at, irradiance, disc_area)
-            found = GlossGather(self._model, self._seed, rows, at, lights, ending)
-        self._kept = dict([*self._kept.items(), (key, (discs, found))][-KEPT - 1 :])
-        return found
+            gather = GlossGather(self._model, self._seed, rows, at, lights, ending)
+        self._kept = dict([*self._kept.items(), (key, (discs, gather))][-KEPT - 1 :])
+        return gather
 
 
 @kernel

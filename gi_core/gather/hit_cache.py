@@ -35,7 +35,7 @@ class BounceRays:
 
         The arrays may belong to the cache: do not write to them.
         """
-        of, given = self._model.accelerator, (new_ray(), at, self._own, self._origins, self._directions)
+        of = self._model.accelerator
         if left := self.left(at):
             self.trace(at, left)
         if len(at.position) == 2:
@@ -43,7 +43,8 @@ class BounceRays:
         distance, face = (a.copy() for a in self._cached)
         world = self._model.world
         spheres = world.sphere_centre, world.sphere_radius + NEAR * world.size
-        _nearer(of.scenes, of.boxes, *spheres, of.first_face, *given, distance, face)
+        rays = at, self._own, self._origins, self._directions, distance, face
+        _nearer(of.scenes, of.boxes, *spheres, of.first_face, new_ray(), *rays)
         return distance, face
 
     def left(self, at: Transforms) -> int:
@@ -55,9 +56,9 @@ class BounceRays:
         if self._pose != pose_bits(at, self._own):
             self._cached = tuple(a.copy() for a in self._on_own)
             self._pose, self._traced = pose_bits(at, self._own), 0
-        some = slice(self._traced, self._traced + rays)
-        given = (a[some] for a in (self._origins, self._directions, *self._cached))
-        _nearest_static(self._model.accelerator.scenes, new_ray(), at, self._own, *given)
+        more = slice(self._traced, self._traced + rays)
+        arrays = (a[more] for a in (self._origins, self._directions, *self._cached))
+        _nearest_static(self._model.accelerator.scenes, new_ray(), at, self._own, *arrays)
         self._traced += rays
 
 
@@ -74,15 +75,15 @@ class ShadowRays:
 
     def occluded(self, at: Transforms, make) -> tuple[Shadows, np.ndarray]:
         """Return rays and (n,) bool: another mobile blocks the ray. make() returns all rays at the poses."""
-        of, given = self._model.accelerator, (new_ray(), at, self._own)
+        of = self._model.accelerator
         if self._pose != pose_bits(at, self._own):
             rays = make()
-            free = _keep_free(of.scenes, *given, rays)
+            free = _keep_free(of.scenes, new_ray(), at, self._own, rays)
             self._free = Shadows(*(a[:free] for a in rays))
             self._pose = pose_bits(at, self._own)
         blocked = np.zeros(len(self._free.row), bool)
         if len(at.position) > 2:
-            _block(of.scenes, of.boxes, *given, self._free, blocked)
+            _block(of.scenes, of.boxes, new_ray(), at, self._own, self._free, blocked)
         return self._free, blocked
 
 

@@ -1,10 +1,10 @@
 """Interleaved sampling: bounced light of few paths, averaged over neighbouring receivers.
 
-Neighbouring receivers trace different kinds of bounces (`shared_samples.py`), and each takes the weighted mean of all
-kinds (Keller & Heidrich 2001, Wald et al. 2002). A neighbour's weight follows Ward's irradiance-cache error (1988):
-distance over mean hit distance, plus the angle between normals. It is compared with the noise of that many bounces.
-Near contacts each receiver therefore counts alone, and with many bounces everywhere: the limit is unbiased. Direct
-light has edges and must not be averaged. Large receivers trace more bounces, as their noise is most of the error.
+Neighbouring receivers trace different kinds of bounces, whose directions many receivers share. Each takes the weighted
+mean of all kinds (Keller & Heidrich 2001, Wald et al. 2002). A neighbour's weight follows Ward's irradiance-cache error
+(1988): distance over mean hit distance, plus the angle between normals. It is compared with the noise of that many
+bounces. Near contacts each receiver therefore counts alone, and with many bounces everywhere: the limit is unbiased.
+Direct light has edges and must not be averaged. Large receivers trace more bounces: their noise is most of the error.
 """
 
 from __future__ import annotations
@@ -14,9 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base import random_numbers
 from gi_core.base.jit import allocating, kernel
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import difference, dot
+from gi_core.base.vec import difference, dot, weighted
+from gi_core.bsdf import lambertian
+from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
 from gi_core.geometry.mesh_neighbours import neighbours
 
 KINDS = 4  # at 8 bounces, 2 kinds leave a sixth to a quarter more error, 8 kinds a tenth
@@ -27,6 +30,7 @@ CHANCE = 4.0  # a neighbour has weight 1/2 where CHANCE x Ward's squared error x
 GRAIN = 512  # receivers per thread
 LEAST, MOST, LEVELS = 0.5, 4.0, 4  # bounces of a receiver over the mean, and levels of these per doubling
 HALVINGS = 40  # in the search for that mean
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a full turn, between successive directions
 
 
 class NearReceivers(NamedTuple):
@@ -54,11 +58,11 @@ def near_receivers(positions: np.ndarray, normals: np.ndarray, corners: np.ndarr
 @allocating
 def _find(first, of, positions, normals, room, apart, turned, count):
     n = len(positions)
-    seen, found, distance = np.full(n, -1, np.int64), np.empty(LOOKED_AT, np.int64), np.empty(LOOKED_AT)
+    seen, queue, distance = np.full(n, -1, np.int64), np.empty(LOOKED_AT, np.int64), np.empty(LOOKED_AT)
     for i in range(n):
-        seen[i], found[0], distance[0], ends, at = i, i, 0.0, 1, 0
+        seen[i], queue[0], distance[0], ends, at = i, i, 0.0, 1, 0
         while at < ends and ends < LOOKED_AT:
-            near = found[at]
+            near = queue[at]
             at += 1
             for k in range(first[near], first[near + 1]):
                 j = of[k]
@@ -66,7 +70,7 @@ def _find(first, of, positions, normals, room, apart, turned, count):
                     continue
                 seen[j] = i
                 if dot(normals[i], normals[j]) > SAME_WAY:
-                    found[ends] = j
+                    queue[ends] = j
                     off = difference(positions[i], positions[j])
                     distance[ends] = dot(off, off)
                     ends += 1
@@ -76,10 +80,10 @@ def _find(first, of, positions, normals, room, apart, turned, count):
             for other in range(k + 1, ends):
                 if distance[other] < distance[least]:
                     least = other
-            found[k], found[least] = found[least], found[k]
+            queue[k], queue[least] = queue[least], queue[k]
             distance[k], distance[least] = distance[least], distance[k]
-            room[i, k], apart[i, k] = found[k], distance[k]
-            turned[i, k] = max(0.0, 1.0 - dot(normals[i], normals[found[k]])) if found[k] != i else 0.0
+            room[i, k], apart[i, k] = queue[k], distance[k]
+            turned[i, k] = max(0.0, 1.0 - dot(normals[i], normals[queue[k]])) if queue[k] != i else 0.0
 
 
 def bounce_shares(areas: np.ndarray) -> np.ndarray:
@@ -151,3 +155,42 @@ def _mean(first, of, apart, turned, close, bounces, light, start, stop, out):
             total += w
             x, y, z = x + w * light[j, 0], y + w * light[j, 1], z + w * light[j, 2]
         out[i, 0], out[i, 1], out[i, 2] = x / total, y / total, z / total
+
+
+def shared_directions(seed: int, count: int, kinds: int) -> np.ndarray:
+    """Return unit directions (kinds, count, 3) float64, cosine-distributed about the third axis.
+
+    Each kind is stratified over the hemisphere, and so are all kinds together.
+    """
+    out = np.empty((kinds, count, 3))
+    _draw(seed, out)
+    return out
+
+
+@kernel
+def _draw(seed, out):
+    kinds, n = out.shape[:2]
+    # A Fibonacci spiral with random rotation and shift stratifies few directions best (Marques et al. 2013). Each kind
+    # is such a spiral, rotated so that the union is stratified too. Every fourth direction of one spiral would not be:
+    # four golden steps are nearly half a turn.
+    shift, turn = random_numbers.independent(seed, 0, 0, SCATTER_U), random_numbers.independent(seed, 0, 0, SCATTER_V)
+    for j in range(n):
+        for c in range(kinds):
+            u, v = (kinds * j + c + shift) / (kinds * n), ((j + c / kinds) * GOLDEN + turn) % 1.0
+            out[c, j, 0], out[c, j, 1], out[c, j, 2] = lambertian.sample(u, v)
+
+
+@kernel
+def bounces(directions, kinds, normals, first, out):
+    """Write the bounces of the receivers that have P of them: those of its kind (kinds, P, 3), rotated to its normal.
+
+    out (k, 3): those of receiver i are first[i] to first[i + 1].
+    """
+    for row in range(len(normals)):
+        k = first[row]
+        if first[row + 1] - k != directions.shape[1]:
+            continue
+        ax, ay, az, bx, by, bz = random_numbers.basis(normals[row, 0], normals[row, 1], normals[row, 2])
+        for d in directions[kinds[row]]:
+            out[k, 0], out[k, 1], out[k, 2] = weighted(d, (ax, ay, az), (bx, by, bz), normals[row])
+            k += 1

@@ -30,10 +30,18 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather import path_ends
 from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
-from gi_core.gather.interleaved_mean import KINDS, average_neighbours, bounce_shares, closeness, kinds, near_receivers
+from gi_core.gather.interleaved_mean import (
+    KINDS,
+    average_neighbours,
+    bounce_shares,
+    bounces,
+    closeness,
+    kinds,
+    near_receivers,
+    shared_directions,
+)
 from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, add_exchanged, direct_light, for_cells
 from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
-from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
 from gi_core.lights.candidates import PATHS_PER_SHADOW, Candidates, candidates, join_lamps, rays_to_candidates
@@ -133,16 +141,16 @@ class MobileGather:
         counts = self._bounces(paths)
         for count in {paths, *np.unique(counts).tolist()} - set(self._directions):
             self._directions[count] = shared_directions(self._seed, count, KINDS)
-        bounced = self._room_by_path(paths)
-        exchange, lit = self._gather_batches(world, at, static, paths, light, bounced)
-        direct, known = light.direct / paths, light.bounced / paths
-        reached_corners(exchange.corners, direct + known, exchange.share)
-        E = _exchanged(direct, known, exchange, paths)
+        by_path = self._room_by_path(paths)
+        exchange, lit = self._gather_batches(world, at, static, paths, light, by_path)
+        direct, bounced = light.direct / paths, light.bounced / paths
+        reached_corners(exchange.corners, direct + bounced, exchange.share)
+        E = _exchanged(direct, bounced, exchange, paths)
         if len(self._glossy):
-            add_exchanged(exchange, direct + E, bounced)
+            add_exchanged(exchange, direct + E, by_path)
             directions = self._kind_directions(paths)
-            by_path = BouncedLight(self._normals, self._near, self._kinds, directions, light.close, bounced)
-            self.path_light = PathLight(by_path, lit)
+            light_by_path = BouncedLight(self._normals, self._near, self._kinds, directions, light.close, by_path)
+            self.path_light = PathLight(light_by_path, lit)
         return direct + average_neighbours(self._near, light.close, counts, E, self._model.threads)
 
     def rays_ahead(self, at: Transforms, paths: int) -> list[Callable[[], None]]:
@@ -184,10 +192,10 @@ class MobileGather:
     def _light_by(self, lights: Lights | None, resting: np.ndarray | None, reflectance: np.ndarray) -> None:
         """Use this light from now on; arguments as for irradiance()."""
         lights = lights or self._light[0] or self._model.lights_at(self._model.emitters.lamps.full())
-        given = lights, resting, reflectance
-        if all(map(operator.is_, given, self._light)):
+        light = lights, resting, reflectance
+        if all(map(operator.is_, light, self._light)):
             return
-        self._light, dark = given, np.zeros(len(self._faces.face))
+        self._light, dark = light, np.zeros(len(self._faces.face))
         self._luminance = dark if resting is None else self._faces.luminance(resting, reflectance)
         self._aimed.clear()
         for batch in itertools.chain.from_iterable(self._batches.values()):
@@ -212,13 +220,13 @@ class MobileGather:
     def _lamps(self, world: World, o: int, at: Transforms, static: np.ndarray, paths: int) -> LampSamples:
         """Return where the paths of each receiver of mobile o look for lamps and bright faces."""
         (lights, bright), every = self._lights_of(o, at), np.arange(paths)[None]
-        some, m = candidates(self._seed, paths, lights.area), (paths - 1).bit_length()
+        on_lamps, m = candidates(self._seed, paths, lights.area), (paths - 1).bit_length()
         rays = max(paths // BOUNCES_PER_BRIGHT, 1)
         on_bright = candidates(self._seed ^ BRIGHT_STREAM, PATHS_PER_SHADOW * rays, bright.lights, KINDS)
         corners, albedo = self._model.surfaces.corner_front, world.bsdfs.albedo
         relative = relative_light(bright.face, bright.lights.radiance, corners, albedo, static)
         pick = picks(self._seed, m, 0, every, lights.delta)
-        return LampSamples(lights, some, for_cells(some), pick, bright, on_bright, relative)
+        return LampSamples(lights, on_lamps, for_cells(on_lamps), pick, bright, on_bright, relative)
 
     def _places(self, paths: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch, of the mobiles in turn."""
@@ -259,7 +267,7 @@ class MobileGather:
         in_world = np.empty((2, len(self._positions), 3))  # positions [m] and normals of receivers
         lamps: dict[int, LampSamples] = {}
         looking = [threading.Lock() for _ in self._model.names]
-        found: list = [None] * len(places)
+        results: list = [None] * len(places)
         waiting = iter(range(len(places)))
 
         def look(o: int) -> LampSamples:
@@ -274,14 +282,14 @@ class MobileGather:
         def work(*_):
             for k in waiting:  # each thread takes the next batch, as they take different times
                 batch = kept[k] or self._batch(paths, *places[k])
-                given = look(batch.mobile), in_world[:, batch.rows], static, paths
-                known = PathSums(*(a[batch.rows] for a in light))
-                found[k] = self._gather(world, batch, at, *given, known, bounced)
+                samples, sums = look(batch.mobile), PathSums(*(a[batch.rows] for a in light))
+                place = in_world[:, batch.rows]
+                results[k] = self._gather(world, batch, at, samples, place, static, paths, sums, bounced)
                 if len(self._positions) * paths <= CACHED_PATHS:
                     kept[k] = batch
 
         run_ranges(work, len(places), self._model.threads, 1)
-        exchanges, lit = zip(*found, strict=True)
+        exchanges, lit = zip(*results, strict=True)
         hits = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
         return hits, [d for d in lit if d is not None]
 
@@ -323,11 +331,11 @@ class MobileGather:
         return hits, direct_light(batch.rows, R, positions, lights.area, in_cells, rays, blocked)
 
 
-def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
-    """Solve bounced = known + exchange (direct + bounced) for bounced (n, 3)."""
-    bounced = known
+def _exchanged(direct: np.ndarray, single: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
+    """Solve bounced = single + exchange (direct + bounced) for bounced (n, 3)."""
+    bounced = single
     for _ in range(SWEEPS):
-        before, bounced = bounced, known.copy()
+        before, bounced = bounced, single.copy()
         _sweep(exchange, paths, direct + before, bounced)
         if np.abs(bounced - before).sum() <= SETTLED * (direct + bounced).sum():
             break

@@ -91,12 +91,12 @@ class GlossCells:
         rows, intake = self.discs.rows[: self.discs.first[1]], self._intake
         return StaticCells(self.discs.radius, rows, intake.photons, intake.weights, self._static.photons.copy())
 
-    def begin_with(self, known: StaticCells, store: object) -> None:
+    def begin_with(self, earlier: StaticCells, store: object) -> None:
         """Take over sums, if they are those of the same receivers and discs; store: of the photons, see bring_in()."""
         own = self.discs.rows[: self.discs.first[1]]
-        if known.radius == self.discs.radius and np.array_equal(known.rows, own):
-            self._static.photons[:] = known.sums
-            self._intake.begin_with(store, known.weights, known.photons)
+        if earlier.radius == self.discs.radius and np.array_equal(earlier.rows, own):
+            self._static.photons[:] = earlier.sums
+            self._intake.begin_with(store, earlier.weights, earlier.photons)
 
     def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
         """Add the photons of `paths` that are not yet in the sums, in steps; weights (G, 3): of the lamps' flux.
@@ -143,14 +143,14 @@ class GlossCells:
         parts = [self._changes(change)]
         if on_mobiles is None:
             parts += [[(1, segments)] for segments in change.near_mobiles]
-        found = [arrivals(self.discs, o, rays, change.at, self._intake.weights) for o, rays in enumerate(parts)]
-        places = [self._place[first[o] : first[o + 1]][a.rows] for o, a in enumerate(found)]
+        reached = [arrivals(self.discs, o, rays, change.at, self._intake.weights) for o, rays in enumerate(parts)]
+        places = [self._place[first[o] : first[o + 1]][a.rows] for o, a in enumerate(reached)]
         by_paths = self._place[first[1] : first[1 if on_mobiles is None else len(change.at.position)]]
         rows = np.concatenate([*places, by_paths])
         cells = np.empty((len(rows), CELLS, FIELDS), np.float32)
         parts_of_cells = np.split(cells, np.cumsum([len(place) for place in places]))
         scale = self.photons / max(change.photons, 1)
-        for o, (a, out) in enumerate(zip(found, parts_of_cells[:-1], strict=True)):
+        for o, (a, out) in enumerate(zip(reached, parts_of_cells[:-1], strict=True)):
             own = static._replace(place=self._place[first[o] : first[o + 1]])
             if o > 0:
                 own = own._replace(photons=static.photons[:0], gathered=static.gathered[:0])
@@ -159,13 +159,13 @@ class GlossCells:
             on_mobiles(self.owners[by_paths], by_paths, static.light, parts_of_cells[-1])
         return GlossLight(self.rows, self.owners, self.place, static.light, rows, cells)
 
-    def _write_frame(self, o: int, found: Arrivals, static: StaticSums, scale: float, out: np.ndarray) -> None:
+    def _write_frame(self, o: int, reached: Arrivals, static: StaticSums, scale: float, out: np.ndarray) -> None:
         """Write the cells of object o's receivers that rays reach; their rays count `scale` times."""
 
         def work(_, begin, end):
-            frame_cells(found, begin, end, self.discs.normals_of(o), static, scale, Scratch.new(), out)
+            frame_cells(reached, begin, end, self.discs.normals_of(o), static, scale, Scratch.new(), out)
 
-        run_ranges(work, len(found.rows), self.discs.model.threads, GRAIN)
+        run_ranges(work, len(reached.rows), self.discs.model.threads, GRAIN)
 
     def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
         return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]
@@ -184,12 +184,12 @@ class GlossCells:
 
     def _deposit(self, parts: list[tuple[int, Segments]], at: Transforms, sums: np.ndarray) -> None:
         """Add the rays of segments, times their sign, to the cells of the static part's receivers."""
-        found = arrivals(self.discs, 0, parts, at, self._intake.weights)
+        reached = arrivals(self.discs, 0, parts, at, self._intake.weights)
 
         def work(_, begin, end):
-            deposit(found, begin, end, self.discs.normals_of(0), sums)
+            deposit(reached, begin, end, self.discs.normals_of(0), sums)
 
-        run_ranges(work, len(found.rows), self.discs.model.threads, GRAIN)
+        run_ranges(work, len(reached.rows), self.discs.model.threads, GRAIN)
 
 
 # Sums of cells become shares of irradiance and mean directions ------------------------------------------------

@@ -135,11 +135,11 @@ def arrivals(
     discs: GlossDiscs, o: int, parts: list[tuple[int, Segments]], at: Transforms, weights: np.ndarray
 ) -> Arrivals:
     """Return the rays of segments, each part with its sign, at object o's receivers; weights (G, 3): of the lamps."""
-    found = [(parts[k][0], c) for k, c in discs.crossed(o, [segments for _, segments in parts], at)]
-    n, sizes = discs.count(o), [len(c.lines.low) for _, c in found]
+    crossed = [(parts[k][0], c) for k, c in discs.crossed(o, [segments for _, segments in parts], at)]
+    n, sizes = discs.count(o), [len(c.lines.low) for _, c in crossed]
     rays, receiver = np.empty((sum(sizes), RAY), np.int64), [np.empty(0, np.int32)]
     direction, lines = [np.empty((0, 3), np.float32)], [np.empty(0, np.int32)]
-    for (sign, c), last in zip(found, np.cumsum(sizes), strict=True):
+    for (sign, c), last in zip(crossed, np.cumsum(sizes), strict=True):
         first = int(last) - len(c.lines.low)
         _weigh(c.lines.direction, c.lines.flux, c.lines.lamp, weights, sign, rays[first:last])
         receiver.append(c.receiver)

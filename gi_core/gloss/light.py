@@ -67,8 +67,8 @@ class GlossLight(NamedTuple):
             cells = cells.copy()
             cells[self.changed] = self.cells
         else:
-            _, here, now = np.intersect1d(owners, self.changed, assume_unique=True, return_indices=True)
-            cells[here] = self.cells[now]
+            _, changed, now = np.intersect1d(owners, self.changed, assume_unique=True, return_indices=True)
+            cells[changed] = self.cells[now]
             place = np.zeros_like(place)
             place[only] = np.searchsorted(owners, self.place[only])
         if tree is None:

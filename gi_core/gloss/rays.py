@@ -86,29 +86,29 @@ class RayLists:
             self._found(0, segments, change.at, photons)
             for segments in (change.removed_suffixes.segments(self.discs.model.threads), change.new_suffixes)
         )
-        rest = self._rays
-        keep = np.ones(len(rest.key), bool)
-        keep[np.searchsorted(rest.key, removed.key)] = False
+        resting = self._rays
+        keep = np.ones(len(resting.key), bool)
+        keep[np.searchsorted(resting.key, removed.key)] = False
         if photons < self.photons:
             touched = np.zeros(self.discs.count(0), bool)
             touched[removed.receiver], touched[new.receiver] = True, True
-            keep &= ~touched[rest.receiver] | (rest.photon < photons)
-        parts = [_merged(rest.where(keep), new)]
+            keep &= ~touched[resting.receiver] | (resting.photon < photons)
+        parts = [_merged(resting.where(keep), new)]
         for o, segments in enumerate(change.near_mobiles, 1):
             parts.append(self._found(o, segments, change.at, photons))
         return _Rays(*(np.concatenate(a) for a in zip(*parts, strict=True)))
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> RayTree:
         """Return the rays of static receivers from all current segments; those of evaluate() must equal them."""
-        found = _joined([self._found(0, segments, at, self.photons) for segments in parts])
-        return _tree(found, self.discs.count(0))
+        rays = _joined([self._found(0, segments, at, self.photons) for segments in parts])
+        return _tree(rays, self.discs.count(0))
 
     def _found(self, o: int, segments: Segments, at: Transforms, photons: int = MOST_PHOTONS) -> _Rays:
         """Return the rays of segments of the first `photons` photons at object o's receivers."""
         threads, normals, first = self.discs.model.threads, self.discs.normals_of(o), int(self.discs.first[o])
         if photons < MOST_PHOTONS or (segments.size and segments.photon[-1] >= MOST_PHOTONS):
-            some = segments.photon < min(photons, MOST_PHOTONS)
-            segments = Segments(*(a[some] for a in segments))
+            is_counted = segments.photon < min(photons, MOST_PHOTONS)
+            segments = Segments(*(a[is_counted] for a in segments))
         out = []
         for _, c in self.discs.crossed(o, [segments], at):
             n = len(c.line)
@@ -130,12 +130,12 @@ def _joined(parts: list[_Rays]) -> _Rays:
     return every.where(np.argsort(every.key))
 
 
-def _merged(some: _Rays, others: _Rays) -> _Rays:
+def _merged(rays: _Rays, new: _Rays) -> _Rays:
     """Return two ordered sets of rays in order."""
-    if not len(others.key):
-        return some
-    place = np.searchsorted(some.key, others.key)
-    return _Rays(*(np.insert(a, place, b, axis=0) for a, b in zip(some, others, strict=True)))
+    if not len(new.key):
+        return rays
+    place = np.searchsorted(rays.key, new.key)
+    return _Rays(*(np.insert(a, place, b, axis=0) for a, b in zip(rays, new, strict=True)))
 
 
 def _tree(rays: _Rays, receivers: int) -> RayTree:

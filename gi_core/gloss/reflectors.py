@@ -93,7 +93,7 @@ def reflectors(model: Model) -> tuple[tuple[Reflector, ...], ...]:
         faces = sharp[(kind[sharp] == k) & (objects == o)]
         f = int(faces[0])
         plane = None if plane_of[f] < 0 else planes[plane_of[f]]
-        without = frozenset(p for p, some in enumerate(omitted) if f in some)
+        without = frozenset(p for p, left_out in enumerate(omitted) if f in left_out)
         local = faces - int(s.first_face[o])
         out[o].append(Reflector(lobes[of_face[f]], local, plane, probes[probe_of[f]], without))
     return tuple(map(tuple, out))
@@ -114,8 +114,8 @@ def ways(model: Model) -> Ways:
     seen = np.full(len(s.lobe), math.nan)
     for f, faces in lobe_classes(s):
         noise[faces] = noise_factor(s.lobe[f], s.tables)
-    for o, some in enumerate(reflectors(model)):
-        for r in some:
+    for o, own in enumerate(reflectors(model)):
+        for r in own:
             faces = r.faces + int(s.first_face[o])
             way[faces], seen[faces] = PROBE if r.plane is None else PLANAR, r.probe.seen
     return Ways(noise, way, seen)
@@ -131,10 +131,10 @@ def _sets(omitted: list[np.ndarray], n: int) -> np.ndarray:
 
 def _all_planes(s: Surfaces, of_face: np.ndarray, size: float) -> tuple[list[Plane], np.ndarray]:
     """Return the planes of a scene, and the plane (F,) of each face, -1: none."""
-    found = [part for o in range(s.objects) for part in _planes(s, o, of_face, size)]
-    found.sort(key=lambda part: -part[0])
+    flat = [part for o in range(s.objects) for part in _planes(s, o, of_face, size)]
+    flat.sort(key=lambda part: -part[0])
     plane_of, planes = np.full(len(of_face), -1), []
-    for number, (_, faces, equation) in enumerate(found[:PLANES]):
+    for number, (_, faces, equation) in enumerate(flat[:PLANES]):
         plane_of[faces] = number
         planes.append(Plane(number, equation))
     return planes, plane_of
@@ -160,8 +160,8 @@ def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple
     for p in np.argsort(-area):
         if length[p] < 0.99 or high[p] - low[p] > FLAT * size:
             continue
-        height, known = (low[p] + high[p]) / 2, planes[:count]
-        same = (known[:, :3] @ normal[p] > 1 - 1e-6) & (np.abs(known[:, 3] - height) < FLAT * size)
+        height, earlier = (low[p] + high[p]) / 2, planes[:count]
+        same = (earlier[:, :3] @ normal[p] > 1 - 1e-6) & (np.abs(earlier[:, 3] - height) < FLAT * size)
         plane_of[p] = np.argmax(same) if same.any() else count
         planes[plane_of[p]] = planes[plane_of[p]] if same.any() else (*normal[p], height)
         count += not same.any()
@@ -231,8 +231,8 @@ def _of_mobile(model: Model, o: int, faces: np.ndarray, corners: np.ndarray, siz
     rays = _rays(model, at, row, points, s.normals[faces[row]] @ R.T, size)
     low, high = (corner[0] for corner in _boxes(np.zeros(len(faces), np.int64), corners))
     place = Place((low + high) / 2, (high - low) / 2, faces, faces)
-    there = place._replace(centre=R @ place.centre + position, half=np.abs(R) @ place.half)
-    return place._replace(seen=float(_serves(model, at, there, rays, size).mean()))
+    in_world = place._replace(centre=R @ place.centre + position, half=np.abs(R) @ place.half)
+    return place._replace(seen=float(_serves(model, at, in_world, rays, size).mean()))
 
 
 def _in_rooms(model: Model, faces: np.ndarray, rows: np.ndarray, rays: Rays, most: int, size: float) -> list[Place]:
@@ -297,8 +297,8 @@ def _boxes(group: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _rays_where_light_is(model: Model, faces: np.ndarray, size: float) -> Rays:
     """Return rays from where photons meet sharp faces (n,) of the static part, on the side that they meet."""
-    s, given = model.surfaces, (model.accelerator, model.world, model.static, model.emitters)
-    paths = trace_background(*given, SEED, 0, PHOTONS)[0]
+    s = model.surfaces
+    paths = trace_background(model.accelerator, model.world, model.static, model.emitters, SEED, 0, PHOTONS)[0]
     hit = paths.side != NONE
     if len(hit):
         hit[paths.offsets[:-1]] = False  # where they start

@@ -68,8 +68,7 @@ class _Once:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, _Once):
             return False
-        data, others = self.tables.data, other.tables.data
-        return data is others or np.array_equal(data, others)
+        return self.tables.data is other.tables.data or np.array_equal(self.tables.data, other.tables.data)
 
 
 @lru_cache(maxsize=1024)

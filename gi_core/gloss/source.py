@@ -41,9 +41,9 @@ class GlossSource:
         """A copy of the sums of the static part's receivers; None without any."""
         return None if self._cells is None or not self._cells.photons else self._cells.static_cells()
 
-    def begin_with(self, known: StaticCells | None, store: object) -> None:
+    def begin_with(self, sums: StaticCells | None, store: object) -> None:
         """Let the first cells begin with sums of a scene of the same static part; store: their photons here."""
-        self._earlier = None if known is None else (known, store)
+        self._earlier = None if sums is None else (sums, store)
 
     def cells(self, radius: float, way: str = QUADTREE) -> GlossCells | None:
         """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces.

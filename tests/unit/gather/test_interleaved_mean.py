@@ -16,9 +16,9 @@ from gi_core.gather.interleaved_mean import (
     closeness,
     kinds,
     near_receivers,
+    shared_directions,
 )
 from gi_core.gather.mobile import MobileGather
-from gi_core.gather.shared_samples import shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
