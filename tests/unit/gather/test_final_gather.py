@@ -65,8 +65,8 @@ def test_more_delta_lights_than_paths_are_picked_and_fewer_are_all_sampled():
     gather, areas = final(Scene(box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), (grey(0.0),), (), bulbs, up=(0, 0, 1)))
     exact = np.zeros((len(areas), 12, 3))
     for k, bulb in enumerate(bulbs):
-        way = np.array(bulb.position) - gather._positions
-        cosine, d2 = (way * gather._normals).sum(axis=1), (way**2).sum(axis=1)
+        way = np.array(bulb.position) - gather._starts[0]
+        cosine, d2 = (way * gather._starts[1]).sum(axis=1), (way**2).sum(axis=1)
         exact[:, k] = (np.maximum(cosine, 0) / d2**1.5 / (4 * np.pi))[:, None] * bulb.flux
     found = {3: [], 4: []}
     for m, each in found.items():
@@ -86,7 +86,7 @@ def test_open_receivers_see_the_sky():
     walls, sky = box((0, 0, 0), (1, 1, 1), 3, 0), SkyLight("sky", (1.0, 2.0, 3.0))
     gather, areas = final(Scene(walls, (grey(0.7),), (), (sky,), up=(0, 0, 1)))
     pairs(gather, np.zeros((len(areas), 3)), 5)
-    top = np.flatnonzero(gather._normals[:, 2] > 0.99)
+    top = np.flatnonzero(gather._starts[1][:, 2] > 0.99)
     assert len(top) and np.allclose(gather.mean[top], np.pi * np.array([1.0, 2.0, 3.0]), rtol=1e-9)
 
 
@@ -95,7 +95,7 @@ def test_gather_over_true_light_equals_the_reference_within_its_noise():
     """Walls have many receivers, so that interpolation between them is accurate."""
     scene = fine_room()
     gather, areas = final(scene)
-    truth, error = reference_irradiance(scene, gather._positions, gather._normals, 700, 5)
+    truth, error = reference_irradiance(scene, *gather._starts[:2], 700, 5)
     assert relative_error(truth + error, truth, areas).l1 < 0.03
     pairs(gather, truth, 1)
     first = relative_error(gather.mean, truth, areas).l1
