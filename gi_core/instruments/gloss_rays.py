@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.gloss.hemisphere import CELLS, GRAZING
-from gi_core.gloss.radiance import LEAST_ALPHA, Directions, gloss_radiance, room_for
+from gi_core.gloss.light import LEAST_ALPHA, Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import MOST_PHOTONS
 from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST, OPENED, RADII
