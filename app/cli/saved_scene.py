@@ -166,8 +166,8 @@ def _plane(root: Table) -> MeasuringPlane | None:
     return _checked("plane", numbers, t.where)
 
 
-def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | None = None) -> None:
-    """Save settings, as of with_view(), and beside them copies of the files that lie outside their folder.
+def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | None = None) -> list[Path]:
+    """Save settings, as of with_view(), and beside them new copies of files outside their folder; return the copies.
 
     files: as of Scene, those that the scene was read from; None: it is read to find out. Raises OSError; the copies of
     a scene that cannot be saved are removed.
@@ -176,6 +176,7 @@ def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | Non
     try:
         names = _names_of_files(Path(os.path.realpath(path)), settings, files, made)
         write_whole(path, _text_of(settings, names))
+        return [copy for copy in made if copy.is_file()]
     except BaseException:
         for copy in reversed(made):
             with suppress(OSError):

@@ -119,7 +119,7 @@ class FileDialog:
             imgui.close_current_popup()
         imgui.end_popup()
         if done or cancelled:  # last, as it may raise
-            self._end(self._path.strip() if done else "")
+            self._end(os.path.expanduser(self._path.strip()) if done else "")
 
     @property
     def _replaced(self) -> str:

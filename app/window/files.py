@@ -65,8 +65,11 @@ class Files:
 
     # Saving -----------------------------------------------------------------------------------------
 
-    def save(self, session: Session, viewport: Viewport, path: str) -> Path:
-        """Save the scene. Raises UsageError for the name of the scene itself, OSError."""
+    def save(self, session: Session, viewport: Viewport, path: str) -> tuple[Path, list[Path]]:
+        """Save the scene; return its file and copies made of others.
+
+        Raises UsageError for the name of the scene itself, OSError.
+        """
         file = Path(path)
         file = file if file.suffix.lower() == ".toml" else file.with_name(file.name + ".toml")
         scene = session.settings.scene
@@ -75,11 +78,11 @@ class Files:
 
             raise UsageError(f"{file.name} is the scene itself, which stays as it is; choose another name")
         files = None if session.is_editing else session.scene.files
-        saved_scene.write(file, self.settings_now(session, viewport), files)
+        copies = saved_scene.write(file, self.settings_now(session, viewport), files)
         session.want(replace(session.settings, document=str(file)))
         self._clean = _state(session)
         self.remember(str(file))
-        return file
+        return file, copies
 
     def suggestion(self, session: Session) -> str:
         """Return a path for a scene to save."""

@@ -291,8 +291,9 @@ def test_a_scene_is_saved_anywhere_with_copies_of_its_files(tmp_path, monkeypatc
     assert len(before.files) == 4 and len(before.files[0]) == 3, "the room with its library and texture"
     settings = saved_scene.with_view(settings, {m.name: m.pose for m in before.mobiles}, CAMERA)
     light = light_of(settings)
-    saved_scene.write(saved / "kit.toml", settings, before.files)
+    made = saved_scene.write(saved / "kit.toml", settings, before.files)
     copies = sorted(str(file.relative_to(saved)) for file in saved.rglob("*") if file.is_file())
+    assert sorted([*(str(file.relative_to(saved)) for file in made), "kit.toml"]) == copies
     chairs, other = "kit-files/chairs", "kit-files/chairs-2"
     rooms = [f"kit-files/rooms/{name}" for name in ("room.mtl", "room.obj", "wood.png")]
     assert copies == [f"{other}/chair.glb", f"{chairs}/chair.glb", f"{chairs}/spot.ies", *rooms, "kit.toml"]
@@ -304,7 +305,7 @@ def test_a_scene_is_saved_anywhere_with_copies_of_its_files(tmp_path, monkeypatc
     assert open_scene(again).notes == before.notes
 
     # Files read again to save once more, and beside it under another name: no second copy, and one of its own.
-    saved_scene.write(tmp_path / "moved" / "kit.toml", again)
+    assert not saved_scene.write(tmp_path / "moved" / "kit.toml", again)
     assert len(list((tmp_path / "moved").rglob("*"))) == 4 + len(copies)
     (tmp_path / "else").mkdir()
     saved_scene.write(tmp_path / "else" / "a.toml", again)

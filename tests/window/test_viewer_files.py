@@ -257,6 +257,8 @@ def test_a_room_with_a_luminaire_from_another_folder_is_saved_and_opened_again(p
         assert viewer.files.dialog.is_open and "Is a directory" in viewer.files.dialog._problem
         hand.ctx.item_input_value("##path", str(folder / "out/kit.toml"))
         hand.wait(lambda: not viewer.files.dialog.is_open)
+        said = [entry.text for entry in viewer.log.entries if entry.text.startswith("saved ")][-1]
+        assert said.endswith("with copies beside it: room.obj, room.mtl, wood.png, spot.ies")
         hand.wait(lambda: viewer.session is not first)
         assert not viewer.files.has_changed(viewer.session) and viewer.session.settings.document
         lights, second = list(viewer.session.lights), viewer.session

@@ -67,8 +67,9 @@ def _write(window: Window, path: str) -> str:
     """Save the scene; return the problem, "" without one."""
     try:
         pending = ", with an edit that is still being prepared" if window.session.is_editing else ""
-        file = window.files.save(window.session, window.viewport, path)
-        window.log(f"saved {file}{pending}")
+        file, copies = window.files.save(window.session, window.viewport, path)
+        beside = f", with copies beside it: {', '.join(copy.name for copy in copies)}" if copies else ""
+        window.log(f"saved {file}{pending}{beside}")
         rename(str(file))
         return ""
     except (UsageError, OSError) as problem:
