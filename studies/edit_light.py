@@ -22,7 +22,7 @@ import numpy as np
 
 from app.rest.scheduler import RestWork
 from app.rest.timed_gathering import NO_ERRORS
-from app.session.new_lights import panel_of_faces
+from app.session.lights import panel_of_faces
 from app.settings import Settings, make_solver, open_scene
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Promote, edited
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
@@ -121,7 +121,7 @@ def main() -> None:
 
 
 def save(folder: Path, solver: Solver, shown: list[np.ndarray], name: str) -> None:
-    from app.draw.png import write_png
+    from app.draw.picture_files import write_png
     from app.draw.shot import Shot
 
     for seconds, E in zip(TIMES, shown, strict=True):

@@ -85,7 +85,7 @@ def dragged_frame(scene: str) -> tuple[dict, dict]:
     sys.setprofile(profile)
     from app.session.opening import Opening
     from app.settings import Settings
-    from app.window.mobile_drag import MobileDrag
+    from app.window.drag import MobileDrag
     from app.window.viewer import Viewer
     from app.window.viewport import Viewport
     from tests.support.viewer_hand import Hand

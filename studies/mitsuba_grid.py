@@ -22,7 +22,7 @@ import numpy as np
 
 from app.draw.camera import from_camera
 from app.draw.layers import layers
-from app.draw.png import write_png
+from app.draw.picture_files import write_png
 from app.draw.shot import Shot
 from app.draw.tonemap import meter, to_display
 from app.rest.timed_gathering import gather

@@ -52,7 +52,7 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
     import numpy as np
 
     from app.cli.progress import Bar, compile_kernels
-    from app.draw.png import write_png
+    from app.draw.picture_files import write_png
     from app.draw.shot import Shot
     from app.session.picture import metadata_of
     from app.settings import Settings, make_solver, open_scene

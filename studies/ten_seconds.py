@@ -95,7 +95,7 @@ def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dic
 
 def _save(solver, settings, shown: dict[float, Drawn], folder: Path, name: str) -> None:
     """Save the pictures of some light, by seconds, at the exposure of the last."""
-    from app.draw.png import write_png
+    from app.draw.picture_files import write_png
     from app.draw.shot import Shot
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -61,7 +61,7 @@ def bake(
     None: by default. Raises SceneError, UsageError, OSError.
     """
     from app.draw.baking import baked
-    from app.draw.exr import write_channels
+    from app.draw.picture_files import write_channels
     from app.draw.shot import Shot
     from app.draw.units import units_of
     from app.rest.timed_gathering import gather

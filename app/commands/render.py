@@ -87,7 +87,7 @@ def render(
 
 def _written(stills: Iterator[Still], out: Path, rate: int) -> list[Path]:
     """Write pictures as they come, to numbered files or a film."""
-    from app.draw.video import write_video
+    from app.draw.picture_files import write_video
 
     if out.suffix.lower() in FILMS:
         return [write_video(out, (s.picture for s in stills), rate)]  # type: ignore[misc]

@@ -19,8 +19,8 @@ from PIL import Image
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
 from app.draw.light_map import LightMap, Unwrapped, light_map, unwrap
+from app.draw.tonemap import NEUTRAL, Gains
 from app.draw.vertex_colours import colours, mean_radiance
-from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.files.formats.glb_writer import GlbWriter
 from gi_core.files.formats.gltf_file import NEAREST, WRAPS
 from gi_core.files.formats.metallic_roughness import as_metal_rough

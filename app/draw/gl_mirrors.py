@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
-from app.draw.tonemap import srgb_decode
-from app.draw.unlit import BACKGROUND
+from app.draw.tonemap import BACKGROUND, srgb_decode
 from gi_core.gloss.reflectors import INSIDE, PLANAR, PROBE, Reflector
 from gi_core.gloss.sharp import TAPS
 

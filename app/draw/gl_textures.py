@@ -1,14 +1,19 @@
-"""GL textures: each image is uploaded once for all objects."""
+"""Textures on the graphics card: images of materials, and directional light, uploaded where it has changed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 
 from gi_core.geometry.mipmap import levels
 from gi_core.scene.types import Texture
+
+if TYPE_CHECKING:
+    from gi_core.gloss.light import GlossLight
+
 
 SRGB8, SRGB8_ALPHA8 = 0x8C41, 0x8C43  # decoded to linear by the sampler, before filtering
 ANISOTROPY = 8.0  # samples at a grazing angle, as in `gi_core.geometry.texture_filter`
@@ -55,3 +60,87 @@ class GLTextures:
         made.repeat_x, made.repeat_y = (way == "repeat" for way in texture.wrap)  # surface.frag mirrors by itself
         made.anisotropy = self._anisotropy
         return made
+
+
+LINES = 4096  # texels along a column: as many receivers; OpenGL 3.3 promises 1024, every driver in use 16384
+GAP = 16  # unchanged receivers between changed ones that are uploaded with them: a call costs more
+
+
+class GlossTexture:
+    """Light of the glossy receivers: a line per owner of cells in columns of LINES, two texels per cell (RGBA16F).
+
+    A second texture (R32F) has the owner of each receiver, a line per receiver in columns of a texel.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self.lines = min(LINES, ctx.info["GL_MAX_TEXTURE_SIZE"])
+        self._texture: moderngl.Texture | None = None
+        self._owners: moderngl.Texture | None = None
+        self._shown: GlossLight | None = None
+
+    @property
+    def light(self) -> GlossLight | None:
+        """The light on show."""
+        return self._shown
+
+    def upload(self, light: GlossLight | None) -> None:
+        """Show the light of a frame; None changes nothing. Only what differs from the last call is uploaded."""
+        if light is None or light is self._shown:
+            return
+        before, self._shown = self._shown, light
+        n, cells, _ = light.resting.shape
+        size = 2 * cells * -(-n // self.lines), min(n, self.lines)
+        if self._texture is None or self._texture.size != size:
+            self.release()
+            self._texture, before = self._ctx.texture(size, 4, dtype="f2"), None
+            self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
+            self._shown = light
+        if before is None or before.place is not light.place:
+            self._write_owners(light.place)
+        if before is None or before.resting is not light.resting:
+            rows = np.arange(n)
+        else:
+            rows = np.union1d(before.changed, light.changed)
+        if not len(rows):
+            return
+        place = np.full(n, -1)
+        place[light.changed] = np.arange(len(light.changed))
+        for run in np.split(rows, np.flatnonzero((np.diff(rows) > GAP) | (np.diff(rows // self.lines) > 0)) + 1):
+            self._write(light, place, int(run[0]), int(run[-1]) + 1)
+
+    def _write_owners(self, place: np.ndarray) -> None:
+        if self._owners is not None:
+            self._owners.release()
+        columns, lines = -(-len(place) // self.lines), min(len(place), self.lines)
+        whole = np.zeros(columns * lines, np.float32)
+        whole[: len(place)] = place
+        texels = np.ascontiguousarray(whole.reshape(columns, lines).T)
+        self._owners = self._ctx.texture((columns, lines), 1, texels.tobytes(), dtype="f4")
+        self._owners.filter = moderngl.NEAREST, moderngl.NEAREST
+
+    def _write(self, light: GlossLight, place: np.ndarray, first: int, last: int) -> None:
+        """Upload receivers first .. last - 1, all of one column."""
+        values = light.resting[first:last].astype(np.float32)
+        moved = np.flatnonzero(place[first:last] >= 0)
+        values[moved] = light.cells[place[first:last][moved]]
+        count, cells, _ = values.shape
+        texels = np.zeros((count, cells, 2, 4), np.float16)
+        texels[:, :, 0, :3], texels[:, :, 1, :3] = values[:, :, :3], values[:, :, 3:]
+        column, line = divmod(first, self.lines)
+        assert self._texture is not None
+        self._texture.write(texels.tobytes(), viewport=(2 * cells * column, line, 2 * cells, count))
+
+    def use(self, cells: int, owners: int) -> bool:
+        """Bind the textures to units; return whether there are any."""
+        if self._texture is None or self._owners is None or self._shown is None:
+            return False
+        self._texture.use(cells)
+        self._owners.use(owners)
+        return True
+
+    def release(self) -> None:
+        for texture in (self._texture, self._owners):
+            if texture is not None:
+                texture.release()
+        self._texture = self._owners = self._shown = None

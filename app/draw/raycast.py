@@ -15,11 +15,9 @@ from app.draw.camera import Turntable
 from app.draw.diagonals import along_light
 from app.draw.draw_mesh import DrawMesh, part_of
 from app.draw.false_colour import Scale, false_colours, per_radiance
-from app.draw.tonemap import to_display
-from app.draw.unlit import BACKGROUND, UNLIT
+from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, Gains, to_display
 from app.draw.vertex_colours import colours, gloss_towards, mean_radiance, weights
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, draw_strips, pixel_rays, place, planar, visible_faces
-from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import ILLUMINANCE, LUMINANCE
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance

@@ -17,13 +17,11 @@ from app.draw.bare_lights import MOST
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_coverage import GLCoverage, Shares
-from app.draw.gl_gloss import GlossTexture
 from app.draw.gl_mirrors import FAR, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
-from app.draw.gl_textures import GLTextures
+from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.light_faces import LightFaces
-from app.draw.unlit import BACKGROUND, UNLIT
-from app.draw.white_balance import NEUTRAL, Gains
+from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, Gains
 from app.settings import LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS

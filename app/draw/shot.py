@@ -15,11 +15,9 @@ from app.draw.legend import of_scale, with_legend
 from app.draw.light_faces import LightFaces, light_faces
 from app.draw.metering import metered
 from app.draw.reflected import Mirrors
-from app.draw.tonemap import srgb_decode
+from app.draw.tonemap import BACKGROUND, NEUTRAL, gains_for, srgb_decode
 from app.draw.units import units_of
-from app.draw.unlit import BACKGROUND
 from app.draw.vertex_colours import Gloss, colours, gloss_towards, weights
-from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
 
 if TYPE_CHECKING:

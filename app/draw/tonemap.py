@@ -1,4 +1,7 @@
-"""Linear radiance to display values: exposure, tone map, sRGB; and the light meter.
+"""Linear radiance to display values: exposure, white balance, tone map, sRGB; colours of pixels without light.
+
+The gains of white balance turn the light of a scene's lamps neutral, as a camera's white balance does, and keep the
+luminance of white surfaces: exposure does not depend on them. False colours, errors and numbers show the light itself.
 
 The fragment shader does the same arithmetic in the same order (exposure, tone map, sRGB encode, once each);
 `tests/unit/draw/test_tonemap.py` compares both.
@@ -8,13 +11,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.geometry.error import luminance
 
 MID_GREY = 0.25  # linear, before the tone map: target of the metered median; rooms look dim at 0.18
 MOST_95TH_PERCENTILE = 2.0  # linear; keeps a spot-lit stage from saturating
 ACES_EXPOSURE = 0.6
 LEAST_LIT = 1e-4  # of the mean luminance; darker points do not count
+
+BACKGROUND = (0.145, 0.15, 0.16)  # lighter than a black patch
+UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, without culling
+Gains = tuple[float, float, float]
+NEUTRAL: Gains = (1.0, 1.0, 1.0)
 
 
 def clip(c: np.ndarray) -> np.ndarray:
@@ -94,3 +101,15 @@ def view_weights(
     # Lower limit of a tenth of the mean distance: else one near receiver would dominate.
     floor = 0.01 * float(distance2.mean())
     return np.where(inside, areas * facing / np.maximum(distance2, floor), 0.0)
+
+
+MOST = 4.0  # largest gain: stage light of one colour keeps its colour
+
+
+def gains_for(flux: np.ndarray) -> Gains:
+    """Return gains for lamps of a total flux (3,) [W]; NEUTRAL without light."""
+    if not (total := float(luminance(flux))) > 0:
+        return NEUTRAL
+    gains = total / np.maximum(flux, total / MOST)
+    red, green, blue = (gains * total / float(luminance(gains * flux))).tolist()
+    return red, green, blue

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from app.cli.cluster import Machines
-from app.draw.exr import write_exr
 from app.draw.false_colour import Scale
 from app.draw.layers import Layers, layers
-from app.draw.png import write_png
+from app.draw.picture_files import write_exr, write_png
 from app.draw.shot import Shot
 from app.rest.static_job import restore
 from app.session.picture import metadata_of

@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.camera import Turntable, from_camera, matrices, scene_bounds
-from app.draw.white_balance import NEUTRAL, Gains, gains_for
+from app.draw.tonemap import NEUTRAL, Gains, gains_for
 from app.settings import Settings, UsageError, open_scene
 from gi_core.instruments import child
 from gi_core.scene.errors import SceneError

@@ -1,20 +1,23 @@
-"""A place for an inserted object where its box meets no other object: the nearest to a point, on what lies below."""
+"""Places of objects: free ones for new objects, on what lies below, beside another object."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import groupby, product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.draw.camera import frame_of
-from app.session.lowering import AWAY, GAP
+from gi_core.model import Model
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene import Pose
 from gi_core.scene.pose import three
 
 if TYPE_CHECKING:
+    from app.draw.camera import Turntable
     from app.session.open_scene import OpenScene
+
 
 RING = 12  # directions about the point
 GROWTH = 1.25  # ratio of the radii of neighbouring rings
@@ -28,7 +31,7 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
     there over what lies below the point, without passing through static faces, and stands on level ground.
     """
     low, high = session.box_of((name,), poses)
-    at, (lows, highs) = np.array(poses[name].position), _boxes(session, poses, name)
+    at, (lows, highs) = np.array(poses[name].position), _boxes_of_others(session, poses, name)
     up = frame_of(session.scene.up)[2]
     foot = FOOT * float((high - low) @ np.abs(up)) * up
     low, high = low + np.maximum(foot, 0), high + np.minimum(foot, 0)
@@ -85,10 +88,98 @@ def _reach(session: OpenScene, poses: Mapping[str, Pose], without: Iterable[str]
     return np.where(face >= 0, t.astype(np.float64), np.inf)
 
 
-def _boxes(session: OpenScene, poses: Mapping[str, Pose], name: str) -> tuple[np.ndarray, np.ndarray]:
+def _boxes_of_others(session: OpenScene, poses: Mapping[str, Pose], name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return corners low and high (n, 3) [m] of the boxes of static faces and of the other mobiles."""
     corners = session.scene.static.vertices[session.scene.static.faces]
     boxes = [session.box_of((other,), poses) for other in poses if other != name]
     lows = np.concatenate([corners.min(axis=1), *([low] for low, _ in boxes)])
     highs = np.concatenate([corners.max(axis=1), *([high] for _, high in boxes)])
     return lows, highs
+
+
+RAYS = 4096  # downwards from vertices
+SUNK = 0.1  # of the object's height: it may begin so deep in the floor
+AWAY = 1e3  # of the scene's box: where the object itself is out of the rays' way
+GAP = 1e-5  # of the scene's box between object and floor: their faces must not coincide
+
+
+def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None:
+    """Return the pose of an object at rest on what lies below it; None if nothing does."""
+    up = np.array(model.scene.up, np.float64)
+    up /= np.sqrt((up * up).sum())
+    o = 1 + [m.name for m in model.scene.mobiles].index(name)
+    points = model.vertices_at(o, poses) - model.origins[0]
+    heights = points @ up
+    size = float(np.ptp(model.surfaces.vertices[0], axis=0).max()) if len(model.surfaces.vertices[0]) else 1.0
+    # The lowest vertices decide on level ground, the others on steps.
+    points = points[np.argsort(heights, kind="stable")[:RAYS]]
+    lift = SUNK * max(float(np.ptp(heights)), GAP * size)
+    pose = poses[name]
+    gone = pose._replace(position=three(np.array(pose.position) + AWAY * size * up))
+    start = np.ascontiguousarray(points + lift * up, np.float32)
+    down = np.ascontiguousarray(np.broadcast_to(-up, start.shape), np.float32)
+    at = model.transforms({**poses, name: gone})
+    t, face = nearest_in_world(model.accelerator, at, start, down, np.full(len(start), np.inf, np.float32))
+    if not (face >= 0).any():
+        return None
+    drop = float(t[face >= 0].min()) - lift - GAP * size
+    return pose._replace(position=three(np.array(pose.position) - drop * up))
+
+
+ASIDE = 0.05  # of the box of the objects, between it and the copy's
+FARTHEST = 4  # place tried along each way
+MARGIN = 0.05  # of that box, per side: the copy may stand so deep in others, as it does in the floor
+
+
+def beside(session: OpenScene, camera: Turntable, names: tuple[str, ...]) -> np.ndarray:
+    """Return the shift (3,) [m] to a free place beside objects: right of them in the picture, left, behind, in front.
+
+    Then places further away, on a grid. Where no place is free, the copy may stand in others, and where none is in the
+    scene's box, to the right.
+    """
+    low, high = session.box_of(names)
+    shifts = _aside(high - low, session.scene.up, camera.basis()[0])
+    inside = [s for s in shifts if _holds(session, low + s, high + s)]
+    others = _boxes_of_all(session)
+    free = (s for s in inside if not _meets(others, low + s, high + s))
+    return next(free, (inside or shifts)[0])
+
+
+def _aside(size: np.ndarray, up: tuple[float, float, float], right: np.ndarray) -> list[np.ndarray]:
+    """Return shifts (3,) by multiples of a size (3,) and a gap along the two horizontal axes, the nearest first.
+
+    Of places equally near, the first one is that farthest along `right` (3,).
+    """
+    a, b = np.diag(size * (1 + ASIDE))[sorted(range(3), key=lambda k: abs(up[k]))[:2]]
+    ways = range(-FARTHEST, FARTHEST + 1)
+    near = sorted(((i, j) for i, j in product(ways, ways) if (i, j) != (0, 0)), key=lambda p: abs(p[0]) + abs(p[1]))
+    rings = groupby(near, key=lambda p: abs(p[0]) + abs(p[1]))
+    return [s for _, ring in rings for s in sorted((i * a + j * b for i, j in ring), key=lambda s: -float(s @ right))]
+
+
+def _holds(session: OpenScene, low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box lies in that of the scene."""
+    margin = MARGIN * (high - low)
+    return bool((low + margin >= session.chosen.low).all() and (high - margin <= session.chosen.high).all())
+
+
+def _boxes_of_all(session: OpenScene) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners low and high (n, 3) [m] of the boxes of static faces, mobiles, and copies not yet on show."""
+    from gi_core.files.edits import Duplicate
+
+    corners = session.scene.static.vertices[session.scene.static.faces]
+    boxes = [session.box_of((name,)) for name in session.poses]
+    for edit in session.edits:
+        if isinstance(edit, Duplicate) and edit.name not in session.poses and edit.of in session.poses:
+            shift = np.subtract(edit.pose.position, session.poses[edit.of].position)
+            low, high = session.box_of((edit.of,))
+            boxes.append((low + shift, high + shift))
+    lows = np.concatenate([corners.min(axis=1), *([a] for a, _ in boxes)])
+    highs = np.concatenate([corners.max(axis=1), *([b] for _, b in boxes)])
+    return lows, highs
+
+
+def _meets(others: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box overlaps one of the others."""
+    margin, (lows, highs) = MARGIN * (high - low), others
+    return bool(((lows < high - margin) & (highs > low + margin)).all(axis=1).any())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from app.draw.camera import Turntable, matrices
-from app.draw.white_balance import NEUTRAL, Gains, gains_for
+from app.draw.tonemap import NEUTRAL, Gains, gains_for
 from app.session.opening import Opened
 from app.session.solver_thread import SolverThread
 from app.settings import Settings

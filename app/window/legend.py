@@ -16,7 +16,7 @@ from app.window import theme
 from app.window.view_content import Errors
 
 if TYPE_CHECKING:
-    from app.window.label_places import Box
+    from app.window.label import Box
     from app.window.view import View
 
 WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar

@@ -7,14 +7,97 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import imgui
 
-from app.window import hemisphere_plot, label, theme
+from app.window import label, theme
+from gi_core.gloss.hemisphere import SIDE, directions, disc_of, on_disc
 from gi_core.photons.paths import ADDED, KEPT, REMOVED
 
 if TYPE_CHECKING:
-    from app.session.counted import Counted
-    from app.session.method_view import MethodView
-    from app.session.strokes import Strokes
+    from app.session.method_view import Counted, HemisphereView, MethodView, Strokes
     from app.window.viewport import Viewport
+
+
+RADIUS_EM = 7.0
+BORDER = (0.35, 0.36, 0.38, 0.6)
+STEPS = 4  # of a cell's edge
+GRID = 40  # places of the lobe along a side of the square
+LEVELS = ((0.5, 1.0), (0.1, 0.55), (0.01, 0.3))  # contours: fraction of the lobe's maximum, opacity
+CONTOURS = "contours: lobe at 50, 10, 1 %"
+NOTE, REFLECTED = f"light by direction; {CONTOURS}", f"shown by a reflection, no light by direction; {CONTOURS}"
+Places = list[tuple[float, float]]
+
+
+def draw_hemisphere(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[float, ...]]) -> None:
+    """Draw the hemisphere into the current window; colours: of rays by kind."""
+    em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
+    (x, y), (_, h) = viewport.view.origin, viewport.view.size
+    radius = RADIUS_EM * em
+    middle = np.array([x + 1.5 * em + radius, y + h - 4.0 * em - radius])  # above the line of hints
+
+    def places(disc: np.ndarray) -> Places:
+        return [(float(a), float(b)) for a, b in middle + radius * disc * (1, -1)]
+
+    drawing.add_circle_filled(tuple(middle), 1.06 * radius, imgui.get_color_u32((0.06, 0.062, 0.068, 0.9)), 64)
+    shares = view.cells[:, :3].mean(axis=1)
+    for outline, share in zip(_cell_outlines(), shares / max(float(shares.max()), 1e-12), strict=True):
+        grey = float(share) ** 0.4545
+        drawing.add_convex_poly_filled(places(outline), imgui.get_color_u32((grey, grey, grey, 1.0)))
+        drawing.add_polyline(places(outline), imgui.get_color_u32(BORDER), 1.0, imgui.ImDrawFlags_.closed)
+    ahead = view.rays[:, 2] > 0
+    for place, kind in zip(places(disc_of(view.rays[ahead])), view.kind[ahead].tolist(), strict=True):
+        drawing.add_circle_filled(place, theme.pixels(2.6), imgui.get_color_u32(BORDER), 8)
+        drawing.add_circle_filled(place, theme.pixels(1.6), imgui.get_color_u32(colours[kind]), 8)
+    eye = viewport.view.camera.eye() - viewport.session.model.origins[0]
+    values, grid = view.lobe_towards(eye, directions(_grid())), on_disc(_grid())
+    for level, opacity in LEVELS:
+        colour = imgui.get_color_u32((*theme.ACCENT, opacity))
+        ends = places(_contour(values.reshape(GRID, GRID), grid.reshape(GRID, GRID, 2), level * float(values.max())))
+        for a, b in zip(ends[::2], ends[1::2], strict=True):
+            drawing.add_line(a, b, colour, theme.pixels(1.8))
+    seen = view.frame @ (eye - view.position)
+    seen /= max(float(np.linalg.norm(seen)), 1e-30)
+    if seen[2] > 0:
+        (at_eye,) = places(disc_of(seen[None]))
+        drawing.add_circle(at_eye, theme.pixels(5.0), imgui.get_color_u32((*theme.ACCENT, 1.0)), 16, theme.pixels(2.0))
+        label.write("eye", at_eye[0] + 0.5 * em, at_eye[1] - 0.5 * em)
+    label.write(REFLECTED if view.reflected else NOTE, float(middle[0] - radius), float(middle[1] - radius - 2.2 * em))
+
+
+def _cell_outlines() -> list[np.ndarray]:
+    """Return the outline (4 STEPS, 2) of each cell on the unit disc, in the order of cells."""
+    t = np.arange(STEPS) / STEPS
+    zero, one = np.zeros(STEPS), np.ones(STEPS)
+    unit = np.concatenate([np.c_[t, zero], np.c_[one, t], np.c_[1 - t, one], np.c_[zero, 1 - t]])
+    return [on_disc(2 * (unit + (i, j)) / SIDE - 1) for i in range(SIDE) for j in range(SIDE)]
+
+
+def _grid() -> np.ndarray:
+    line = np.linspace(-1, 1, GRID)
+    return np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _contour(values: np.ndarray, places: np.ndarray, level: float) -> np.ndarray:
+    """Return the ends (2 n, 2) of the lines along which values (g, g) at places (g, g, 2) equal a level.
+
+    Each grid cell is cut into two triangles, so no case is ambiguous.
+    """
+    corners = [(slice(None, -1), slice(None, -1)), (slice(1, None), slice(None, -1)),
+               (slice(1, None), slice(1, None)), (slice(None, -1), slice(1, None))]  # fmt: skip
+    ends = []
+    for triangle in ((0, 1, 2), (0, 2, 3)):
+        v = np.stack([values[corners[k]].reshape(-1) for k in triangle], axis=1)
+        p = np.stack([places[corners[k]].reshape(-1, 2) for k in triangle], axis=1)
+        above = v > level
+        some = above.any(axis=1) & ~above.all(axis=1)
+        v, p, above = v[some], p[some], above[some]
+        alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
+        rows = np.arange(len(v))
+        for step in (1, 2):
+            other = (alone + step) % 3
+            t = (level - v[rows, alone]) / (v[rows, other] - v[rows, alone])
+            ends.append((1 - t)[:, None] * p[rows, alone] + t[:, None] * p[rows, other])
+    pairs = [np.stack([ends[k], ends[k + 1]], axis=1).reshape(-1, 2) for k in (0, 2)]
+    return np.concatenate(pairs)
+
 
 COLOURS: dict[int, tuple[float, ...]] = {
     KEPT: (*theme.DIM, 0.55),
@@ -38,7 +121,7 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
         _strokes(viewport, view.counted.drawn)
         _outline(viewport, view.counted)
     if view.hemisphere is not None:
-        hemisphere_plot.draw(viewport, view.hemisphere, COLOURS)
+        draw_hemisphere(viewport, view.hemisphere, COLOURS)
     drawing.pop_clip_rect()
     em = imgui.get_font_size()
     for k, (kind, name) in enumerate(NAMES.items()):

@@ -1,15 +1,20 @@
-"""The painter: a session's light becomes vertex colours, then the picture."""
+"""The painter: a session's light, or a first look at a scene, becomes vertex colours, then the picture."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from imgui_bundle import imgui
+
 from app.draw.bare_lights import bare_lights
+from app.draw.camera import Turntable
 from app.draw.light_faces import light_faces
-from app.draw.renderer import Renderer
-from app.draw.vertex_colours import weights
+from app.draw.renderer import Look, Renderer
+from app.draw.tonemap import NEUTRAL
+from app.draw.vertex_colours import colours, weights
+from app.session.first_look import FirstLook
+from app.settings import Settings
 from app.window import view_content, window
-from app.window.preview import Preview
 from app.window.ray_cells import RayCells
 
 if TYPE_CHECKING:
@@ -19,6 +24,55 @@ if TYPE_CHECKING:
     from app.session.session import Session
     from app.settings import Settings
     from app.window.viewport import Viewport
+
+
+class Preview:
+    """Draws looks of one scene with the window's renderer."""
+
+    def __init__(self) -> None:
+        self.camera: Turntable | None = None  # None: as the scene's
+        self._uploaded: FirstLook | None = None
+        self._drawn: tuple | None = None  # parameters of the last draw
+
+    def draw(self, renderer: Renderer, look: FirstLook, settings: Settings, samples: int) -> None:
+        """Draw a look into the current window, which it fills."""
+        if self._uploaded is not look:
+            if self._uploaded is None:
+                renderer.set_scene(look.meshes)
+            for o, mesh in enumerate(look.meshes):
+                light = weights(mesh, look.drawn.weights)
+                renderer.set_colours(o, *colours(mesh, look.drawn.irradiance, with_reflectance=True), 0, light)
+            self._uploaded, self._drawn = look, None
+        space, io = imgui.get_content_region_avail(), imgui.get_io()
+        width, height = max(space.x, 1.0), max(space.y, 1.0)
+        camera = self._moved(self.camera or look.camera, height)
+        scale = io.display_framebuffer_scale
+        renderer.resize(round(width * scale.x), round(height * scale.y), samples)
+        wanted = camera, renderer.size
+        if wanted != self._drawn:
+            view = camera.projection(width / height) @ camera.relative_to(look.origin).view()
+            gains = look.gains if settings.white_balance else NEUTRAL
+            renderer.draw(Look(view, look.models, look.exposure, settings.tone_map, settings.cull, gains=gains))
+            self._drawn = wanted
+        imgui.image(imgui.ImTextureRef(renderer.texture), (width, height), (0, 1), (1, 0))
+
+    def _moved(self, camera: Turntable, height: float) -> Turntable:
+        """Return the camera after orbit, pan and zoom of this frame."""
+        io = imgui.get_io()
+        if not imgui.is_window_hovered():
+            return camera
+        before = camera
+        dx, dy = io.mouse_delta.x / height, io.mouse_delta.y / height
+        if imgui.is_mouse_dragging(0):
+            camera = camera.pan(dx, dy) if io.key_shift else camera.orbit(dx, dy)
+        elif imgui.is_mouse_dragging(2):
+            camera = camera.pan(dx, dy)
+        if io.mouse_wheel:
+            camera = camera.dolly(io.mouse_wheel)
+        if camera is not before:
+            self.camera = camera
+        return camera
+
 
 SAMPLES_PER_PIXEL = 4
 QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all samples, which takes it 50 ms

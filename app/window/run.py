@@ -78,6 +78,6 @@ def finish(viewer: Viewer) -> int:
 
 
 def _write_window(path: Path) -> None:
-    from app.draw.png import write_png
+    from app.draw.picture_files import write_png
 
     write_png(path, hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})

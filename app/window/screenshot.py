@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.draw.legend import Legend, with_legend
 from app.draw.marks import Marks, with_marks
-from app.draw.png import write_png
+from app.draw.picture_files import write_png
 from app.draw.renderer import Look, Renderer
 
 SAMPLES_PER_PIXEL = 8

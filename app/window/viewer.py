@@ -16,7 +16,7 @@ from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
 from app.session.session import Session
 from app.settings import Settings, UsageError
-from app.window import keys, method_marks, overlay, panel, panel_handle, readout_marks, window
+from app.window import keys, method_marks, overlay, panel, readout_marks, window
 from app.window.actions import Request, act, views
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
@@ -193,8 +193,8 @@ class Viewer:
             self.painter.ray_cells.draw(self.viewport)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
         if self._ready:
-            self.viewport.covered = panel_handle.box(self.viewport.view)
-            if panel_handle.draw(self.viewport.view, views.panel_of(self).is_visible):
+            self.viewport.covered = overlay.panel_handle_box(self.viewport.view)
+            if overlay.draw_panel_handle(self.viewport.view, views.panel_of(self).is_visible):
                 self._do("toggle panel")
 
     def draw_panel(self) -> None:

@@ -13,8 +13,8 @@ from app.draw.camera import Turntable
 from app.draw.legend import Legend, of_scale
 from app.draw.picking import Hit
 from app.draw.renderer import Look, Renderer
+from app.draw.tonemap import NEUTRAL
 from app.draw.units import units_of
-from app.draw.white_balance import NEUTRAL
 from app.session.lights import LightId
 from app.session.open_scene import Finished
 from app.session.picture import Picture
@@ -22,11 +22,11 @@ from app.session.session import Session
 from app.settings import FALSE_COLOURS
 from app.window import drag
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl
+from app.window.drag import MobileDrag
 from app.window.gizmo import Gizmo
-from app.window.label_places import Box
+from app.window.label import Box
 from app.window.lamp_handles import LampHandles
 from app.window.legend import of_errors
-from app.window.mobile_drag import MobileDrag
 from app.window.pins import Pins
 from app.window.pointer import Pointer, pick
 from app.window.scale_fit import ScaleFit

@@ -12,8 +12,7 @@ from app.draw.colour_map import sequential_colours
 from app.draw.draw_mesh import draw_meshes
 from app.draw.false_colour import Scale
 from app.draw.shot import Shot
-from app.draw.tonemap import to_display
-from app.draw.unlit import BACKGROUND, UNLIT
+from app.draw.tonemap import BACKGROUND, UNLIT, to_display
 from app.draw.vertex_colours import colours
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver

@@ -16,7 +16,7 @@ from app import __main__ as cli
 from app.commands import render
 from app.commands.render import numbered
 from app.draw import motion
-from app.draw.png import write_png
+from app.draw.picture_files import write_png
 from app.draw.tonemap import to_display
 from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver

@@ -31,7 +31,7 @@ def middle(picture):
 
 
 def background():
-    from app.draw.unlit import BACKGROUND
+    from app.draw.tonemap import BACKGROUND
 
     return np.round(255 * np.array(BACKGROUND)).astype(int)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.window.label_places import SLACK, LabelPlaces
+from app.window.label import SLACK, LabelPlaces
 
 AREA = (0.0, 0.0, 300.0, 200.0)
 

@@ -12,7 +12,7 @@ from app.draw.camera import Bounds, from_camera
 from app.session.session import Motion
 from app.window import drag
 from app.window.camera_control import ORBIT, CameraControl
-from app.window.mobile_drag import MobileDrag
+from app.window.drag import MobileDrag
 from app.window.view import View
 from app.window.wipe import Wipe
 from gi_core.scene import Camera, Pose

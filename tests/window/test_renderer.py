@@ -54,7 +54,7 @@ def test_each_side_has_its_own_light(draw):
 
 @pytest.mark.gl
 def test_backs_of_one_sided_faces_are_culled_or_grey_at_any_exposure(draw):
-    from app.draw.unlit import UNLIT
+    from app.draw.tonemap import UNLIT
 
     one_sided = square((0.5, 0.5, 0.5))
     assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=True)), background())

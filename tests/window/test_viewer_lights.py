@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from app.cli import saved_scene
-from app.session.lights import LightId, aim_of
-from app.session.new_lights import PANEL
+from app.session.lights import PANEL, LightId, aim_of
 from app.session.opening import Opening
 from app.settings import LampSetting, Settings
 from app.window.actions import lamps as actions

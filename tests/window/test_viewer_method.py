@@ -10,7 +10,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.session import method_view
-from app.window import hemisphere_plot, label, method_marks
+from app.window import label, method_marks
 from app.window.view_content import RECOMPUTED
 from gi_core.scene.types import Gloss, Material
 from tests.support import viewer_support as support
@@ -86,7 +86,7 @@ def test_a_click_holds_a_receiver_and_its_hemisphere(play, monkeypatch):
         x, y, z = view.frame @ (viewport.view.camera.eye() - viewer.session.model.origins[0] - view.position)
         size = np.sqrt(x * x + y * y + z * z)
         r, em = np.sqrt(1 - z / size), imgui.get_font_size()
-        radius = hemisphere_plot.RADIUS_EM * em
+        radius = method_marks.RADIUS_EM * em
         left, bottom = viewport.view.origin[0], viewport.view.origin[1] + viewport.view.size[1]
         middle = left + 1.5 * em + radius, bottom - 4.0 * em - radius
         flat = max(np.hypot(x, y), 1e-9)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.session.lowering import lowered_pose
+from app.session.free_place import lowered_pose
 from app.session.opening import Opening
 from app.session.undo import History
 from app.settings import Settings

@@ -89,7 +89,7 @@ def test_panel_controls(play):
         ctx.yield_(2)
         s = session.settings
         assert (s.tone_map, s.show, s.cull) == ("clip", "irradiance", False)
-        from app.draw.unlit import UNLIT
+        from app.draw.tonemap import UNLIT
 
         grey = np.round(255 * np.array(UNLIT)).astype(int)
         middle = hand.pixels()[viewer.painter.renderer.size[1] // 2, viewer.painter.renderer.size[0] // 2]

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from app.settings import Pin
-from app.window import label, legend, panel_handle
-from app.window.label_places import SLACK
+from app.window import label, legend, overlay
+from app.window.label import SLACK
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
@@ -61,7 +61,7 @@ def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(play):
         assert view.size[0] == 640
         camera, poses = view.camera, session.poses
         for width in (320, 640, 320):
-            left, top, right, bottom = panel_handle.box(view)
+            left, top, right, bottom = overlay.panel_handle_box(view)
             hand.move(((left + right) / 2, (top + bottom) / 2))
             hand.ctx.mouse_down(0)
             hand.move(((left + right) / 2 + 3, (top + bottom) / 2 + 3))

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.session.lights import LightId
+from app.session.lights import LightId, Room, in_place_of, new_light, panel_of_faces, photometric
 from app.session.log import WARNING
-from app.session.new_lights import Room, in_place_of, new_light, panel_of_faces, photometric
 from app.window import dialogs
 from app.window.panel.lights import FILE, AddLamp, ChangeLight
 from app.window.parts import Window

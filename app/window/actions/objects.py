@@ -46,7 +46,7 @@ def choose_part(window: Window, name: str) -> None:
 
 def rest(window: Window) -> None:
     """Lower each selected object onto what lies below it, the lowest one first."""
-    from app.session.lowering import lowered_pose
+    from app.session.free_place import lowered_pose
 
     session = window.session
     before, up = session.poses, np.array(session.scene.up)
@@ -92,7 +92,7 @@ def choose_and_insert(window: Window) -> None:
 
 def duplicate(window: Window) -> None:
     """Put copies of the selected objects beside them."""
-    from app.session.beside import beside
+    from app.session.free_place import beside
     from gi_core.files.edits import Duplicate
 
     session, names = window.session, _selected(window)

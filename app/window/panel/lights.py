@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from app.session.lights import Directed, LightId, aim_of, aimed, beam
-from app.session.new_lights import BULB, NEW, PANEL, SKY, SPOT, SUN
+from app.session.lights import BULB, NEW, PANEL, SKY, SPOT, SUN, Directed, LightId, aim_of, aimed, beam
 from app.session.session import Session
 from app.window.panel import widgets as ui
 from app.window.parts import Window

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw.tonemap import to_display
-from app.draw.white_balance import MOST, NEUTRAL, gains_for
+from app.draw.tonemap import MOST, NEUTRAL, gains_for, to_display
 from gi_core.geometry.error import luminance
 
 

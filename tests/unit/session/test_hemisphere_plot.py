@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from app.window import hemisphere_plot
+from app.window import method_marks
 from gi_core.gloss.hemisphere import CELLS, cell_of, direction_of, on_disc
 
-GRID = hemisphere_plot.GRID
+GRID = method_marks.GRID
 
 
 def area(outline: np.ndarray) -> float:
@@ -19,7 +19,7 @@ def area(outline: np.ndarray) -> float:
 
 
 def test_cells_have_equal_areas_and_lie_where_their_directions_do():
-    outlines = hemisphere_plot._cell_outlines()
+    outlines = method_marks._cell_outlines()
     assert len(outlines) == CELLS
     sizes = np.abs([area(outline) for outline in outlines])
     np.testing.assert_allclose(sizes, math.pi / CELLS, rtol=0.02)  # arcs are drawn as chords
@@ -32,7 +32,7 @@ def test_cells_have_equal_areas_and_lie_where_their_directions_do():
 
 
 def test_the_grid_of_the_lobe_lies_on_the_disc():
-    a, b = hemisphere_plot._grid().T
+    a, b = method_marks._grid().T
     for k in range(0, len(a), 37):
         x, y, z = direction_of(a[k], b[k])
         r = np.hypot(*on_disc(np.array([[a[k], b[k]]]))[0])
@@ -41,11 +41,11 @@ def test_the_grid_of_the_lobe_lies_on_the_disc():
 
 def test_contours_lie_on_their_level():
     """Of a cone about a point: a circle about it, closed."""
-    square = hemisphere_plot._grid()
+    square = method_marks._grid()
     disc, middle, radius = on_disc(square), np.array([0.2, -0.1]), 0.4
     values = -np.linalg.norm(disc - middle, axis=1)
-    ends = hemisphere_plot._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), -radius)
+    ends = method_marks._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), -radius)
     np.testing.assert_allclose(np.linalg.norm(ends - middle, axis=1), radius, atol=4e-3)
     lengths = np.linalg.norm(ends[::2] - ends[1::2], axis=1)
     assert lengths.sum() == pytest.approx(2 * math.pi * radius, rel=0.01)
-    assert len(hemisphere_plot._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), 1.0)) == 0
+    assert len(method_marks._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), 1.0)) == 0

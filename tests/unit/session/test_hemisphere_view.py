@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.session.hemisphere_view import hemisphere_view
+from app.session.method_view import hemisphere_view
 from gi_core.files.load import load_scene
 from gi_core.gloss.sharp import is_sharp
 from gi_core.solver import Solver

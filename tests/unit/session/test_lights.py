@@ -10,8 +10,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.session.lights import LightId, aim_of, aimed, beam, lights_after, numbered, towards, turned, words_for
-from app.session.new_lights import NEW, Room, in_place_of, new_light, panel_of_faces, photometric
+from app.session.lights import (
+    NEW,
+    LightId,
+    Room,
+    aim_of,
+    aimed,
+    beam,
+    in_place_of,
+    lights_after,
+    new_light,
+    numbered,
+    panel_of_faces,
+    photometric,
+    towards,
+    turned,
+    words_for,
+)
 from gi_core.files.edits import Darken, Light, edited
 from gi_core.lights.emission import build_emitters
 from gi_core.lights.photometric import axes

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.session import method_view as mv
-from app.session.counted import MOST_DRAWN
+from app.session.method_view import MOST_DRAWN
 from gi_core.estimators import ESTIMATORS
 from gi_core.files.load import load_scene
 from gi_core.photons.flux_sums import NOT_ADDITIVE

@@ -1,0 +1,112 @@
+"""Files of pictures: PNG with parameters as tEXt entries, OpenEXR layers, films.
+
+OpenEXR is written by the library of that name, MP4 by PyAV (H.264), GIF and WebP by Pillow.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from app.cli.writable import replacing, write_whole
+from gi_core.scene.errors import utf8
+
+KEYWORD_CHARACTERS = 79  # limit of the PNG standard
+
+if TYPE_CHECKING:  # heavy, and PNG needs no layers
+    from app.draw.layers import Layers
+
+
+def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[str, object] | None = None) -> Path:
+    """Write (h, w, 3) or (h, w, 4) uint8 with one text entry per parameter; return the full path.
+
+    The file appears whole or not at all. Raises OSError.
+    """
+    path = Path(path).resolve()
+    info = PngInfo()
+    for key, value in (parameters or {}).items():
+        info.add_text(_latin(key)[:KEYWORD_CHARACTERS], _latin(value))
+    data = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
+    write_whole(path, data.getvalue())
+    return path
+
+
+def _latin(value: object) -> str:
+    """Return text in Latin-1, as tEXt requires, with escapes for other characters."""
+    return str(value).encode("latin-1", "backslashreplace").decode("latin-1")
+
+
+def write_exr(path: Path, layers: Layers, parameters: Mapping[str, object]) -> Path:
+    """Write layers and one text attribute per parameter; return the full path. Raises OSError.
+
+    R, G, B, A hold colour and coverage; `irradiance` and `albedo` are layers by their names.
+    """
+    named = {"": layers.colour, "irradiance.": layers.irradiance, "albedo.": layers.albedo}
+    channels = {f"{name}{c}": layer[..., k].copy() for name, layer in named.items() for k, c in enumerate("RGB")}
+    return write_channels(path, channels | {"A": layers.coverage[..., 0].copy()}, parameters)
+
+
+def write_channels(path: Path, channels: Mapping[str, np.ndarray], parameters: Mapping[str, object]) -> Path:
+    """Write channels (h, w) float32 by name and one text attribute per parameter; return the full path.
+
+    The file appears whole or not at all. Raises OSError.
+    """
+    import OpenEXR
+
+    path = path.resolve()
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header |= {f"gi-viewer {utf8(key)}": utf8(str(value)) for key, value in parameters.items()}
+    try:
+        with replacing(path) as part, OpenEXR.File(header, dict(channels)) as file:
+            file.write(os.fspath(part))
+    except RuntimeError as problem:  # of the library
+        raise OSError(f"{path} cannot be written: {problem}") from None
+    return path
+
+
+PILLOW = {".gif": "GIF", ".webp": "WEBP"}
+SUFFIXES = (".mp4", *PILLOW)
+QUALITY = 18  # of H.264, constant rate factor: hardly visible losses
+
+
+def write_video(path: Path, pictures: Iterable[np.ndarray], rate: int) -> Path:
+    """Write pictures (h, w, 3) uint8 as they come, `rate` per second; return the full path.
+
+    MP4 has an even width and height: an odd last column or row is repeated. GIF rounds times to 1/100 s. The file
+    appears whole or not at all. Raises OSError.
+    """
+    path = path.resolve()
+    with replacing(path) as part:
+        if path.suffix.lower() == ".mp4":
+            _write_mp4(part, pictures, rate)
+        else:
+            _write_pillow(part, pictures, rate, PILLOW[path.suffix.lower()])
+    return path
+
+
+def _write_mp4(path: Path, pictures: Iterable[np.ndarray], rate: int) -> None:
+    import av
+
+    with av.open(os.fspath(path), "w", format="mp4") as file:
+        stream = file.add_stream("libx264", rate=rate, options={"crf": str(QUALITY)})
+        stream.pix_fmt = "yuv420p"
+        for k, picture in enumerate(pictures):
+            even = np.pad(picture, [(0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)], "edge")
+            if k == 0:
+                stream.height, stream.width = even.shape[:2]
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+        file.mux(stream.encode(None))
+
+
+def _write_pillow(path: Path, pictures: Iterable[np.ndarray], rate: int, form: str) -> None:
+    first, *others = (Image.fromarray(p) for p in pictures)
+    options = {"quality": 90, "method": 4} if form == "WEBP" else {}
+    first.save(path, form, save_all=True, append_images=others, duration=round(1000 / rate), loop=0, **options)
