@@ -27,14 +27,14 @@ Then a change d is shrunk by the variance v that is left, with the factor
 
     1 - CORRELATED v / d^2, at least 0
 
-which is 0 for changes within noise and nearly 1 far above it. v and d^2 are means over receivers around (Lee 1980):
-factors of single receivers keep changes in islands. docs/decisions 9, 32 and 65 have the measurements.
+which is 0 for changes within noise and nearly 1 far above it (James-Stein). docs/decisions/changes-by-mobiles.md has
+the measurements.
 
 Sums of a stale receiver are over another area than before, so they are no mean of neighbours. Its change is shrunk by
 the variance of F - B, whose photons are partly the same.
 
 Both biases have the same sign at many receivers. A mobile gathers from thousands, which averages noise and keeps bias:
-it sees G + (F - B) - blocked everywhere, negative or not (docs/decisions 50).
+it sees G + (F - B) - blocked everywhere, negative or not (docs/decisions/mobile-bounces.md).
 """
 
 from __future__ import annotations
@@ -168,24 +168,16 @@ def _measure(
 
 
 @inlined
-def _kept(change, near, r):
-    """Return the share of receiver r's change that is kept, 0 .. 1; near: Neighbours."""
+def _kept(change, r):
+    """Return the share of receiver r's change that is kept, 0 .. 1."""
     d, variance = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE]
-    square, noise = d * d, abs(variance)
-    if variance > 0.0:
-        noise *= CORRELATED
-        for k in range(near.first[r], near.first[r + 1]):
-            j = near.of[k]
-            if change[j, VARIANCE] > 0.0:
-                d = change[j, 0] + change[j, 1] + change[j, 2]
-                square += d * d
-                noise += CORRELATED * change[j, VARIANCE]
+    noise = CORRELATED * variance if variance > 0.0 else -variance  # of stale receivers: negative
     # The variance of a sum of grey channels is three times the sum of their variances.
-    return max(1.0 - 3.0 * noise / square, 0.0) if square > 0.0 else 0.0
+    return max(1.0 - 3.0 * noise / (d * d), 0.0) if d != 0.0 else 0.0
 
 
 @kernel
-def _add(changed, better, change, direct, near, first, last, out, unbiased):
+def _add(changed, better, change, direct, first, last, out, unbiased):
     """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1.
 
     In all chunks, direct light is taken away in proportion to what mobiles block, from both kinds of light.
@@ -196,7 +188,7 @@ def _add(changed, better, change, direct, near, first, last, out, unbiased):
             if not direct.blocked[begin:end].any():
                 continue
         for r in range(begin, end):
-            kept = _kept(change, near, r) if change[r, VARIANCE] != 0.0 else 1.0
+            kept = _kept(change, r) if change[r, VARIANCE] != 0.0 else 1.0
             for c in range(3):
                 light, blocked = direct.light[r, c], direct.blocked[r, c]
                 taken = min(better[r, c], light) * min(blocked / light, 1.0) if blocked > 0.0 else 0.0
@@ -257,7 +249,7 @@ def frame_irradiance(
         )  # fmt: skip
 
     def add(_, first, last):
-        _add(frame.changed, better, change, direct, near, first, last, out, unbiased)
+        _add(frame.changed, better, change, direct, first, last, out, unbiased)
 
     run_ranges(measure, len(chunks), threads, CHUNK_GRAIN)
     smooth(change, REACH, near, threads)
