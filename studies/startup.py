@@ -48,8 +48,8 @@ def open_once(what: str, gather: float = 0.0) -> dict[str, float]:
 
     from app.draw.draw_mesh import draw_meshes
     from app.draw.picking import Picker
+    from app.rest.gather_jobs import load
     from app.rest.reference_store import StaticStore
-    from app.rest.static_job import load
     from app.settings import Settings, make_solver, open_scene
     from gi_core import solver  # noqa: F401  # both are imported in any case
     from gi_core.instruments import compile_ahead  # noqa: F401  # both are imported in any case

@@ -47,7 +47,7 @@ def measure(what: str, points: int, noise: float, pictures: Path | None) -> dict
 
 
 def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dict:
-    from app.rest.static_job import StaticJob
+    from app.rest.gather_jobs import StaticJob
     from app.settings import Settings, make_solver, open_scene
     from gi_core.gather.reference_sample import draw_by_area, gather_sample
 

@@ -7,7 +7,6 @@ Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import time
 import zipfile
@@ -19,13 +18,14 @@ import numpy as np
 import platformdirs
 
 from app.cli.writable import replacing
+from gi_core.base.results import digest
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
 
-FORMAT = "gi-viewer reference 3"  # raise the number when paths change: old files are then ignored
+FORMAT = "gi-viewer reference 4"  # raise the number when paths change: old files are then ignored
 STATIC = "static 2"  # the same of the static part's light, when its paths are distributed otherwise
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 REFERENCE_SEED = 0
@@ -170,11 +170,6 @@ class ReferenceStore(StateFile):
 
 
 def _digest(model: Model, seed: int, kind: str, *arrays: np.ndarray) -> str:
-    """Return a hash of a scene's lights, a seed and arrays, 24 hex digits."""
-    digest = hashlib.sha256(FORMAT.encode())
-    for light in model.scene.lights:
-        digest.update(repr((type(light).__name__, [np.asarray(v).tolist() for v in light[1:]])).encode())
-    digest.update(repr([np.asarray(model.scene.up, float).tolist(), int(seed), kind]).encode())
-    for array in arrays:
-        digest.update(repr((array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:24]
+    """Return a hash of a scene's lights, a seed and arrays."""
+    lights = [(type(light).__name__, [np.asarray(v).tolist() for v in light[1:]]) for light in model.scene.lights]
+    return digest(FORMAT, lights, np.asarray(model.scene.up, float), int(seed), kind, *arrays)

@@ -7,11 +7,10 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from app.rest.gather_jobs import PoseJob, StaticJob
 from app.rest.live_error import LiveError, Wants
 from app.rest.plane_job import PlaneJob
-from app.rest.pose_job import PoseJob
 from app.rest.results import GatherProgress, RestResults
-from app.rest.static_job import StaticJob
 from app.settings import REFERENCE, MeasuringPlane, Settings
 from app.worker import Task
 

@@ -14,7 +14,7 @@ from app.draw.false_colour import Scale
 from app.draw.layers import Layers, layers
 from app.draw.picture_files import write_exr, write_png
 from app.draw.shot import Shot
-from app.rest.static_job import restore
+from app.rest.gather_jobs import restore
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
 from gi_core.gather.estimate import Estimate

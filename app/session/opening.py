@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.rest.static_job import load
+from app.rest.gather_jobs import load
 from app.settings import Settings, as_asked, make_solver, of_files, read_scene
 from app.worker import daemon, without_frames
 

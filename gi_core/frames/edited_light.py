@@ -3,8 +3,7 @@
     E = changed(G, B, F)        see `control_variate.py`
 
 G is the best light before the edit, F and B what photons bring with the edit and without. Photons that met no edited
-face have the same paths, so most of the noise of F and B cancels. docs/decisions/039-edits-shown-live.md has the
-measurements.
+face have the same paths, so most of the noise of F and B cancels. docs/decisions/edits.md has the measurements.
 
 Static part: F and B are of the same number of photons. The change is smoothed in proportion to its noise, which photon
 subsets tell. Receivers that the static part did not have before show photons alone, as all do of a lamp that is new or

@@ -17,7 +17,7 @@ from gi_core.frames.frame_size import PATHS, FrameSize
 REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
 GATHERING = 0.7  # share of the budget for up to ...
-ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off, docs/decisions 48
+ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off
 LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 FAR = 1.5  # times the budget: longer frames are late
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances

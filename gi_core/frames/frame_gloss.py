@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.results import KEPT
 from gi_core.frames.background import Background
-from gi_core.frames.gathered_gloss import GatheredGloss
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.progress import Progress
-from gi_core.gather.gloss_gather import GlossGather
-from gi_core.gloss.cells import StaticCells
-from gi_core.gloss.light import CellWriter, GlossLight
+from gi_core.gather.denoise import averaged
+from gi_core.gather.gloss_gather import GlossGather, GlossGathers
+from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
+from gi_core.gloss.cells import GlossCells, StaticCells, as_light
+from gi_core.gloss.discs import GlossDiscs
+from gi_core.gloss.light import CellWriter, GlossLight, settled
 from gi_core.gloss.source import QUADTREE, GlossSource
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
+
+STAGE = "gathering gloss"
 
 
 class KeptGloss(NamedTuple):
@@ -99,3 +105,93 @@ class FrameGloss:
 def _by_paths(paths: int, way: str) -> bool:
     """Return whether paths give the directions of light on mobiles: single rays come from photons."""
     return paths > 0 and way == QUADTREE
+
+
+class GatheredGloss:
+    """Belongs to the cells of `source`."""
+
+    def __init__(self, model: Model, seed: int, source: GlossSource):
+        self._model, self._source, self._gathers = model, source, GlossGathers(model, seed)
+        self._near: tuple[GlossDiscs, Neighbours] | None = None
+        self._spread: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # by gather: its light, and that over discs
+
+    def static_light(self, b: Background, levels: np.ndarray) -> GlossGather | None:
+        """Return the static part's light without mobiles, None before a result."""
+        cells = self._source.cells(b.setting.radius)
+        return None if cells is None else self._gathers.find(cells.discs, self._model.static, levels)
+
+    def begin_with(self, light: GlossGather, b: Background, levels: np.ndarray) -> None:
+        """Go on from static_light() of a scene of the same static part, if its glossy receivers are the same."""
+        cells = self._source.cells(b.setting.radius)
+        if cells is not None and np.array_equal(light.rows, cells.discs.rows[: cells.discs.first[1]]):
+            self._gathers.begin_with(light.copied(self._model), cells.discs, levels)
+
+    def is_enough(self, b: Background, levels: np.ndarray) -> bool:
+        """Return whether the static part's light without mobiles is gathered, or has no directions to gather."""
+        found = self.static_light(b, levels)
+        return self._source.cells(b.setting.radius) is None or (found is not None and found.enough)
+
+    def at_rest(self, b: Background, levels: np.ndarray) -> np.ndarray | None:
+        """Return the static part's light without mobiles, as GlossCells.evaluate() takes it; None before a result."""
+        cells, found = self._source.cells(b.setting.radius), self.static_light(b, levels)
+        return None if cells is None or found is None else self._over_discs(cells, found)
+
+    def settle(self, light: GlossLight, b: Background, at: Transforms, levels: np.ndarray) -> GlossLight:
+        """Return the light of a frame with the directions gathered at its poses, if there are any."""
+        cells = self._source.cells(b.setting.radius)
+        found = None if cells is None or len(at.position) == 1 else self._gathers.find(cells.discs, at, levels)
+        if found is None:
+            return light
+        return settled(light, np.searchsorted(light.owners, found.rows), as_light(self._over_discs(cells, found)))
+
+    def _over_discs(self, cells: GlossCells, found: GlossGather) -> np.ndarray:
+        """Return light, that of the static part averaged over gloss discs, as photons have it.
+
+        A lamp narrower than a cell moves from cell to cell in steps, which show as spots.
+        """
+        kept = self._spread.get(id(found))
+        if kept is None or kept[0] is not found.mean:
+            model, static = self._model, self._model.surfaces.receiver_range(0)
+            if self._near is None or self._near[0] is not cells.discs:
+                points, normals = (a[static] for a in model.object_receivers[:2])
+                radius = cells.discs.radius
+                self._near = cells.discs, scattered_neighbours(model.adjacency, points, normals, radius, model.threads)
+            owner = np.full(static.stop + 1, -1)
+            on_static = cells.rows < static.stop
+            owner[cells.rows[on_static]] = cells.owners[cells.place[on_static]]
+            light, every = found.mean.reshape(len(found.rows), -1), np.ones(len(found.rows), bool)
+            light = averaged(_among(found.rows, owner, self._near[1]), light, every, model.threads)
+            kept = found.mean, light.reshape(found.mean.shape)
+            self._spread = {} if len(self._spread) > KEPT else self._spread
+            self._spread[id(found)] = kept
+        return kept[1]
+
+    def steps(
+        self, b: Background, at: Transforms, levels: np.ndarray, irradiance: np.ndarray, changed: np.ndarray
+    ) -> Iterator[Progress]:
+        """Gather at poses in steps of some 30 ms, see `GlossGather`; `picture` where frames change.
+
+        irradiance: of the objects in `at` [W/m2]; changed (n,) int64: receivers of the static part that mobiles change,
+        or all of them for `at` without mobiles.
+        """
+        cells = self._source.cells(b.setting.radius)
+        if cells is None:
+            return
+        rows, objects = cells.discs.rows, len(at.position)
+        static = rows[: cells.discs.first[1]]
+        rows = np.concatenate([np.intersect1d(static, changed), rows[len(static) : cells.discs.first[objects]]])
+        area = math.pi * b.setting.radius**2
+        gather = self._gathers.begin(cells.discs, at, levels, rows, irradiance, area)
+        yield from (Progress(STAGE, gather.rounds / gather.most, new) for new in gather.steps())
+
+
+def _among(rows: np.ndarray, owner: np.ndarray, near: Neighbours) -> Neighbours:
+    """Return the neighbours of rows (n,) among each other, by place: owners of their neighbours; owner -1: none."""
+    place = np.full(len(owner), -1)
+    own = np.flatnonzero(rows < len(owner) - 1)
+    place[rows[own]] = own
+    first, count = near.first[rows[own]], np.diff(near.first)[rows[own]]
+    at = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+    of, to = np.repeat(own, count), place[owner[near.of[at]]]
+    ends = np.cumsum(np.bincount(of[to >= 0], minlength=len(rows)))
+    return Neighbours(np.concatenate([[0], ends]), to[to >= 0].astype(np.int32))

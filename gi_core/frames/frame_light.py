@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from gi_core.display.dilation import UnreachedReceivers
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import Direct
 from gi_core.frames.edited_light import LightAtPoses
@@ -19,7 +20,6 @@ from gi_core.frames.mobile_light import AtRest, MobileLight
 from gi_core.frames.pose_light import PoseLight
 from gi_core.frames.progress import Progress
 from gi_core.frames.static_light import StaticLight
-from gi_core.frames.unreached import UnreachedReceivers
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.pose_gather import PoseGather, Static
 from gi_core.gather.reference import ReferenceState

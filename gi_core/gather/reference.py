@@ -25,7 +25,7 @@ from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
 # Independent paths of the pilot: of all points together, then the bounds per point. Light by way of a mirror may come
-# on one path in fifty; eight paths missed it (decision 33).
+# on one path in fifty; eight paths missed it (docs/decisions/gathered-light.md).
 PILOT, FEWEST, MOST = 1 << 18, 8, 64
 PILOT_STREAM = 0x9107  # separates their random numbers
 AIM = 0.01  # relative l1 error for which sets are sized, assuming independent paths ...

@@ -24,7 +24,7 @@ from app.commands import bake, reference, render
 from app.measure.chart.page import _processes
 from app.measure.chart.run import Run
 from app.rest import spread_paths
-from app.rest.static_job import restore
+from app.rest.gather_jobs import restore
 from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver
 from gi_core.defaults.choose import choose

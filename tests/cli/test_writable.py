@@ -83,7 +83,7 @@ def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
 
 def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, tmp_path):
     """The folder is a file: no user can create anything in it."""
-    from app.rest.reference_job import ReferenceJob
+    from app.rest.live_error import ReferenceJob
     from app.rest.reference_store import ReferenceStore
     from gi_core.solver import Solver
     from tests.support.scene_builders import coloured_room

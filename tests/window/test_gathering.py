@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from app.rest import timed_gathering
+from app.rest.gather_jobs import StaticJob
 from app.rest.reference_store import StaticStore
-from app.rest.static_job import StaticJob
 from app.session.log import Log
 from app.session.opening import Opened, Opening
 from app.session.session import Session

@@ -7,11 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gi_core.display.dilation import NONE_UNREACHED
+from gi_core.display.dilation import NONE_UNREACHED, UnreachedReceivers
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.static_light import StaticLight
-from gi_core.frames.unreached import UnreachedReceivers
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
 from gi_core.gloss.source import LIST, QUADTREE

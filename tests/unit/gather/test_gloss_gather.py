@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.frames.gathered_gloss import STAGE
+from gi_core.frames.frame_gloss import STAGE
 from gi_core.gather.gloss_gather import RAYS, ROUNDS, GlossGather
 from gi_core.gather.path_ends import in_known_light
 from gi_core.gather.reference import reference_irradiance

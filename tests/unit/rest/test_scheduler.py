@@ -83,11 +83,11 @@ def test_work_at_rest_ends_without_light():
 
 
 JOBS = {
-    "gathering the static light": "app.rest.static_job.StaticJob._step",
-    "gathering the light at these poses": "app.rest.pose_job.PoseJob._step",
+    "gathering the static light": "app.rest.gather_jobs.StaticJob._step",
+    "gathering the light at these poses": "app.rest.gather_jobs.PoseJob._step",
     "timing frames": "app.rest.live_error.LiveError._measure",
     "computing impact count": "app.rest.comparison.ComparisonJob.step",
-    "gathering the reference": "app.rest.reference_job.ReferenceJob.step",
+    "gathering the reference": "app.rest.live_error.ReferenceJob.step",
 }
 
 
