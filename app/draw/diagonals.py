@@ -2,7 +2,7 @@
 
 Both diagonals of a plane quadrilateral give the same surface. Across a border of light, the wrong one interpolates to
 teeth. A picture draws the diagonal whose ends differ less, which lies along the border. Receivers, their light and its
-errors do not change. docs/decisions/036-diagonals.md has the measurements.
+errors do not change. docs/decisions/drawn-light.md has the measurements.
 """
 
 from __future__ import annotations

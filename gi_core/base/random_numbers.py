@@ -2,7 +2,7 @@
 
 There is no generator state, so photon i does not depend on the photons traced before it. Emission and first bounce of
 photon i are point i of an Owen-scrambled Sobol sequence in six dimensions. Later bounces are hashes: stratifying them
-was measured to gain next to nothing (docs/archive/measurements.md).
+was measured to gain next to nothing (docs/decisions/photon-subsets.md).
 """
 
 from __future__ import annotations

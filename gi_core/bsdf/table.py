@@ -1,7 +1,7 @@
 """Tables of reflection models, sampled, evaluated and integrated without error of their own.
 
 The table is the surface that a scene uses: `sample`, `value`, `pdf` and `albedo` belong to one f, which differs from
-the model by the interpolation alone (docs/decisions/025-tables-of-brdfs.md). `tabulate.py` builds it.
+the model by the interpolation alone (docs/decisions/reflection-tables.md). `tabulate.py` builds it.
 
 Half vectors h have the slopes rho (sx cos psi, sy sin psi), with widths sx, sy of the lobe by theta_i. The horizon of o
 cuts rho at R(psi, i): y in [0, 1] is defined by 1 / rho^2 = (1 - y) / y + 1 / R^2, so every (y, psi) is a direction o

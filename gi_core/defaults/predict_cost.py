@@ -17,7 +17,7 @@ DISCS = 1 << 14  # receivers sampled
 LINES = 1 << 14  # segments sampled
 SPREAD = 0.6180339887498949  # golden ratio - 1: its multiples modulo 1 are evenly spread
 
-# Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see docs/archive/measurements.md.
+# Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see default-settings.md.
 # Measure again when kernels change much. Precision is not needed: noise follows the root of the time.
 SEGMENT_NS = 1150.0  # tracing one segment, and preparing its line
 CELL_NS = 15.0  # traversing a cell

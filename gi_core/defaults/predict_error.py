@@ -1,6 +1,6 @@
 """Error of an estimate on tangent discs, predicted from a small trace.
 
-Two formulas with measured constants (docs/archive/measurements.md, "The default rule"):
+Two formulas with measured constants (docs/decisions/default-settings.md):
 
 - Noise is that of counting: a disc that expects n photons has a relative error of sqrt(2 / (pi n)). Where light is
   dense n is large; the mean over places where photons land is the L1 error. The Sobol sequence removes a sixth of it.

@@ -1,6 +1,6 @@
 """Kernels of a picture's vertices: their radiance, their interpolation weights, and diagonals that follow the light.
 
-They take the place of some twenty passes of numpy, for which a lamp's slider would wait (docs/decisions/lamps.md).
+They take the place of some twenty passes of numpy, for which a lamp's slider would wait (lamps.md).
 """
 
 from __future__ import annotations

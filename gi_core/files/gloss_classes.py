@@ -1,7 +1,7 @@
 """Gloss that a texture varies becomes materials: triangles of alike roughness, metallic and metal colour share one.
 
 Kernels and pictures know one lobe per material, and each sharp one costs taps, an albedo and a draw call. A texture
-therefore becomes at most MOST classes per material and mesh (docs/decisions/038). A class has the means of its
+therefore becomes at most MOST classes per material and mesh (metal-and-plastic.md). A class has the means of its
 triangles, weighted by area, so that its gloss and its diffuse light reflect what theirs would together.
 """
 

@@ -27,7 +27,7 @@ Then a change d is shrunk by the variance v that is left, with the factor
 
     1 - CORRELATED v / d^2, at least 0
 
-which is 0 for changes within noise and nearly 1 far above it (James-Stein). docs/decisions/changes-by-mobiles.md has
+which is 0 for changes within noise and nearly 1 far above it (James-Stein). changes-by-mobiles.md has
 the measurements.
 
 Sums of a stale receiver are over another area than before, so they are no mean of neighbours. Its change is shrunk by

@@ -38,7 +38,7 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 
 GRAIN = 256  # receivers per thread
-MOST_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, decision 34
+MOST_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, gloss-cells.md
 
 
 class StaticCells(NamedTuple):

@@ -21,7 +21,7 @@ from gi_core.photons.flux_sums import IntersectionLog, Sums
 from gi_core.photons.paths import Segments, take
 from gi_core.rays.accelerator import Transforms
 
-CELL_RADII = 2.0  # edge of the cells of the search: the discs of a flat surface lie in one layer, decision 37
+CELL_RADII = 2.0  # edge of the cells of the search: the discs of a flat surface lie in one layer, gloss-cells.md
 ROOM = 4  # crossings per segment in the first record
 GRAIN = 256  # segments per thread
 PART = 8192  # photons taken in at a time

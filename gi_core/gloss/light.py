@@ -23,7 +23,7 @@ FIELDS = 6  # of a cell, see GlossLight
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
 TURNED = -0.2  # least cosine of an eye: normals of vertices turn some 10 degrees further than visible faces
 SPREAD = 0.5  # of alpha^2 per missing length of a mean direction: 64 cells differ from the list by a fifth less
-POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: decision 34
+POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: gloss-cells.md
 ONE = 1e-3  # missing length of a single ray, as float32 and half floats have it
 
 # Writes the cells (k, CELLS, 6) of receivers (k,), ascending, given their places (k,) in the resting light.

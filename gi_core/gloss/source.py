@@ -18,7 +18,7 @@ from gi_core.photons.paths import PathVertices
 from gi_core.retrace.cuts import PoseChange
 
 QUADTREE, LIST, ALL_RAYS = WAYS = ("quadtree", "list", "all_rays")
-OPENED = {QUADTREE: 0.0, LIST: -1.0, ALL_RAYS: 1 / 16}  # share of light above which rays are read, decision 31
+OPENED = {QUADTREE: 0.0, LIST: -1.0, ALL_RAYS: 1 / 16}  # share of light above which rays are read, gloss-cells.md
 # Receivers that lie close together share the cells of one of them, their site: gloss discs are many receivers wide on a
 # fine mesh, so neighbours have nearly the same rays. Irradiance, eye and normal stay those of each receiver.
 SPACING = 0.7  # of the radius of a gloss disc

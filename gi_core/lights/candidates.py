@@ -30,7 +30,7 @@ from gi_core.lights.next_event import (
 from gi_core.lights.photometric import density
 
 CANDIDATES = 8  # per shadow ray
-PATHS_PER_SHADOW = 2  # bounces per shadow ray to an area light: docs/decisions 43
+PATHS_PER_SHADOW = 2  # bounces per shadow ray to an area light: docs/decisions/shadow-rays.md
 PICK = 3  # dimension, after those of next_event.py
 RED, GREEN, BLUE = REC709
 

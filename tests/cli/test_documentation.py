@@ -51,6 +51,12 @@ def test_every_link_between_pages_leads_somewhere():
     assert dead == []
 
 
+def test_pages_that_the_code_names_exist():
+    code = [p for folder in ("app", "gi_core", "studies", "tests") for p in (ROOT / folder).rglob("*.py")]
+    named = {name for path in code for name in re.findall(r"\bdocs/[\w/-]+\.md", path.read_text(encoding="utf-8"))}
+    assert named and [name for name in named if not (ROOT / name).exists()] == []
+
+
 IN_TEXT = {  # each command outside of the blocks, and where it stands first
     shlex.join(words): (words, path)
     for path in reversed(PAGES)

@@ -83,7 +83,7 @@ def below_the_surface() -> Iterator[AtlasRow]:
             f"gloss_below_{alpha}_{angle:.0f}",
             f"white metal of alpha {alpha}, light at {angle:.0f} degrees, facets that reflect once (model ggx)",
             "1 - integral of f cos is absorbed", 1 - float(weights @ f), measured,
-            "further reflections, which roughness and metallic add (decision 40)", remedied, aim=0.0, known=0.004,
+            "further reflections, which roughness and metallic add", remedied, aim=0.0, known=0.004,
             quantity="share of flux absorbed", title="Draws below the surface",
         )  # fmt: skip
 

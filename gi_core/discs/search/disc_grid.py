@@ -21,7 +21,7 @@ from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, discs_cr
 from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
 
-CELL_RADII = 4.0  # cell edge in disc radii: see docs/archive/measurements.md
+CELL_RADII = 4.0  # cell edge in disc radii: see docs/decisions/disc-searches.md
 MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
 MOST_ALONG = 512  # cells along an axis
 PAD = 1e-3  # of a cell: rounding of an intersection against the cell's walls

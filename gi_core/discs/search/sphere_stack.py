@@ -14,7 +14,7 @@ import numpy as np
 from gi_core.base.jit import allocating
 from gi_core.base.vec import difference, dot
 
-SHRINK = 0.5  # radius of a sphere over its parent's, see docs/archive/measurements.md
+SHRINK = 0.5  # radius of a sphere over its parent's, see docs/decisions/disc-searches.md
 LEAST_RADII = 2.0  # disc radii: radius of the smallest sphere
 FEW = 4  # receivers: a smaller sphere costs more than it saves
 PAD = 1e-3  # of a sphere's radius: covers rounding

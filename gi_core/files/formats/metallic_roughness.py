@@ -2,7 +2,7 @@
 
 glTF mixes a metal and a plastic: metallic m of the light meets the metal, the rest a coat over the base colour. One
 lobe has the F of the mixture. Its base is the one with which the mixture reflects the sum of both parts
-(docs/decisions/038, 040).
+(docs/decisions/metal-and-plastic.md).
 """
 
 from __future__ import annotations
