@@ -273,8 +273,9 @@ class Mirrors:
 def _rays_wanted(shown: np.ndarray, at: np.ndarray, height: int, pixels: int) -> np.ndarray:
     """Return the number (n,) of rays, a power of two up to RAYS, that samples need for NOISE.
 
-    shown (n,): values of samples in pixels (n,) of a strip. The variance between a pixel's samples is a mean over 3 x 3
-    pixels, because four samples know little of it.
+    shown (n,) float64: the values of n samples, as a tone map shows them. at (n,) int: the pixel of each sample, among
+    `pixels` of a strip that is `height` pixels high. The variance of a pixel is a mean over 3 x 3 pixels, because four
+    samples estimate it badly.
     """
     count, total, squares = (np.bincount(at, w, minlength=pixels) for w in (None, shown, shown * shown))
     apart = np.maximum(squares - total * total / np.maximum(count, 1), 0.0)

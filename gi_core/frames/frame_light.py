@@ -191,10 +191,11 @@ class FrameLight:
         self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
         refresh: Callable[[], None],
     ) -> Iterator[Progress]:  # fmt: skip
-        """Gather light at poses in steps; irradiance (R, 3) [W/m2] and gloss of the frame of `photons` there.
+        """Gather light at the poses `at` in steps. Nothing is gathered unless the frame has all photons.
 
-        Directions come first, as they take few paths. refresh: computes the frame again. Nothing for a frame of few
-        photons, and where frames take no gathered light.
+        irradiance (R, 3) [W/m2] and gloss are those of the frame of `photons` at these poses. Directions of
+        gloss come first, because they take few paths. `refresh` computes the frame again. Settings without gathered
+        light gather nothing.
         """
         if shown is None or not 0 < photons == shown.estimate.photons:
             return

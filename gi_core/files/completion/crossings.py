@@ -113,10 +113,11 @@ def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float
 
 
 def _in_front(hits: _Hits, corners: np.ndarray, least: float, at_ends: bool) -> Cuts:
-    """Return the cuts of edges in front of the surfaces that cross them; corners (F, 3): places of corners.
+    """Return the cuts of edges in front of the surfaces that cross them.
 
-    least [m]: from a cut to the end in the open. at_ends: also in front of surfaces that an end lies on, if faces go on
-    behind them; from the inside, a two-sided cupboard would have floor and bottom at its foot.
+    corners (F, 3) int: the welded vertex at each corner. least [m]: the shortest distance from a cut to the end of its
+    edge in front of the surface. at_ends: an edge that ends on a surface is cut too, if faces continue behind that
+    surface. It is not cut on their side, because the floor and the bottom of a cupboard would then meet at its foot.
     """
     inside, end = hits.facing > 0, corners[hits.face, hits.end]
     nearly = np.abs(1 - hits.place) < GAP
