@@ -1,8 +1,8 @@
 """Light of the static part without mobiles: the best of several estimates (`gi_core.gather.estimate`).
 
 Photons, smoothed in proportion to their noise, light the first pictures. Gathered light (`gi_core.gather.static`) takes
-their place once it has less error; after an edit, so does the light before it, changed as photons say
-(`edited_light.py`).
+their place once it has less error. After an edit they are replaced by the light before it, changed by the difference
+of the photons before and after (`edited_light.py`).
 
 Photons are smoothed by the kernel that averages changes by mobiles (`control_variate.py`). Discs of neighbouring
 receivers overlap, but photons two radii apart are others: each receiver is averaged with some within NEAR radii, and a
