@@ -108,6 +108,21 @@ def write_gltf(path, uri):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_file_may_change_between_question_and_reading(tmp_path, monkeypatch):
+    """Another process puts a pipe in its place, or writes on."""
+    boundary = Boundary(tmp_path)
+    os.mkfifo(tmp_path / "a.obj")
+    monkeypatch.setattr(os.path, "isfile", lambda path: True)
+    with pytest.raises(FileNotFoundError):
+        boundary.read(tmp_path / "a.obj", "a.obj")
+    (tmp_path / "b.obj").write_bytes(b"12345")
+    state = os.stat(tmp_path / "b.obj")
+    monkeypatch.setattr(os, "fstat", lambda number: os.stat_result((*state[:6], 3, *state[7:])))
+    with pytest.raises(SceneError, match="the file grows while it is read"):
+        boundary.read(tmp_path / "b.obj", "b.obj")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_or_a_device_is_not_read(tmp_path):
     """Reading one may never end."""
     for name in ("q.bin", "room.mtl", "pipe.obj"):

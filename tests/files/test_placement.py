@@ -242,3 +242,13 @@ def test_opening_is_the_same_every_time():
     assert scenes[0].camera == scenes[1].camera and scenes[0].mobiles[0].pose == scenes[1].mobiles[0].pose
     again = replace(scenes[0])
     assert np.array_equal(lamp_faces(again), lamp_faces(scenes[1]))
+
+
+@pytest.mark.parametrize(("emission", "lamps"), [(1e-3, 1), (5.0, 0)])
+def test_the_glow_of_a_switch_is_no_light(emission, lamps):
+    """A lamp is added unless emissive faces light the room: 1e-4 W/m2 on the average."""
+    glow = quad((0.1, 1, 0.2), (0, 0, 0.2), (0.3, 0, 0), material=1)
+    room = box((-2, 0, -2), (2, 2.5, 2))
+    room = room._replace(faces=np.ascontiguousarray(room.faces[:, ::-1]))
+    scene = completed(merge(room, glow), materials=(grey(0.7), lamp(emission)))
+    assert sum(m.name == "default light" for m in scene.materials) == lamps

@@ -24,6 +24,7 @@ SEED = 0x5EED
 LANDINGS = 4  # places tried for each that sun or sky shall reach
 PILOT_LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
 NEAR = 5e-4  # of the extent: a hit so near to a place is the surface that the place lies on
+UNLIT = 1e-4  # mean irradiance [W/m2 or lx] of all surfaces up to which emissive faces light nothing
 CELL = 1 / 14  # of the box's size: light and sight are compared in cells of that size
 
 
@@ -95,9 +96,12 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
 
 
 def is_lit(scene: Scene) -> bool:
-    """Return whether anything in the scene emits light."""
-    emits = np.array([any(m.emission) for m in scene.materials])
-    return bool(scene.lights) or bool(emits[scene.static.face_material].any())
+    """Return whether the scene has a light, or faces that can light it: the glow of a switch cannot."""
+    if scene.lights:
+        return True
+    areas = face_normals(scene.static)[1]
+    emission = np.array([max(m.emission) for m in scene.materials])[scene.static.face_material]
+    return bool(np.pi * (emission @ areas) > UNLIT * areas.sum())
 
 
 def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -161,7 +165,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     """
     mesh = scene.static
     normals, areas = face_normals(mesh)
-    emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas
+    emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas * is_lit(scene)
     placed = [np.array(light.position) for light in scene.lights if isinstance(light, PlacedLight)]
     distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]

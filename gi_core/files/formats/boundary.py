@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import stat
 from collections import Counter
 from pathlib import Path
 
@@ -59,14 +60,26 @@ class Boundary:
         """Return whether a path may be read and is a regular file."""
         return os.path.isfile(path) and self.holds(path)  # Path.is_file raises where a name is too long
 
-    def read(self, path: str | Path, where: str) -> bytes:
-        """Return the bytes of a regular file. Raises OSError, or SceneError beyond the limits."""
+    def read(self, path: str | Path, where: str, small: bool = False) -> bytes:
+        """Return the bytes of a regular file. Raises OSError, or SceneError beyond the limits.
+
+        small: a file of the scene's own text. All is asked of the open file, as another may take its name meanwhile.
+        """
         if not os.path.isfile(path):
             raise FileNotFoundError(errno.ENOENT, "there is no such file")
-        self.take(where, "files")
-        self.take(where, "bytes in files", os.path.getsize(path))
-        self.files.append(os.path.abspath(path))
-        return Path(path).read_bytes()
+        with open(path, "rb", opener=_at_once) as file:
+            state = os.fstat(file.fileno())
+            if not stat.S_ISREG(state.st_mode):
+                raise FileNotFoundError(errno.ENOENT, "there is no such file")
+            if small:
+                self.take(where, "bytes in a scene file", state.st_size)
+            self.take(where, "files")
+            self.take(where, "bytes in files", state.st_size)
+            self.files.append(os.path.abspath(path))
+            data = file.read(state.st_size + 1)
+        if len(data) > state.st_size:
+            raise SceneError(f"{where}: the file grows while it is read; wait until it is written, and open it again")
+        return data
 
     def take(self, where: str, what: str, amount: int = 1) -> None:
         """Add to the scene's amount of `what`, a key of LIMITS. Raises SceneError beyond the limit, adding nothing."""
@@ -77,6 +90,11 @@ class Boundary:
                 "simplify it, or write two scenes"
             )
         self.taken[what] = found
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a file without waiting for the other end of a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def like_named(path: Path) -> Path:

@@ -43,9 +43,9 @@ from gi_core.scene.types import (
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 2e-7  # of its coordinates: a face lower than that is a line (float32 files cannot say it better)
-APART = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
-ALIKE = 1e-4  # colours and places in a texture that differ by less are the same
-FLAT = 1 - 1e-6  # cosine between normals of faces that lie in one plane
+SHEET_GAP = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
+SAME_COLOUR = 1e-4  # colours and places in a texture that differ by less are the same
+COPLANAR = 1 - 1e-6  # cosine between normals of faces that lie in one plane
 BRIGHTEST = FARTHEST = LARGEST  # radiance, coordinates: as in scene files
 FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
 OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
@@ -192,7 +192,7 @@ def _looks(material: np.ndarray, parts: list[Part]) -> np.ndarray:
         colour = np.zeros((len(p.faces), 3)) if p.corner_colour is None else p.corner_colour.mean(axis=1)
         texture = np.where(textured, p.face_texture, -1) if textured.any() else np.full(len(p.faces), -1)
         values = np.clip(np.nan_to_num(np.concatenate([uv, colour], axis=1)), -FARTHEST_UV, FARTHEST_UV)
-        columns.append(np.column_stack([texture, np.round(values / ALIKE)]))
+        columns.append(np.column_stack([texture, np.round(values / SAME_COLOUR)]))
     return group_of((material, *np.concatenate(columns).astype(np.int64).T))
 
 
@@ -247,7 +247,7 @@ def _moved_apart(vertices, faces, look, notes):
         a, b = order[:-ahead], order[ahead:]
         facing = (low[a] == low[b]) & (high[a] == high[b]) & (start[a] == end[b])
         a, b = a[facing] // 3, b[facing] // 3
-        facing = (look[a] != look[b]) & (dot(normals[a], normals[b]) < -FLAT)
+        facing = (look[a] != look[b]) & (dot(normals[a], normals[b]) < -COPLANAR)
         apart[a[facing]] = apart[b[facing]] = True
     if not apart.any():
         return vertices, faces, apart
@@ -260,11 +260,11 @@ def _moved_apart(vertices, faces, look, notes):
     apart |= (dot(ways[side], normals[:, None]) > 0.5).all(axis=1)
     corners = faces[apart]
     reach = float(np.abs(vertices[corners] - np.median(vertices, axis=0)).max())
-    moved = vertices[corners] + APART * reach * ways[side[apart]]
+    moved = vertices[corners] + SHEET_GAP * reach * ways[side[apart]]
     _, first, number = np.unique(weld(moved.reshape(-1, 3)), return_index=True, return_inverse=True)
     faces = faces.copy()
     faces[apart] = len(vertices) + number.reshape(-1, 3)
-    gap = f"{2 * APART * reach:.1g}"
+    gap = f"{2 * SHEET_GAP * reach:.1g}"
     notes.append(f"{int(apart.sum()):,} triangles back to back are apart by {gap}, each seen from its front")
     return np.concatenate([vertices, moved.reshape(-1, 3)[first]]), faces, apart
 

@@ -8,7 +8,6 @@ EULUMDAT of symmetry 3 by 90 degrees, `eulumdat` has no wheels, `eulumdat-ies` r
 from __future__ import annotations
 
 import math
-import os
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -25,11 +24,11 @@ ELSEWHERE = 0.05  # relative difference between the stated flux and the table's,
 MOST_ANGLES = 10_000  # in a direction
 LARGEST = 1e12  # cd, lm: such numbers in a file are damage
 CLOSEST = 1e-3  # degrees between angles
-NOISE = 0.01  # share of the largest intensity: as much below 0 is an error of measurement
-LONGEST = 20.0  # m: a longer luminous opening is in other units than the file says
-THIN = 1e-3  # m: width of an opening that is a line
-FINE, COARSE = 0.5, 2.5  # degrees between angles of type B after resampling
-FOOT = 0.3048  # m
+MEASURING_NOISE = 0.01  # share of the largest intensity: as much below 0 is an error of measurement
+LONGEST_OPENING = 20.0  # m: a longer luminous opening is in other units than the file says
+LINE_WIDTH = 1e-3  # m: width of an opening that is a line
+LEAST_STEP_B, MOST_STEP_B = 0.5, 2.5  # degrees between angles of type B after resampling
+METRES_PER_FOOT = 0.3048  # m
 ROUND = math.sqrt(math.pi) / 2  # side of a square / diameter of the circle of the same area
 
 
@@ -67,9 +66,7 @@ def read_photometry(path: Path, where: str, boundary: Boundary) -> PhotometryFil
     if not boundary.holds(path):
         raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
     try:
-        if os.path.isfile(path):
-            boundary.take(where, "bytes in a scene file", os.path.getsize(path))
-        text = boundary.read(path, where).decode("latin-1")  # labels may be of any code page
+        text = boundary.read(path, where, small=True).decode("latin-1")  # labels may be of any code page
     except OSError as error:
         raise SceneError(f"{where}: the photometric file cannot be read: {error.strerror or error}") from None
     if not text.strip():
@@ -124,7 +121,7 @@ class _Numbers:
         """Return intensities (planes, rows) >= 0, the last numbers of the file; slightly negative ones count as 0."""
         first, last = self._next, self._next + planes * rows
         values = np.array([_number(word) for _, word in self._words[first:last]])
-        slight = (values < 0) & (values >= -NOISE * np.nanmax(values, initial=0.0))
+        slight = (values < 0) & (values >= -MEASURING_NOISE * np.nanmax(values, initial=0.0))
         if slight.any():
             lowest = f"the lowest {values[slight].min():g}"
             self.notes.append(f"values below 0 count as 0: {slight.sum():,} of its {what}, {lowest}")
@@ -173,7 +170,7 @@ def _ies(lines: list[str], where: str) -> PhotometryFile:
     letter = TYPES[numbers.count("the photometric type", 1, 3)]
     if letter == "A":
         raise SceneError(f"{where}: photometry must be of type C or B, got type A; convert the file to type C")
-    metres = FOOT if numbers.count("the unit of length", 1, 2) == 1 else 1.0
+    metres = METRES_PER_FOOT if numbers.count("the unit of length", 1, 2) == 1 else 1.0
     opening = numbers.take("width, length and height of the luminous opening", 3) * metres
     size = _ies_opening(*opening.tolist(), early, numbers.notes)
     scale *= numbers.number("the ballast factor", 1e-12)
@@ -226,7 +223,7 @@ def _ies_opening(width: float, length: float, height: float, early: bool, notes:
 
 def _opening(along: float, across: float, height: float, notes: list[str]) -> tuple[float, float]:
     """Return an opening as a rectangle with sides > 0, or 0 and 0 for a point [m]; notes say what is left out."""
-    if max(along, across) > LONGEST:
+    if max(along, across) > LONGEST_OPENING:
         notes.append(
             f"its luminous opening of {along:g} x {across:g} m cannot be true, the light comes from a point; "
             "write its size in the scene file"
@@ -234,7 +231,7 @@ def _opening(along: float, across: float, height: float, notes: list[str]) -> tu
         return 0.0, 0.0
     if height > 0:
         notes.append(f"its luminous opening is {height:g} m high; the light comes from the flat opening alone")
-    return (max(along, THIN), max(across, THIN)) if max(along, across) > 0 else (0.0, 0.0)
+    return (max(along, LINE_WIDTH), max(across, LINE_WIDTH)) if max(along, across) > 0 else (0.0, 0.0)
 
 
 def _tilt(numbers: _Numbers) -> Tilt:
@@ -276,7 +273,7 @@ def _of_type_b(vertical: np.ndarray, horizontal: np.ndarray, values: np.ndarray)
         vertical, values = np.append(-vertical[:0:-1], vertical), np.concatenate([values[:, :0:-1], values], axis=1)
     if horizontal[0] == 0:
         horizontal, values = np.append(-horizontal[:0:-1], horizontal), np.concatenate([values[:0:-1], values])
-    step = min(max(float(min(np.diff(vertical).min(), np.diff(horizontal).min())), FINE), COARSE)
+    step = min(max(float(min(np.diff(vertical).min(), np.diff(horizontal).min())), LEAST_STEP_B), MOST_STEP_B)
     gammas = np.linspace(0.0, most := 90.0 if np.abs(vertical).max() <= 90 else 180.0, math.ceil(most / step) + 1)
     planes = np.linspace(0.0, 360.0, 4 * math.ceil(90 / step) + 1)
     gamma, plane = np.radians(gammas), np.radians(planes)[:, None]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -163,8 +162,7 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
     import tomllib
 
     try:
-        boundary.take(where, "bytes in a scene file", os.path.getsize(path))
-        text = text_of(boundary.read(path, where))
+        text = text_of(boundary.read(path, where, small=True))
         if _DEEP.search(_QUOTED.sub("a", text)):  # tomllib takes a time that grows with the square of the depth
             raise SceneError(f"{where}: a key must have no more than {DEEPEST} parts between dots; nest it less")
         return tomllib.loads(text)
