@@ -66,8 +66,11 @@ def write_whole(file: Path, content: str | bytes) -> None:
 def replacing(file: Path) -> Iterator[Path]:
     """Yield the path of a new file that replaces `file` at the end: others find the old file or the new one.
 
-    The mode of the old file stays, and so does a link to it. Raises OSError.
+    The mode of the old file stays, and so does a link to it. A device or a pipe is written to itself. Raises OSError.
     """
+    if file.exists() and not file.is_file() and not file.is_dir():
+        yield file
+        return
     real = Path(os.path.realpath(file))
     part = _part_of(real)
     try:

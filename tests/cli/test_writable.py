@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app import __main__ as program
-from app.cli.writable import check_writable
+from app.cli.writable import check_writable, write_whole
 from app.settings import UsageError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +24,16 @@ def test_check_writable_leaves_no_trace(tmp_path):
     (tmp_path / "a.png").write_text("old")
     check_writable("--out", tmp_path / "a.png")
     assert (tmp_path / "a.png").read_text() == "old"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_is_written_to_and_stays(tmp_path):
+    """As `bench --json /dev/stdout`; root would otherwise put a file in place of a device."""
+    os.mkfifo(tmp_path / "pipe")
+    end = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_whole(tmp_path / "pipe", "text")
+    assert os.read(end, 10) == b"text" and (tmp_path / "pipe").is_fifo()
+    os.close(end)
 
 
 def test_folders_and_missing_folders_are_refused(tmp_path):
