@@ -94,10 +94,10 @@ class DirectLight:
     def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> None:
         """Measure the light of `count` groups from `at` on."""
         m = self._model
-        given = m.accelerator.scenes, self._points, m.lights.area, m.lights.delta, _far(m), groups
 
         def work(_, first, last):
-            _see(*given, new_ray(), at + first, at + last, light)
+            of, part = m.lights, (at + first, at + last, light)
+            _see(m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, new_ray(), *part)
 
         run_ranges(work, count, m.threads, SEE_GRAIN)
 
@@ -107,30 +107,31 @@ class DirectLight:
         out, n = np.zeros((len(self.per_lamp), 3)), len(groups.radius)
         if self._blocked is None:
             self._blocked = Blocked.unknown(len(at.position) - 1, n, len(p.kind))
-        pose, rays, some = self._blocked
+        pose, rays, shaded = self._blocked
         now = [pose_bits(at, k + 1) for k in range(len(pose))]
         moved = [k for k in range(len(pose)) if pose[k] != now[k]]
         if moved:
             for k in moved:
                 pose[k] = b""  # until all is found
-            self._find_blocked(at, moved, rays, some)
+            self._find_blocked(at, moved, rays, shaded)
             for k in moved:
                 pose[k] = now[k]
         value = p.value * levels[p.lamp]
-        run_ranges(lambda _, a, b: _add(groups, rays, some, value, a, b, out), n, m.threads, ADD_GRAIN)
+        run_ranges(lambda _, a, b: _add(groups, rays, shaded, value, a, b, out), n, m.threads, ADD_GRAIN)
         return out
 
-    def _find_blocked(self, at: Transforms, moved: list[int], rays: np.ndarray, some: np.ndarray) -> None:
+    def _find_blocked(self, at: Transforms, moved: list[int], rays: np.ndarray, shaded: np.ndarray) -> None:
         """Write the rays (m, g, P) that mobiles block, and the groups (m, g) where they do, of the moved ones."""
         m, p, groups = self._model, self._points, self._groups
-        there = {k: _in_object(at, k + 1, p) for k in moved}
+        points = {k: p._replace(place=_in_object(at, k + 1, p)) for k in moved}
 
         def work(_, first, last):
             ray = new_ray()
             for k, part in itertools.product(moved, range(first, last)):
-                o, of = k + 1, (part, m.threads)  # shadows lie in few groups, close by: each thread takes every n-th
-                given = m.accelerator.scenes, m.accelerator.boxes[o], at, o, there[k], p.reach, _far(m), groups
-                _block(*given, ray, *of, rays[k], some[k])
+                o, of = k + 1, m.accelerator
+                # Shadows lie in few groups, close by: each thread takes every n-th.
+                each = part, m.threads, rays[k], shaded[k]
+                _block(of.scenes, of.boxes[o], at, o, points[k], _far(m), groups, ray, *each)
 
         run_ranges(work, m.threads, m.threads, 1)
 
@@ -209,23 +210,23 @@ def _misses(start, end, box, pad):
 
 
 @allocating
-def _block(scenes, box, at, o, there, reach, far, groups, ray, first, step, rays, some):
+def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shaded):
     """Write the rays (g, P) that mobile o blocks, and where it does (g,), of groups first, first + step ...
 
-    box (2, 3): of the mobile; there (P, 3): places of the points, both in its space; reach (P,): of LightPoints.
+    box (2, 3): of the mobile; points: LightPoints, both in its space.
     """
     local, middle, half = np.empty((GROUP, 3), np.float32), np.empty(3), np.empty(3)
     for c in range(3):
         middle[c], half[c] = 0.5 * (box[0, c] + box[1, c]), 0.5 * (box[1, c] - box[0, c])
     around = (middle[0], middle[1], middle[2]), (half[0], half[1], half[2])
-    for g in range(first, len(some), step):
+    for g in range(first, len(shaded), step):
         centre = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
-        is_local, some[g] = False, False
-        for j in range(len(reach)):
+        is_local, shaded[g] = False, False
+        for j in range(len(points.reach)):
             rays[g, j] = 0
             if not groups.lit[g, j]:
                 continue
-            place, distant = row(there, j), reach[j] == np.inf
+            place, distant = row(points.place, j), points.reach[j] == np.inf
             if _misses(centre, _end(place, distant, far, centre), around, groups.radius[g]):
                 continue
             if not is_local:
@@ -240,23 +241,23 @@ def _block(scenes, box, at, o, there, reach, far, groups, ray, first, step, rays
                     continue
                 u, v, w, d = way_to(place, distant, far, start)
                 u, v, w = np.float32(u), np.float32(v), np.float32(w)
-                limit = _limit(d, reach[j], row(groups.position[g], k))
+                limit = _limit(d, points.reach[j], row(groups.position[g], k))
                 if any_hit(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit):
                     hidden |= 1 << k
             if hidden:
-                rays[g, j], some[g] = hidden, True
+                rays[g, j], shaded[g] = hidden, True
 
 
 @kernel
-def _add(groups, rays, some, value, first, last, out):
+def _add(groups, rays, shaded, value, first, last, out):
     """Add the light of the points that mobiles block, of groups first .. last - 1; value (P, 3): of the points."""
     for g in range(first, last):
-        if not some[:, g].any():
+        if not shaded[:, g].any():
             continue
         for j in range(len(value)):
             hidden = 0
-            for o in range(len(some)):
-                if some[o, g]:
+            for o in range(len(shaded)):
+                if shaded[o, g]:
                     hidden |= rays[o, g, j]
             k = 0
             while hidden:
