@@ -8,7 +8,7 @@ import numpy as np
 
 from gi_core.geometry.error import luminance
 from gi_core.gloss.highlights import arriving, unoccluded, without_surface
-from gi_core.lights.light_sampling import DIRECTIONAL, DeltaLights
+from gi_core.lights.light_sampling import DeltaLights
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,12 +45,10 @@ def bare_lights(
     for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True)):
         if len(k) and len(some.kind) and mesh.normal is not None:
             light = arriving(model.accelerator, at, points[o], mesh.normal[k] @ at.rotation[o].T, some, size)
-            far = np.where(some.kind == DIRECTIONAL, 1.0, light.distance)
+            far = np.where(some.distant, 1.0, light.distance)
             out = strength[o] = np.zeros((len(mesh.positions), MOST), np.float32)
             out[k, : len(some.kind)] = light.strength * far * far
-    straight = (some.kind == DIRECTIONAL)[:, None]
-    placed = np.where(straight, -some.parameters[:, 3:6], some.parameters[:, :3])
-    of_light = np.concatenate([placed, np.where(straight, 0.0, 1.0)], axis=1).astype(np.float32)
+    of_light = np.concatenate([some.place, 1.0 - some.distant[:, None]], axis=1).astype(np.float32)
     return BareLights(of_light, some.value.astype(np.float32), tuple(strength), lights.sky.up, lights.sky.radiance)
 
 

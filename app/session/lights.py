@@ -116,13 +116,13 @@ def turned(light: Light, axis, degrees: float) -> Values:
 
 def beam(light: SpotLight, inner: float, outer: float) -> Values:
     """Return values of a spot with another cone and the same flux."""
-    from gi_core.lights.emission import spot_solid_angle
+    from gi_core.lights.spot import solid_angle
 
     outer = min(max(outer, NARROWEST), STEEPEST)
     inner = min(max(inner, 0.0), outer)
 
     def solid(a: float, b: float) -> float:
-        return spot_solid_angle(math.cos(math.radians(a)), math.cos(math.radians(b)))
+        return solid_angle(math.cos(math.radians(a)), math.cos(math.radians(b)))
 
     factor = solid(light.inner_degrees, light.outer_degrees) / solid(inner, outer)
     return (
@@ -201,10 +201,10 @@ def new_light(kind: str, room: Room) -> Values:
     if kind == BULB:
         return (("type", "point"), at, ("flux", (flux,) * 3))
     if kind == SPOT:
-        from gi_core.lights.emission import spot_solid_angle
+        from gi_core.lights.spot import solid_angle
 
         inner, outer = CONE
-        solid = spot_solid_angle(math.cos(math.radians(inner)), math.cos(math.radians(outer)))
+        solid = solid_angle(math.cos(math.radians(inner)), math.cos(math.radians(outer)))
         cone = ("inner_degrees", inner), ("outer_degrees", outer)
         return (("type", "spot"), at, ("direction", down), ("intensity", (_digits(flux / solid),) * 3), *cone)
     side = _digits(SIDE * (room.height if math.isfinite(room.height) else OPEN_HEIGHT * room.size))

@@ -21,6 +21,12 @@ def length(a: np.ndarray) -> np.ndarray:
     return np.sqrt(dot(a, a))
 
 
+def unit(v) -> np.ndarray:
+    """Return the unit vector (3,) float64 along v (3,), three numbers that are not all 0."""
+    v = np.asarray(v, np.float64)
+    return v / np.sqrt((v * v).sum())
+
+
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the cross products (..., 3) of vectors (..., 3)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))

@@ -30,9 +30,8 @@ from gi_core.gather.denoise import smoothed_by_subset
 from gi_core.gather.estimate import Estimate, Source, relative_noise, variance_per_lamp
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
-from gi_core.lights.emission import Emitters
+from gi_core.lights.emission import Emitters, unchanged_lamps
 from gi_core.lights.mix import sum_of_lamps
-from gi_core.lights.unchanged_lamps import unchanged_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.lights.unchanged_lamps import unchanged_lamps
+from gi_core.lights.emission import unchanged_lamps
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 from gi_core.photons.trace import Fates, add_fates, add_fates_behind, add_to, no_flux, trace_background

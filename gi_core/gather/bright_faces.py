@@ -17,7 +17,7 @@ from gi_core.base.jit import allocating, kernel
 from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.lights.light_sampling import AreaLights, largest_cosine
+from gi_core.lights.area import AreaLights, largest_cosine
 
 BRIGHT = 4.0  # times the mean light of faces that face a mobile
 LEAST = 0.2  # of their light, from bright ones

@@ -36,6 +36,7 @@ from gi_core.gloss.hemisphere import (
     direction_of,
     weight_of,
 )
+from gi_core.lights.light_points import MOST_DELTA
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import join_area, join_delta, picks, points_on_lamps, room_for_shadows
 from gi_core.model import Model
@@ -51,7 +52,6 @@ ROUNDS_AT_POSES = 8  # light on mobiles is not
 PART, GRAIN = 16, 4  # receivers per call, 4,096 rays; and per thread at least
 FIRST_SECONDS = 5e-4  # per receiver, before measurements
 LEAST, MOST = 8, 1 << 10  # receivers per step
-MOST_DELTA = 64  # delta lights that a receiver samples per round
 
 
 class GlossGather:

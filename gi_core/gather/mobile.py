@@ -5,7 +5,7 @@ lamps, and the irradiance of the static part in this frame. A bounce therefore e
 place. Where it hits a mobile, E is unknown: these few hits form a linear system, solved by Jacobi's method. Bright
 places of the static part get rays of their own (`bright_faces.py`).
 
-All receivers of a mobile choose among the same points on lamps (`light_sampling.aimed`, `lights/candidates.py`), so
+All receivers of a mobile choose among the same points on lamps (`area.aimed`, `lights/candidates.py`), so
 errors of neighbours are correlated and invisible on a smooth surface. Bounces come in a few kinds, fixed in the
 mobile's object space. Each receiver traces one kind, and bounced light is averaged over neighbours
 (`interleaved_mean.py`). So E = direct + mean of bounced: `direct` comes from shadow rays, `bounced` from hits on static
@@ -44,8 +44,9 @@ from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, ad
 from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
+from gi_core.lights.area import aimed, steady
 from gi_core.lights.candidates import PATHS_PER_SHADOW, Candidates, candidates, join_lamps, rays_to_candidates
-from gi_core.lights.light_sampling import Lights, aimed, steady
+from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import add_lit, picks
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT, Transforms

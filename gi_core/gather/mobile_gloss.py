@@ -19,8 +19,8 @@ from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
 from gi_core.gather.path_ends import reflected
 from gi_core.gloss.hemisphere import CELLS, GRAZING, SUMS, add_ray, axes_of, cell_of, weight_of
+from gi_core.lights.area import AreaLights
 from gi_core.lights.candidates import CANDIDATES, Candidates, thinned, unoccluded
-from gi_core.lights.light_sampling import AreaLights
 from gi_core.lights.next_event import Shadows
 
 ROOM = 64  # rays that are added at a time: columns of SUMS lines of scratch memory, one after the other

@@ -16,8 +16,9 @@ from gi_core.base.vec import dot, row
 from gi_core.base.vectors import dot as dots
 from gi_core.bsdf import surface
 from gi_core.gloss.lobe_rays import LobeViews
-from gi_core.lights.light_sampling import PHOTOMETRIC, DeltaLights, Lights, triangle_area
-from gi_core.lights.next_event import delta_light_at
+from gi_core.lights.area import triangle_area
+from gi_core.lights.kinds import PHOTOMETRIC, arrived
+from gi_core.lights.light_sampling import DeltaLights, Lights
 from gi_core.rays.accelerator import FAR, Accelerator, Transforms
 from gi_core.rays.all_objects import occluded_in_world
 
@@ -33,9 +34,10 @@ def without_surface(lights: Lights) -> DeltaLights:
     corners = area.corners[rows]
     flux = math.pi * np.array([triangle_area(c) for c in corners])[:, None] * area.radiance[rows]
     middle, table = corners.reshape(-1, 3, 3).mean(axis=1), area.table[rows, None] + len(delta.tables)
+    of_panels = middle, area.normal[rows], area.c0[rows], np.zeros((len(rows), 2)), table
     return DeltaLights(
         np.append(delta.kind, np.full(len(rows), PHOTOMETRIC)),
-        np.concatenate([delta.parameters, np.concatenate([middle, area.normal[rows], area.c0[rows], table], axis=1)]),
+        np.concatenate([delta.parameters, np.concatenate(of_panels, axis=1)]),
         np.concatenate([delta.value, flux]),
         np.append(delta.lamp, area.lamp[rows]),
         np.append(delta.tables, area.tables),
@@ -82,8 +84,8 @@ def _aim(points, lights, far, direction, strength, distance):
         for e in range(len(lights.kind)):
             # Once for the direction, once for a plane that faces it.
             kind, parameters = lights.kind[e], lights.parameters[e]
-            way = delta_light_at(kind, parameters, lights.tables, p, (0.0, 0.0, 0.0), far)[1:4]
-            strength[k, e], x, y, z, distance[k, e] = delta_light_at(kind, parameters, lights.tables, p, way, far)
+            way = arrived(kind, parameters, lights.tables, p, (0.0, 0.0, 0.0), far)[1:4]
+            strength[k, e], x, y, z, distance[k, e] = arrived(kind, parameters, lights.tables, p, way, far)
             direction[k, e, 0], direction[k, e, 1], direction[k, e, 2] = x, y, z
 
 

@@ -18,8 +18,7 @@ from gi_core.base.vectors import length
 from gi_core.bsdf import ggx, surface
 from gi_core.bsdf.surface import Bsdfs, Glossy, Tabulated
 from gi_core.bsdf.table import Tables
-from gi_core.lights.light_sampling import AreaLights
-from gi_core.lights.next_event import point_on_lamp
+from gi_core.lights.area import AreaLights, point_on_lamp
 
 
 def gloss_alone(lobe: np.ndarray, tables: Tables) -> Bsdfs:

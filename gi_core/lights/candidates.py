@@ -17,14 +17,14 @@ from gi_core.base import owen_sobol, random_numbers
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
-from gi_core.lights.light_sampling import AreaLights, Lights
+from gi_core.lights.area import AreaLights, point_on_lamp
+from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import (
     LIGHT_U,
     LIGHT_V,
     Shadows,
     aim_at_lamp,
     join_delta,
-    point_on_lamp,
     room_for_shadows,
 )
 from gi_core.lights.photometric import density

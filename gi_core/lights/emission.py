@@ -7,35 +7,29 @@ the Sobol sequence picks the light, so photon i depends on (seed, i) alone.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import UNITS
 from gi_core.base.jit import kernel
-from gi_core.base.vec import cross, weighted
+from gi_core.base.vectors import unit
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.lights import photometric
+from gi_core.lights.kinds import AREA, KIND_OF, KINDS, PHOTOMETRIC, SKY, WIDTH, Surroundings, emitted
+from gi_core.lights.kinds import parameters as parameters_of
 from gi_core.lights.lamps import Lamps, lamps_of, sky_name
-from gi_core.lights.photometric import axes, tables_of
-from gi_core.scene.types import DirectionalLight, PhotometricLight, PointLight, Scene, SkyLight, SpotLight
+from gi_core.lights.photometric import TABLE, tables_of
+from gi_core.scene.types import Scene
 
-AREA, POINT, SPOT, DIRECTIONAL, SKY, PHOTOMETRIC = range(6)
 NO_FACE = -1  # start of a path in free space
 
 
 class Emitters(NamedTuple):
-    """Emitters: one per emissive face, one per other light.
+    """Emitters: one per emissive face, one per other light."""
 
-    `parameters` by kind: AREA three corners (9) and unit normal (3); POINT position (3); SPOT
-    position (3), axis (3), cos inner, cos outer; DIRECTIONAL direction (3), disc centre (3), disc
-    radius; SKY up (3), centre (3), radius; PHOTOMETRIC position (3), axis (3), C0 (3), half the size along C0 and C90,
-    start in `tables`.
-    """
-
-    kind: np.ndarray  # (E,) int64
-    parameters: np.ndarray  # (E, 12) float64
+    kind: np.ndarray  # (E,) int64, into KINDS
+    parameters: np.ndarray  # (E, 12) float64, see `kinds.py`; of faces see `area.emit`
     face: np.ndarray  # (E,) int64, global face of an area emitter, else NO_FACE
     flux: np.ndarray  # (E, 3) float64 [W]
     cdf: np.ndarray  # (E,) float64, running share of the photons, ends at 1
@@ -93,7 +87,7 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
     def add(kind, values, emitted, name, face=NO_FACE):
         kinds.append(kind)
         names.append(name)
-        parameters.append(np.concatenate([values, np.zeros(12 - len(values))]))
+        parameters.append(values)
         faces.append(face)
         flux.append(emitted)
 
@@ -102,32 +96,15 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
         if surfaces.areas[f] > 0:
             corners = surfaces.vertices[0][surfaces.faces[0][f]].reshape(9)
             # A diffuse emitter sends pi Le per area: Le times the cosine, integrated over the hemisphere.
-            emitted = math.pi * surfaces.areas[f] * surfaces.emission[f]
+            sent = math.pi * surfaces.areas[f] * surfaces.emission[f]
             material = scene.materials[scene.static.face_material[f]].name
-            add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, material, f)
+            add(AREA, np.concatenate([corners, surfaces.normals[f]]), sent, material, f)
+    around = Surroundings(np.asarray(centre, np.float64), radius, unit(scene.up))
     tables, starts = tables_of(scene.lights)
     for light, table in zip(scene.lights, starts, strict=True):
-        match light:
-            case PointLight():
-                add(POINT, np.array(light.position, float), np.array(light.flux, float), light.name)
-            case SpotLight():
-                ci, co = (math.cos(math.radians(a)) for a in (light.inner_degrees, light.outer_degrees))
-                values = np.concatenate([light.position, unit(light.direction), [ci, co]])
-                add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co), light.name)
-            case PhotometricLight():
-                axis, c0 = axes(light)
-                values = np.concatenate([light.position, axis, c0, np.array(light.size) / 2, [table]])
-                add(PHOTOMETRIC, values, np.array(light.flux, float), light.name)
-            case DirectionalLight():
-                d = unit(light.direction)
-                values = np.concatenate([d, centre - d * radius, [radius]])
-                add(DIRECTIONAL, values, np.array(light.irradiance, float) * math.pi * radius * radius, light.name)
-            case SkyLight():
-                values = np.concatenate([unit(scene.up), centre, [radius]])
-                emitted = np.array(light.radiance, float) * 2 * math.pi * math.pi * radius * radius
-                add(SKY, values, emitted, sky_name(scene))
-            case _:
-                assert_never(light)
+        kind = KIND_OF[type(light)]
+        name = sky_name(scene) if kind == SKY else light.name
+        add(kind, parameters_of(light, around, table), KINDS[kind].flux(light, around), name)
     return _distribution(kinds, parameters, faces, flux, names, tables)
 
 
@@ -146,7 +123,7 @@ def _distribution(kinds, parameters, faces, flux, names, tables) -> Emitters:
     units = np.rint(flux / largest[:, None] * UNITS).astype(np.int64)
     return Emitters(
         kind=np.array(kinds, np.int64)[lit],
-        parameters=np.array(parameters, np.float64).reshape(-1, 12)[lit],
+        parameters=np.array(parameters, np.float64).reshape(-1, WIDTH)[lit],
         face=np.array(faces, np.int64)[lit],
         flux=flux,
         cdf=cdf,
@@ -159,16 +136,6 @@ def _distribution(kinds, parameters, faces, flux, names, tables) -> Emitters:
     )
 
 
-def unit(v) -> np.ndarray:
-    v = np.asarray(v, np.float64)
-    return v / np.sqrt((v * v).sum())
-
-
-def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
-    """Return the integral of a spot's falloff over directions [sr]: 2 pi (1 - ci + (ci - co) / 3)."""
-    return 2 * math.pi * ((1 - cos_inner) + (cos_inner - cos_outer) / 3)
-
-
 @kernel
 def _emit(seed, i, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp, k):
     """Write photon i into row k."""
@@ -178,51 +145,9 @@ def _emit(seed, i, kind, parameters, face, cdf, units, lamps, tables, origin, di
     before = cdf[e - 1] if e > 0 else 0.0
     # The rest of the number, scaled to [0, 1), is uniform again.
     u = min((u - before) / (cdf[e] - before), 1.0)
-    p = parameters[e]
-    ox, oy, oz = p[0], p[1], p[2]
-    dx, dy, dz = 0.0, 0.0, 0.0
-    if kind[e] == AREA:
-        b, c = random_numbers.triangle(u, v)
-        a = 1.0 - b - c
-        ox = a * p[0] + b * p[3] + c * p[6]
-        oy = a * p[1] + b * p[4] + c * p[7]
-        oz = a * p[2] + b * p[5] + c * p[8]
-        x, y, z = random_numbers.cosine_hemisphere(s, t)
-        dx, dy, dz = random_numbers.from_frame(x, y, z, p[9], p[10], p[11])
-    elif kind[e] == POINT:
-        x, y, z = random_numbers.cone(s, t, -1.0)
-        dx, dy, dz = x, y, z
-    elif kind[e] == SPOT:
-        # The flux inside `inner` is 1 - ci, in the ramp (ci - co) / 3; there cos has density ~ ramp^2.
-        inner, ramp = 1.0 - p[6], (p[6] - p[7]) / 3.0
-        outwards = s * (inner + ramp)  # flux nearer the axis
-        z = 1.0 - outwards
-        if outwards > inner:
-            z = p[7] + (p[6] - p[7]) * max(0.0, 1.0 - (outwards - inner) / ramp) ** (1.0 / 3.0)
-        r = math.sqrt(max(0.0, 1.0 - z * z))
-        dx, dy, dz = random_numbers.from_frame(
-            r * math.cos(2.0 * math.pi * t), r * math.sin(2.0 * math.pi * t), z, p[3], p[4], p[5]
-        )
-    elif kind[e] == DIRECTIONAL:
-        x, y = random_numbers.disc(u, v)
-        dx, dy, dz = p[0], p[1], p[2]
-        ax, ay, az = random_numbers.from_frame(x * p[6], y * p[6], 0.0, dx, dy, dz)
-        ox, oy, oz = p[3] + ax, p[4] + ay, p[5] + az
-    elif kind[e] == PHOTOMETRIC:
-        gamma, plane = photometric.drawn(tables, int(p[11]), s, t)
-        c90 = cross(p[6:9], p[3:6])
-        r = math.sin(gamma)
-        dx, dy, dz = weighted((r * math.cos(plane), r * math.sin(plane), math.cos(gamma)), p[6:9], c90, p[3:6])
-        ax, ay, az = weighted(((2.0 * u - 1.0) * p[9], (2.0 * v - 1.0) * p[10], 0.0), p[6:9], c90, p[3:6])
-        ox, oy, oz = p[0] + ax, p[1] + ay, p[2] + az
-    else:
-        x, y, z = random_numbers.cone(s, t, 0.0)
-        dx, dy, dz = random_numbers.from_frame(-x, -y, -z, p[0], p[1], p[2])
-        x, y = random_numbers.disc(u, v)
-        ax, ay, az = random_numbers.from_frame(x * p[6], y * p[6], 0.0, dx, dy, dz)
-        ox, oy, oz = p[3] - dx * p[6] + ax, p[4] - dy * p[6] + ay, p[5] - dz * p[6] + az
-    origin[k, 0], origin[k, 1], origin[k, 2] = ox, oy, oz
-    direction[k, 0], direction[k, 1], direction[k, 2] = dx, dy, dz
+    start_point, way = emitted(kind[e], parameters[e], tables, u, v, s, t)
+    origin[k, 0], origin[k, 1], origin[k, 2] = start_point
+    direction[k, 0], direction[k, 1], direction[k, 2] = way
     for c in range(3):
         flux[k, c] = units[e, c]
     start[k] = face[e] * 2 if face[e] >= 0 else NO_FACE
@@ -255,3 +180,39 @@ def emit(emitters: Emitters, seed: int, first: int, count: int):
         emitted = origin, direction, flux, start, lamp
         _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, e.tables, *emitted)
     return origin, direction, flux, start, lamp
+
+
+def unchanged_lamps(before: Emitters, now: Emitters) -> np.ndarray:
+    """Return the number before of each lamp now (G,) int64, -1: it is new or emits otherwise.
+
+    A lamp is unchanged if its name, its emitters in order, and their fluxes are the same; its share of the photons may
+    differ.
+    """
+    numbers = {name: g for g, name in enumerate(before.lamps.names)}
+    pairs = [numbers.get(name, -1) for name in now.lamps.names]
+    alike = [g if g >= 0 and _alike(before, g, now, k) else -1 for k, g in enumerate(pairs)]
+    return np.array(alike, np.int64)
+
+
+def _alike(before: Emitters, g: int, now: Emitters, k: int) -> bool:
+    a, b = np.flatnonzero(before.lamp == g), np.flatnonzero(now.lamp == k)
+    if len(a) != len(b):
+        return False
+    known, here = before.parameters[a].copy(), now.parameters[b].copy()
+    luminaires = before.kind[a] == PHOTOMETRIC
+    starts = known[luminaires, TABLE].astype(int), here[luminaires, TABLE].astype(int)
+    known[luminaires, TABLE] = here[luminaires, TABLE] = 0
+    return (
+        np.array_equal(before.kind[a], now.kind[b])
+        and np.array_equal(known, here)
+        and np.array_equal(before.flux[a], now.flux[b])
+        and all(
+            np.array_equal(_table(before.tables, i), _table(now.tables, j)) for i, j in {*zip(*starts, strict=True)}
+        )
+    )
+
+
+def _table(tables: np.ndarray, start: int) -> np.ndarray:
+    """Return one table of luminaires, see `photometric.py`."""
+    rows, planes = tables[start : start + 2].astype(int)
+    return tables[start : start + 2 + rows + planes + 2 * rows * planes + rows]

@@ -10,8 +10,10 @@ import numpy as np
 from gi_core.base import owen_sobol, random_numbers
 from gi_core.base.jit import inlined
 from gi_core.base.vec import difference, dot, row
-from gi_core.lights.light_sampling import DIRECTIONAL, AreaLights, DeltaLights, Lights
-from gi_core.lights.next_event import LIGHT_V, delta_light_at, points_on_lamps
+from gi_core.lights.area import AreaLights
+from gi_core.lights.kinds import arrived
+from gi_core.lights.light_sampling import Lights
+from gi_core.lights.next_event import LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
 
 STREAM = 0x5D17  # separates these random numbers from others of the same seed
@@ -43,7 +45,8 @@ def light_points(lights: Lights, seed: int) -> LightPoints | None:
         return None
     seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
     area, delta, sky = lights.area, lights.delta, lights.sky
-    parts = [(DELTA, np.arange(len(delta.kind)), *_delta_places(delta), delta.value, delta.lamp)]
+    reach = np.where(delta.distant, np.inf, np.abs(delta.place).max(axis=1, initial=0.0))
+    parts = [(DELTA, np.arange(len(delta.kind)), delta.place, reach, delta.value, delta.lamp)]
     share = np.diff(area.cdf, prepend=0.0)
     lamps = np.unique(area.lamp[share > 0])
     count = max(POINTS // max(len(lamps), 1), LEAST_POINTS)
@@ -59,12 +62,6 @@ def light_points(lights: Lights, seed: int) -> LightPoints | None:
     kinds = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
     index, place, reach, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
     return LightPoints(kinds, index, place, reach, value, lamp)
-
-
-def _delta_places(delta: DeltaLights) -> tuple[np.ndarray, np.ndarray]:
-    distant = delta.kind == DIRECTIONAL
-    place = np.where(distant[:, None], -delta.parameters[:, 3:6], delta.parameters[:, :3])
-    return place, np.where(distant, np.inf, np.abs(delta.parameters[:, :3]).max(axis=1, initial=0.0))
 
 
 def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: np.ndarray):
@@ -102,7 +99,7 @@ def strength_of(points, area, delta, j, far, position, normal, to_point):
     """Return the irradiance of point j over its value, without shadow; to_point: of way_to()."""
     kind, e, way, d = points.kind[j], points.index[j], (to_point[0], to_point[1], to_point[2]), to_point[3]
     if kind == DELTA:
-        return delta_light_at(delta.kind[e], delta.parameters[e], delta.tables, position, normal, far)[0]
+        return arrived(delta.kind[e], delta.parameters[e], delta.tables, position, normal, far)[0]
     cosine = dot(way, normal)
     if kind == SKY or cosine <= 0.0 or d <= 0.0:
         return max(cosine, 0.0)

@@ -1,68 +1,44 @@
-"""Lights for path tracing, and light importance sampling.
+"""Lights for path tracing: area lights, delta lights, the sky.
 
-Area lights are emissive faces, sampled with a known density per area. Delta lights have no size, so no ray hits them.
-Both are built from the scene and not from `emission.py`: the reference shares neither sampling nor flux with photons.
-
-Faces are chosen by flux, or by importance for a mobile (`aimed`): radiance, area, distance, and the largest cosine at
-the lamp to any point of the mobile's bounding sphere. All receivers of a mobile share the choice, so their errors are
-correlated and invisible on a smooth surface. The choice changes only when the mobile leaves a grid cell as wide as its
-radius: choices that follow every step make the light flicker.
+Delta lights have no size, so no ray hits them. All are built from the scene and not from `emission.py`: the reference
+shares neither sampling nor flux with photons.
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.hilbert_curve import hilbert_order
-from gi_core.base.jit import kernel
-from gi_core.base.vec import cross, difference, dot, row
+from gi_core.base.vectors import unit
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights import kinds
+from gi_core.lights.area import AreaLights, area_at_levels, area_lights
+from gi_core.lights.kinds import IS_DISTANT, KIND_OF, KINDS
 from gi_core.lights.lamps import Lamps, sky_name
-from gi_core.lights.photometric import axes, density, tables_of
-from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PointLight, Scene, SkyLight, SpotLight
-
-POINT, SPOT, DIRECTIONAL, PHOTOMETRIC = range(4)
-BY_FLUX = 0.02  # share of the probability in proportion to flux alone, so that every lamp keeps some
-
-
-class AreaLights(NamedTuple):
-    """Emissive faces of the static part, and halves of the rectangles of luminaires. Mobiles emit nothing.
-
-    A luminaire's radiance is that of a diffuse face of its flux; `table` gives its share by direction.
-    """
-
-    corners: np.ndarray  # (A, 9) float64 [m]
-    normal: np.ndarray  # (A, 3) float64 unit
-    radiance: np.ndarray  # (A, 3) float64 Le [W/m2/sr]
-    cdf: np.ndarray  # (A,) float64, cumulative probability of each face, ends at 1
-    density: np.ndarray  # (A,) float64 [1/m2], probability density of a point on the face
-    of_face: np.ndarray  # (F,) int32, index of a global face among the area lights, -1: none
-    lamp: np.ndarray  # (A,) int64
-    table: np.ndarray  # (A,) int64, start in `tables`, -1: a diffuse face
-    c0: np.ndarray  # (A, 3) float64 unit, of luminaires; their axis is the normal
-    tables: np.ndarray  # (n,) float64, see `photometric.py`
+from gi_core.lights.photometric import tables_of
+from gi_core.lights.sky import Sky, sky_of
+from gi_core.scene.types import Scene
 
 
 class DeltaLights(NamedTuple):
     """Delta lights: point, spot, directional, and luminaires without a size."""
 
     kind: np.ndarray  # (D,) int64
-    parameters: np.ndarray  # (D, 10) float64: position (3), unit emission direction (3), then cos inner and cos outer
-    # of a spot, or C0 (3) and the start in `tables` of a luminaire
+    parameters: np.ndarray  # (D, 12) float64, see `kinds.py`
     value: np.ndarray  # (D, 3) float64: intensity [W/sr], irradiance on a facing plane [W/m2], flux of a luminaire [W]
     lamp: np.ndarray  # (D,) int64
     tables: np.ndarray  # (n,) float64, see `photometric.py`
 
+    @property
+    def distant(self) -> np.ndarray:
+        """Whether the light comes from a direction, (D,) bool."""
+        return IS_DISTANT[self.kind]
 
-class Sky(NamedTuple):
-    """The sum of all sky lights."""
-
-    up: np.ndarray  # (3,) float64 unit
-    radiance: np.ndarray  # (3,) float64 [W/m2/sr]
-    lamp: int
+    @property
+    def place(self) -> np.ndarray:
+        """Position [m], or the unit direction towards a distant light, (D, 3) float64."""
+        return np.where(self.distant[:, None], -self.parameters[:, 3:6], self.parameters[:, :3])
 
 
 class Lights(NamedTuple):
@@ -92,231 +68,25 @@ def at_levels(lights: Lights, levels: np.ndarray) -> Lights:
     """Return all lights as one lamp, at levels (G, 3) of the lamps; faces are chosen in proportion to flux again."""
     if lights.lamps == 1 and (levels == 1).all():
         return lights
-    area, delta, sky = lights.area, lights.delta, lights.sky
-    radiance = area.radiance * levels[area.lamp]
-    largest = radiance.max(axis=1, initial=0)
-    size = np.divide(np.diff(area.cdf, prepend=0.0), area.density, out=np.zeros(len(largest)), where=area.density > 0)
-    lit = np.flatnonzero((largest > 0) & (size > 0))  # shares below 1e-16 are lost in the cdf
-    size = size[lit]
-    power = size * largest[lit]
-    share = power / power.sum() if len(lit) else power
-    cdf = np.cumsum(share)
-    cdf[-1:] = 1.0
-    place = np.full(len(area.cdf) + 1, -1, np.int32)  # of_face is -1 where a face emits nothing
-    place[lit] = np.arange(len(lit))
-    one = AreaLights(
-        area.corners[lit], area.normal[lit], radiance[lit], cdf, share / size, place[area.of_face],
-        np.zeros(len(lit), np.int64), area.table[lit], area.c0[lit], area.tables,
-    )  # fmt: skip
+    area, delta, sky = area_at_levels(lights.area, levels), lights.delta, lights.sky
     delta = delta._replace(value=delta.value * levels[delta.lamp], lamp=np.zeros_like(delta.lamp))
-    return Lights(one, delta, sky._replace(radiance=sky.radiance * levels[sky.lamp], lamp=0), 1)
-
-
-class Panels(NamedTuple):
-    """Halves of the rectangles of luminaires that have a size."""
-
-    corners: np.ndarray  # (n, 3, 3) float64 [m]
-    normal: np.ndarray  # (n, 3) float64 unit
-    radiance: np.ndarray  # (n, 3) float64 [W/m2/sr], of a diffuse face of the same flux
-    area: np.ndarray  # (n,) float64 [m2]
-    light: np.ndarray  # (n,) int64, into the scene's lights
-    c0: np.ndarray  # (n, 3) float64 unit
-
-
-def _has_area(light: Light) -> bool:
-    return isinstance(light, PhotometricLight) and min(light.size) > 0
-
-
-def _panels(scene: Scene | None) -> Panels:
-    rows = []
-    for i, light in enumerate(scene.lights if scene is not None else ()):
-        if not _has_area(light) or max(light.flux) <= 0:
-            continue
-        axis, c0 = axes(light)
-        a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(c0, axis)
-        p, area = np.array(light.position, float), 0.5 * light.size[0] * light.size[1]
-        radiance = np.array(light.flux, float) / (math.pi * 2 * area)
-        for triangle in ((p - a - b, p + a - b, p + a + b), (p - a - b, p + a + b, p - a + b)):
-            rows.append((np.stack(triangle), axis, radiance, area, i, c0))
-    shapes = (3, 3), (3,), (3,), (), (), (3,)
-    columns = zip(*rows, strict=True) if rows else ((),) * 6
-    kinds = (float, float, float, float, np.int64, float)
-    return Panels(*(np.array(c, k).reshape(-1, *s) for c, k, s in zip(columns, kinds, shapes, strict=True)))
-
-
-def area_lights(
-    surfaces: Surfaces, lamp: np.ndarray | None = None, scene: Scene | None = None, of_light: np.ndarray | None = None
-) -> AreaLights:
-    """Collect emissive faces in Hilbert-curve order, chosen in proportion to flux; lamp: of each static face.
-
-    scene: whose luminaires with a size follow; of_light: lamp of each of its lights. Samples are stratified over the
-    cumulative probability. In this order each stratum is a compact patch of a lamp.
-    """
-    static, more = surfaces.face_range(0), _panels(scene)
-    tables, starts = tables_of(scene.lights if scene is not None else ())
-    emitted = np.zeros_like(surfaces.emission)
-    emitted[static] = surfaces.emission[static]
-    power = surfaces.areas * emitted.max(axis=1, initial=0)
-    faces = np.flatnonzero(power > 0)
-    corners = surfaces.vertices[0][surfaces.faces[0][faces]]
-    order = hilbert_order(corners.mean(axis=1))
-    faces, corners = faces[order], corners[order].reshape(-1, 9)
-    of_face = np.full(len(power), -1, np.int32)
-    of_face[faces] = np.arange(len(faces))
-    lamp = np.zeros(len(faces), np.int64) if lamp is None else lamp[faces]
-    added = more.area * more.radiance.max(axis=1, initial=0)
-    total = power.sum() + added.sum()
-    share = np.concatenate([power[faces], added]) / total if len(faces) + len(added) else np.zeros(0)
-    cdf = np.cumsum(share)
-    cdf[-1:] = 1.0
-    density = share / np.concatenate([surfaces.areas[faces], more.area])
-    lamps = np.zeros(len(more.light), np.int64) if of_light is None else of_light[more.light]
-    return AreaLights(
-        np.concatenate([corners, more.corners.reshape(-1, 9)]),
-        np.concatenate([surfaces.normals[faces], more.normal]),
-        np.concatenate([emitted[faces], more.radiance]),
-        cdf,
-        density,
-        of_face,
-        np.concatenate([lamp, lamps]),
-        np.concatenate([np.full(len(faces), -1, np.int64), np.array(starts, np.int64)[more.light]]),
-        np.concatenate([np.zeros((len(faces), 3)), more.c0]),
-        tables,
-    )
+    return Lights(area, delta, sky._replace(radiance=sky.radiance * levels[sky.lamp], lamp=0), 1)
 
 
 def delta_lights(scene: Scene, lamp: np.ndarray | None = None) -> DeltaLights:
     """Collect the delta lights of a scene; lamp: of each of its lights."""
-    kind, parameters, value, lamps = [], [], [], []
+    rows = []
     tables, starts = tables_of(scene.lights)
     for i, light in enumerate(scene.lights):
-        row = np.zeros(10)
-        match light:
-            case PointLight():
-                kind.append(POINT)
-                row[:3] = light.position
-                value.append(np.array(light.flux, float) / (4 * math.pi))
-            case SpotLight():
-                kind.append(SPOT)
-                row[:3], row[3:6] = light.position, _unit(light.direction)
-                row[6:8] = math.cos(math.radians(light.inner_degrees)), math.cos(math.radians(light.outer_degrees))
-                value.append(np.array(light.intensity, float))
-            case PhotometricLight():
-                if _has_area(light):
-                    continue  # `area_lights`
-                kind.append(PHOTOMETRIC)
-                row[:3], (row[3:6], row[6:9]), row[9] = light.position, axes(light), starts[i]
-                value.append(np.array(light.flux, float))
-            case DirectionalLight():
-                kind.append(DIRECTIONAL)
-                row[3:6] = _unit(light.direction)
-                value.append(np.array(light.irradiance, float))
-            case SkyLight():  # `sky_of`
-                continue
-            case _:
-                assert_never(light)
-        parameters.append(row)
-        lamps.append(0 if lamp is None else lamp[i])
+        number = KIND_OF[type(light)]
+        if (value := KINDS[number].value(light)) is not None:
+            at = kinds.parameters(light, kinds.Surroundings(np.zeros(3), 0.0, unit(scene.up)), starts[i])
+            rows.append((number, at, value, 0 if lamp is None else lamp[i]))
+    kind, parameters, values, lamps = zip(*rows, strict=True) if rows else ((),) * 4
     return DeltaLights(
         np.array(kind, np.int64),
-        np.array(parameters, np.float64).reshape(-1, 10),
-        np.array(value, np.float64).reshape(-1, 3),
+        np.array(parameters, np.float64).reshape(-1, kinds.WIDTH),
+        np.array(values, np.float64).reshape(-1, 3),
         np.array(lamps, np.int64),
         tables,
     )
-
-
-def sky_of(scene: Scene, lamp: int = 0) -> Sky:
-    """Return the sum of the sky lights of a scene; radiance 0 without any."""
-    radiance = sum((np.array(s.radiance, float) for s in scene.lights if isinstance(s, SkyLight)), np.zeros(3))
-    return Sky(_unit(scene.up), radiance, lamp)
-
-
-def _unit(v) -> np.ndarray:
-    v = np.asarray(v, np.float64)
-    return v / np.sqrt((v * v).sum())
-
-
-def steady(centre: np.ndarray, radius: float) -> np.ndarray:
-    """Return the centre of the grid cell, one radius wide, that contains a position (3,) [m].
-
-    Flicker is the difference of a frame from the mean of its two neighbours. With 8 paths per receiver it is 2.7 % in
-    gallery (6.3 % without the grid, 2.3 % with very many paths), and 4.4 % in living_room (5.6 %, 2.6 %).
-    """
-    return radius * np.round(centre / radius)
-
-
-def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
-    """Return area lights with probabilities by importance for a sphere: centre (3,) [m] in the world, radius [m]."""
-    share, area = np.empty_like(lights.cdf), np.empty_like(lights.cdf)
-    place = np.asarray(centre, np.float64)
-    _aim(lights, place, radius, share, area)
-    cdf = np.cumsum(share)
-    cdf[-1:] = 1.0
-    return lights._replace(cdf=cdf, density=share / area)
-
-
-@kernel
-def _aim(lights, centre, radius, share, area):
-    """Write the probability and the area [m2] of each face."""
-    flux = brought = 0.0
-    for e in range(len(area)):
-        p, n, radiance = lights.corners[e], row(lights.normal, e), row(lights.radiance, e)
-        area[e] = triangle_area(p)
-        power = area[e] * max(radiance)
-        middle = (p[0] + p[3] + p[6]) / 3.0, (p[1] + p[4] + p[7]) / 3.0, (p[2] + p[5] + p[8]) / 3.0
-        way = difference(centre, middle)
-        d2 = dot(way, way)
-        if lights.table[e] >= 0:
-            cosine = math.pi * _best_density(lights, e, way, radius)
-        else:
-            cosine = largest_cosine(dot(way, n), d2, radius)
-        share[e] = power * cosine / (d2 + radius * radius + area[e])
-        flux += power
-        brought += share[e]
-    for e in range(len(area)):
-        power = area[e] * max(row(lights.radiance, e))
-        if brought > 0.0:
-            share[e] = (1.0 - BY_FLUX) * share[e] / brought + BY_FLUX * power / flux
-        else:
-            share[e] = power / flux
-
-
-@kernel
-def _best_density(lights, e, way, radius):
-    """Return the largest density [1/sr] of a luminaire towards the centre of a sphere, at `way`, and points around."""
-    best = 0.0
-    for i in range(-1, 2):
-        for j in range(-1, 2):
-            for k in range(-1, 2):
-                away = radius / math.sqrt(max(i * i + j * j + k * k, 1))
-                x, y, z = way[0] + away * i, way[1] + away * j, way[2] + away * k
-                d = math.sqrt(x * x + y * y + z * z)
-                if d > 0.0:
-                    at = lights.table[e], lights.normal[e], lights.c0[e]
-                    best = max(best, density(lights.tables, at[0], at[1], at[2], x / d, y / d, z / d))
-    return best
-
-
-@kernel
-def triangle_area(p):
-    """Return the area of a triangle from its corners (9,)."""
-    across = cross(difference(p[3:6], p[0:3]), difference(p[6:9], p[0:3]))
-    return 0.5 * math.sqrt(dot(across, across))
-
-
-@kernel
-def largest_cosine(height, d2, radius):
-    """Return the largest cosine at a lamp to any point of a sphere; 0 if the sphere lies behind the lamp.
-
-    height [m]: of the centre over the lamp's plane; d2 [m2]: squared distance of the centre.
-    """
-    if d2 <= radius * radius:
-        return 1.0
-    d = math.sqrt(d2)
-    cosine, sine_out = height / d, radius / d
-    cosine_out = math.sqrt(1.0 - sine_out * sine_out)
-    if cosine >= cosine_out:
-        return 1.0
-    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
-    return max(0.0, cosine * cosine_out + sine * sine_out)

@@ -11,11 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base import random_numbers, strata
+from gi_core.base import strata
 from gi_core.base.jit import allocating, inlined, kernel
-from gi_core.base.vec import difference, dot, largest, row, weighted
+from gi_core.base.vec import difference, dot, largest, row
 from gi_core.bsdf import lambertian, surface
-from gi_core.lights.light_sampling import DIRECTIONAL, PHOTOMETRIC, SPOT, AreaLights, DeltaLights, triangle_area
+from gi_core.lights.area import AreaLights, gap_before, point_on_lamp
+from gi_core.lights.kinds import SUN, arrived
+from gi_core.lights.light_sampling import DeltaLights
 from gi_core.lights.photometric import density
 from gi_core.rays.accelerator import GAP
 
@@ -145,7 +147,7 @@ def join_delta(bsdfs, pick, paths, ends, lights, far, first, out, together):
     for k in range(len(ends.row)):
         position, normal, total = ends.position[k], ends.normal[k], 0.0
         for e in range(lamps):
-            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = delta_light_at(
+            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = arrived(
                 lights.kind[e], lights.parameters[e], lights.tables, position, normal, far
             )
             weight[e] = reached[e, 0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
@@ -184,7 +186,7 @@ def _reach(ends, k, throughput, lights, e, reached, strength, out, count):
     out.value[count, 0] = throughput[0] * value[0] * strength
     out.value[count, 1] = throughput[1] * value[1] * strength
     out.value[count, 2] = throughput[2] * value[2] * strength
-    if lights.kind[e] == DIRECTIONAL:
+    if lights.kind[e] == SUN:
         aim_ray(ends.row[k], lifted(ends, k), reached[1:4], reached[4], out, count)
     else:
         aim_at(ends, k, lights.parameters[e], GAP * largest(lights.parameters[e]), out, count)
@@ -197,18 +199,6 @@ def add_lit(row, value, lamp, blocked, total):
         if not blocked[j]:
             for c in range(3):
                 total[row[j], 3 * lamp[j] + c] += value[j, c]
-
-
-@inlined
-def point_on_lamp(lights, u, v):
-    """Return the emissive face that u in [0, 1) picks, the density [1/m2], and a point on the face [m]."""
-    e = random_numbers.picked(lights.cdf, u)
-    before = lights.cdf[e - 1] if e > 0 else 0.0
-    share = lights.cdf[e] - before
-    # The rest of the number, scaled to [0, 1), is uniform again.
-    b, c = random_numbers.triangle(min(max((u - before) / share, 0.0), 1.0), v)
-    p = lights.corners[e]
-    return e, share / triangle_area(p), weighted((1.0 - b - c, b, c), p[0:3], p[3:6], p[6:9])
 
 
 @inlined
@@ -264,13 +254,6 @@ def lifted(ends, k):
 
 
 @kernel
-def gap_before(corners, start):
-    """Return how far [m] before a triangle of corners (9,) a shadow ray from `start` ends."""
-    reach = max(largest(corners[0:3]), max(largest(corners[3:6]), largest(corners[6:9])))
-    return GAP * max(reach, largest(start))
-
-
-@kernel
 def aim_at_lamp(ends, k, corners, point, out, j):
     """Write ray j, from path end k to a point on a triangle of corners (9,)."""
     aim_at(ends, k, point, gap_before(corners, ends.position[k]), out, j)
@@ -294,26 +277,3 @@ def aim_ray(row, position, direction, limit, out, j):
     for c in range(3):
         out.origin[j, c] = position[c]
     out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = direction[0], direction[1], direction[2]
-
-
-@kernel
-def delta_light_at(kind, p, tables, position, normal, far):
-    """Return E / value of one delta light at a point, the unit direction to it and its distance [m]."""
-    if kind == DIRECTIONAL:
-        dx, dy, dz, d = -p[3], -p[4], -p[5], far
-        return max(0.0, dot((dx, dy, dz), normal)), dx, dy, dz, d
-    dx, dy, dz = difference(p, position)
-    d2 = dot((dx, dy, dz), (dx, dy, dz))
-    if d2 <= 0.0:
-        return 0.0, 0.0, 0.0, 1.0, 0.0
-    d = math.sqrt(d2)
-    dx, dy, dz = dx / d, dy / d, dz / d
-    strength = max(0.0, dot((dx, dy, dz), normal)) / d2
-    if kind == SPOT:
-        cosine = -dot((dx, dy, dz), p[3:6])
-        ramp = (cosine - p[7]) / max(p[6] - p[7], 1e-12)
-        ramp = min(1.0, max(0.0, ramp))
-        strength *= ramp * ramp
-    elif kind == PHOTOMETRIC:
-        strength *= density(tables, int(p[9]), p[3:6], p[6:9], -dx, -dy, -dz)
-    return strength, dx, dy, dz, d

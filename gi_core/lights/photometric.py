@@ -1,4 +1,6 @@
-"""Luminous intensity of luminaires: tables over C-planes and gamma, bilinear in both angles (CIE 121, type C).
+"""Luminaires: intensity by tables over C-planes and gamma, bilinear in both angles (CIE 121, type C).
+
+They radiate from a point, or evenly from a rectangle, whose halves are area lights that nothing hits.
 
 Gamma is the angle from the luminaire's axis, C the angle about the axis, from C0 towards C90 = C0 x axis. Directions
 are drawn in proportion to the interpolated intensity itself: gamma by its marginal density, which is a linear function
@@ -13,14 +15,82 @@ over C up to each plane (T, P), and the share of the light below each gamma (T).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.vec import cross, dot
-from gi_core.scene.types import Light, PhotometricLight
+from gi_core.base.vec import cross, dot, weighted
+from gi_core.lights import point
+from gi_core.scene.types import Light, PhotometricLight, Scene
 
+RECORD = PhotometricLight
+TABLE = 11  # place of the start in `tables` among the parameters
 MOST_STEPS = 60  # of Newton's method with bisection; some 5 suffice
+
+
+def parameters(light: PhotometricLight, _around, table: int) -> list:
+    """Return position (3), axis (3), C0 (3), half the size along C0 and C90, start in `tables`."""
+    axis, c0 = axes(light)
+    return [light.position, axis, c0, np.array(light.size) / 2, [table]]
+
+
+def flux(light: PhotometricLight, _around) -> np.ndarray:
+    return np.array(light.flux, float)
+
+
+def value(light: PhotometricLight) -> np.ndarray | None:
+    """Return the flux (3,) [W]; None: it has a size."""
+    return None if has_size(light) else np.array(light.flux, float)
+
+
+def has_size(light: Light) -> bool:
+    return isinstance(light, PhotometricLight) and min(light.size) > 0
+
+
+@kernel
+def emit(p, tables, u, v, s, t):
+    gamma, plane = drawn(tables, int(p[TABLE]), s, t)
+    c90 = cross(p[6:9], p[3:6])
+    r = math.sin(gamma)
+    way = weighted((r * math.cos(plane), r * math.sin(plane), math.cos(gamma)), p[6:9], c90, p[3:6])
+    ax, ay, az = weighted(((2.0 * u - 1.0) * p[9], (2.0 * v - 1.0) * p[10], 0.0), p[6:9], c90, p[3:6])
+    return (p[0] + ax, p[1] + ay, p[2] + az), way
+
+
+@kernel
+def arrive(p, tables, position, normal, far):
+    strength, x, y, z, d = point.arrive(p, tables, position, normal, far)
+    return strength * density(tables, int(p[TABLE]), p[3:6], p[6:9], -x, -y, -z), x, y, z, d
+
+
+class Panels(NamedTuple):
+    """Halves of the rectangles of luminaires that have a size."""
+
+    corners: np.ndarray  # (n, 3, 3) float64 [m]
+    normal: np.ndarray  # (n, 3) float64 unit
+    radiance: np.ndarray  # (n, 3) float64 [W/m2/sr], of a diffuse face of the same flux
+    area: np.ndarray  # (n,) float64 [m2]
+    light: np.ndarray  # (n,) int64, into the scene's lights
+    c0: np.ndarray  # (n, 3) float64 unit
+
+
+def panels(scene: Scene | None) -> Panels:
+    """Return the halves of the rectangles of a scene's luminaires."""
+    rows = []
+    for i, light in enumerate(scene.lights if scene is not None else ()):
+        if not has_size(light) or max(light.flux) <= 0:
+            continue
+        axis, c0 = axes(light)
+        a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(c0, axis)
+        p, area = np.array(light.position, float), 0.5 * light.size[0] * light.size[1]
+        radiance = np.array(light.flux, float) / (math.pi * 2 * area)
+        for triangle in ((p - a - b, p + a - b, p + a + b), (p - a - b, p + a + b, p - a + b)):
+            rows.append((np.stack(triangle), axis, radiance, area, i, c0))
+    shapes = (3, 3), (3,), (3,), (), (), (3,)
+    columns = zip(*rows, strict=True) if rows else ((),) * 6
+    kinds = (float, float, float, float, np.int64, float)
+    return Panels(*(np.array(c, k).reshape(-1, *s) for c, k, s in zip(columns, kinds, shapes, strict=True)))
 
 
 def tables_of(lights: tuple[Light, ...]) -> tuple[np.ndarray, list[int]]:

@@ -8,10 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import llvmlite.ir as ir
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.rays.triangles import (
@@ -207,48 +204,27 @@ def _split(boxes, order, a, b, depth, leaf, bins):
     return i
 
 
-@intrinsic
-def _entries(typingctx, nodes, row, near, origin, inverse_, far, ray):
+@kernel
+def _entries(nodes, row, near, origin, inverse, far, ray):
     """Write the distances where a ray enters the four boxes of a node, and return the bits of those that it does.
 
-    near: first words of the near planes; origin, inverse_: three float32 each; far: float32; ray: of the ray,
-    4 float32 at STACK - 4.
+    near: first words of the near planes; origin, inverse: three float32 each; far: float32; ray: of the ray, 4 float32
+    at STACK - 4. Without a branch, so that LLVM vectorises it: by hand it is 1.12 to 1.18 times as fast.
     """
-    signature = types.int32(nodes, row, near, origin, inverse_, far, ray)
-
-    def generate(context, builder, sig, args):
-        word, four = ir.FloatType(), ir.VectorType(ir.FloatType(), 4)
-
-        def every(value):
-            vector = builder.insert_element(ir.Constant(four, ir.Undefined), value, ir.IntType(32)(0))
-            return builder.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4))
-
-        def number(value):
-            return every(ir.Constant(word, float(np.float32(value))))
-
-        def choose(relation, a, b):
-            return builder.select(builder.fcmp_ordered(relation, a, b), a, b)
-
-        data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        base = builder.mul(args[1], ir.IntType(64)(CHILD + 4))
-        enter, leave = number(0.0), every(args[5])
-        for axis in range(3):
-            first = builder.extract_value(args[2], axis)
-            o, i = (every(builder.extract_value(args[k], axis)) for k in (3, 4))
-            ends = []
-            for offset in (first, builder.sub(ir.IntType(64)(12 + 8 * axis), first)):
-                at = builder.bitcast(builder.gep(data, [builder.add(base, offset)]), four.as_pointer())
-                planes = builder.load(at, align=4)
-                ends.append(builder.fmul(builder.fsub(planes, o), i))
-            enter = choose(">", ends[0], enter)
-            leave = choose("<", builder.fmul(ends[1], number(WIDER)), leave)
-        out = context.make_array(sig.args[6])(context, builder, args[6]).data
-        out = builder.bitcast(builder.gep(out, [ir.IntType(64)(STACK - 4)]), four.as_pointer())
-        builder.store(enter, out, align=4)
-        hit = builder.fcmp_ordered("<=", enter, leave)
-        return builder.zext(builder.bitcast(hit, ir.IntType(4)), ir.IntType(32))
-
-    return signature, generate
+    hits, (x, y, z), (ox, oy, oz), (ix, iy, iz) = np.int32(0), near, origin, inverse
+    for k in range(np.uint64(4)):
+        ex, lx = (nodes[row, np.uint64(x) + k] - ox) * ix, (nodes[row, np.uint64(12 - x) + k] - ox) * ix * WIDER
+        ey, ly = (nodes[row, np.uint64(y) + k] - oy) * iy, (nodes[row, np.uint64(20 - y) + k] - oy) * iy * WIDER
+        ez, lz = (nodes[row, np.uint64(z) + k] - oz) * iz, (nodes[row, np.uint64(28 - z) + k] - oz) * iz * WIDER
+        enter = ex if ex > np.float32(0.0) else np.float32(0.0)
+        enter = ey if ey > enter else enter
+        enter = ez if ez > enter else enter
+        leave = lx if lx < far else far
+        leave = ly if ly < leave else leave
+        leave = lz if lz < leave else leave
+        ray[np.uint64(STACK - 4) + k] = enter
+        hits = np.int32(hits | (np.int32(enter <= leave) << np.int32(k)))
+    return hits
 
 
 @kernel

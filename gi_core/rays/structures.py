@@ -21,8 +21,7 @@ from numba import types
 from numba.extending import overload
 
 from gi_core.base.kernel_cache import problems
-from gi_core.rays import binary_tree, bsp, bvh, grid3d, none, octree
-from gi_core.rays.triangles import WORDS
+from gi_core.rays import binary_tree, bsp, bvh, grid3d, octree, triangles
 from gi_core.scene.rules import one_of
 
 try:
@@ -37,7 +36,7 @@ STRUCTURES: dict[str, Any] = ({"embree": embree} if embree else {}) | {
     "octree": octree,
     "binary_tree": binary_tree,
     "bsp": bsp,
-    "none": none,
+    "none": triangles,  # no structure
 }
 DEFAULT = next(iter(STRUCTURES))
 
@@ -49,9 +48,9 @@ def checked(name: str | None) -> str:
 
 def new_ray() -> np.ndarray:
     """Return the buffer (1024,) float32 of one ray at a time of one thread, 16-byte aligned."""
-    room = np.zeros(WORDS + 3, np.float32)
+    room = np.zeros(triangles.WORDS + 3, np.float32)
     first = -(room.ctypes.data // 4) % 4  # Embree needs 16-byte alignment
-    ray = room[first : first + WORDS]
+    ray = room[first : first + triangles.WORDS]
     if embree:
         ray.view(np.int32)[embree.MASK] = -1
     return ray

@@ -1,4 +1,4 @@
-"""The triangle test that all structures of our own share, so that their hits agree bit for bit.
+"""The triangle test that all structures of our own share, so that their hits agree bit for bit; and no structure.
 
 The edge functions are those of Woop, Benthin and Wald 2013 ("Watertight ray/triangle intersection"), computed in
 float64 from float32 corners: a ray between two triangles hits one of them. Edges belong to both triangles. The nearest
@@ -171,3 +171,24 @@ def _apart(ax, ay, az, bx, by, bz, cx, cy, cz, sx, sy, sz):
         or min(pz, qz) > rz
         or max(pz, qz) < -rz
     )
+
+
+# No structure: every ray is tested against every triangle. The other structures are compared with this one.
+
+LEAF = 1  # has no meaning here
+
+
+def build(meshes: Meshes, leaf: float = LEAF) -> Triangles:
+    """Return the triangles of all objects."""
+    return triangles_of(meshes)
+
+
+@kernel
+def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
+    """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
+    r, best, found, k = test_ray(s, o, ox, oy, oz, dx, dy, dz), np.float64(limit), -1, s.first[o]
+    while k < s.first[o + 1] and not (any_hit and found >= 0):
+        best, found = nearer(s.corners, k, k - s.first[o], r, best, found)
+        k += 1
+    ray.view(np.int32)[TESTS] += k - s.first[o]
+    return np.float32(best), np.int32(found)

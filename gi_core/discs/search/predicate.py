@@ -101,22 +101,20 @@ def _carry(R, p, segments, patch, concave, radius, out):
     """Write lines of segments: R, p the pose of the discs' object, patch (F,), concave (2 patches,)."""
     least = np.float32(EXTENSION * radius)
     for k in range(len(out.stop)):
-        start = row(segments.origin, k)
-        if segments.low[k] < 0.0:
-            end = row(segments.end, k)
-            half = np.float32(0.5) * line(start[0], start[1], start[2], end[0], end[1], end[2])[3]
-            out.low[k] = min(extended(np.float32(0.0), start, least), half)
-        else:
-            out.low[k] = extended(segments.low[k], start, least)
-        lands = segments.end_side[k] != NONE or segments.cut_side[k] != NONE
-        out.stop[k] = extended(segments.high[k], start, least) if lands else segments.high[k]
         _put(out.touches[k, 0], rotate_back(R, difference(segments.origin[k], p)))
         _put(out.touches[k, 1], rotate_back(R, difference(segments.end[k], p)))
         _put(out.touches[k, 2], rotate_back(R, difference(segments.hit[k], p)))
         a, b = out.touches[k, 0], out.touches[k, 1]
         _put(out.origin[k], a)
-        dx, dy, dz, _ = line(a[0], a[1], a[2], b[0], b[1], b[2])
+        dx, dy, dz, length = line(a[0], a[1], a[2], b[0], b[1], b[2])
         _put(out.direction[k], (dx, dy, dz))
+        start = row(segments.origin, k)
+        if segments.low[k] < 0.0:
+            out.low[k] = min(extended(np.float32(0.0), start, least), np.float32(0.5) * length)
+        else:
+            out.low[k] = extended(segments.low[k], start, least)
+        lands = segments.end_side[k] != NONE or segments.cut_side[k] != NONE
+        out.stop[k] = extended(segments.high[k], start, least) if lands else segments.high[k]
         out.patches[k, 0] = _patch_side(patch, segments.start_side[k])
         out.patches[k, 1] = _patch_side(patch, segments.end_side[k])
         out.patches[k, 2] = _patch_side(patch, segments.cut_side[k])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,19 +27,8 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line, shown, utf8
 from gi_core.scene.rules import LARGEST
-from gi_core.scene.types import (
-    Camera,
-    DirectionalLight,
-    Finish,
-    Light,
-    Material,
-    Mesh,
-    Paint,
-    PhotometricLight,
-    PointLight,
-    SkyLight,
-    SpotLight,
-)
+from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint, PlacedLight
+from gi_core.scene.validate import FLUX_OF
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 2e-7  # of its coordinates: a face lower than that is a line (float32 files cannot say it better)
@@ -388,15 +377,11 @@ def scaled(read: MeshFile, factor: float) -> MeshFile:
 
 
 def _scaled_light(light: Light, factor: float) -> Light:
-    match light:
-        case PointLight() | PhotometricLight():
-            return light._replace(position=_times(light.position, factor), flux=_times(light.flux, factor**2))
-        case SpotLight():
-            return light._replace(position=_times(light.position, factor), intensity=_times(light.intensity, factor**2))
-        case DirectionalLight() | SkyLight():
-            return light
-        case _:
-            assert_never(light)
+    if not isinstance(light, PlacedLight):
+        return light
+    strength = FLUX_OF[type(light)]
+    place, more = _times(light.position, factor), _times(getattr(light, strength), factor**2)
+    return light._replace(position=place, **{strength: more})
 
 
 def _times(values, factor: float) -> tuple[float, float, float]:

@@ -14,8 +14,8 @@ from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import flatten
+from gi_core.lights.kinds import arrived
 from gi_core.lights.light_sampling import delta_lights
-from gi_core.lights.next_event import delta_light_at
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
@@ -82,7 +82,7 @@ def test_spot_falloff():
     scene = build.plane_scene(SpotLight("s", (0, 0, 1), (0, 0, -1), (1.0,) * 3, 15.0, 50.0))
     lights = delta_lights(scene)
     for x in np.linspace(0, 1.5, 20):
-        s, *_ = delta_light_at(lights.kind[0], lights.parameters[0], lights.tables, (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
+        s, *_ = arrived(lights.kind[0], lights.parameters[0], lights.tables, (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
         inner, outer = (math.cos(math.radians(a)) for a in (15, 50))
         assert s == pytest.approx(closed_form.spot_over_plane(1.0, 1.0, x, inner, outer), abs=1e-12)
 
