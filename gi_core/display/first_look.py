@@ -11,7 +11,7 @@ from gi_core.base.steps import finish
 from gi_core.display.dilation import Dilation, Drawn, dilated
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.error import noise_of_truth
+from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
@@ -63,5 +63,5 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> It
         paths = min(max(total // max(len(points), 1), LEAST), MOST)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
         found = finish(denoise(E, error, model.adjacency, seed, model.threads, alike=areas))
-        noise, E = found.share(areas) * noise_of_truth(error, E, areas), found.irradiance
+        noise, E = found.share(areas) * relative_noise(luminance(error), E, areas), found.irradiance
         yield LookLight(dilated(E, finish(dilation.find_static(E[:static])), dilation.find_moved(E, at)), noise)

@@ -27,8 +27,8 @@ from gi_core.frames.background import Background
 from gi_core.frames.control_variate import REACH, changed
 from gi_core.frames.unchanged_paths import StaticPart, edited_faces
 from gi_core.gather.denoise import smoothed_by_subset
-from gi_core.gather.estimate import Estimate, Source, relative_noise, variance_per_lamp
-from gi_core.geometry.error import luminance
+from gi_core.gather.estimate import Estimate, Source, variance_per_lamp
+from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.emission import Emitters, unchanged_lamps
 from gi_core.lights.mix import sum_of_lamps

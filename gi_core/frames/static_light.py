@@ -23,10 +23,10 @@ from gi_core.frames.background import Background
 from gi_core.frames.control_variate import AROUND, REACH
 from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
 from gi_core.gather.denoise import smoothed_by_subset
-from gi_core.gather.estimate import Estimate, Source, better, relative_noise, variance_per_lamp
+from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
-from gi_core.geometry.error import luminance, noise_from_subset, subset_to_compare
+from gi_core.geometry.error import luminance, noise_from_subset, relative_noise, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model

@@ -6,7 +6,6 @@ Light is stored per lamp at the levels of the scene file, as lamps are dimmed wi
 from __future__ import annotations
 
 import enum
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -70,12 +69,3 @@ def variance_per_lamp(deviation: np.ndarray, of_lamps: np.ndarray) -> np.ndarray
     total = squares.sum(axis=1)
     share = np.divide(deviation**2, total, out=np.zeros_like(total), where=total > 0)
     return squares * share[:, None]
-
-
-def relative_noise(deviation: np.ndarray, E: np.ndarray, weights: np.ndarray) -> float:
-    """Return the relative l1 noise of irradiance E (n, 3) whose luminance has this standard error (n,); nan: no light.
-
-    A normal deviate has mean magnitude sqrt(2 / pi). weights (n,): of the receivers.
-    """
-    light = float(weights @ luminance(E))
-    return math.sqrt(2 / math.pi) * float(weights @ deviation) / light if light > 0 else math.nan

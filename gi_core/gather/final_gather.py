@@ -21,7 +21,7 @@ from gi_core.base.pace import STEP, Pace
 from gi_core.base.threads import run_ranges
 from gi_core.gather.path_ends import BounceHits, OneBounce, arrive, starts
 from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
-from gi_core.geometry.error import noise_of_truth, small_sample_bias
+from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.lights.candidates import Candidates, candidates, join_lamps
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import picks
@@ -74,10 +74,10 @@ class FinalGather:
 
     @property
     def noise(self) -> float:
-        """Relative l1 noise of the mean, as error.noise_of_truth(); inf before the first result."""
+        """Relative l1 noise of the mean, inf before the first result."""
         if not self.paths:
             return float("inf")
-        return noise_of_truth(self.standard_error / small_sample_bias(2), self.mean, self.weights)
+        return relative_noise(luminance(self.standard_error) / small_sample_bias(2), self.mean, self.weights)
 
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
         """Gather without end, in steps of some 10 ms; yields True where `mean` is new.

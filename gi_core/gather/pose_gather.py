@@ -31,7 +31,7 @@ from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.gather.path_tracer import gather
 from gi_core.gather.point_gather import PATHS_PER_POINT
 from gi_core.gather.reference import ReferenceState, Rounds
-from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
+from gi_core.geometry.error import DARK, luminance, relative_error, relative_noise, small_sample_bias
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.lights.light_sampling import Lights
@@ -134,7 +134,7 @@ class PoseGather:
         off = np.abs(luminance(self._own - found.irradiance))
         for of in self._classes:
             share = found.share(self._weights * of)
-            left = share * noise_of_truth(error, mean, self._weights, of)
+            left = share * relative_noise(luminance(error), mean, self._weights, of)
             own = relative_error(self._own, found.irradiance, self._weights, of).l1
             deviation[of] *= share
             far_off = off > np.maximum(FAR_OFF * luminance(found.irradiance), SURE * deviation)

@@ -20,7 +20,7 @@ from gi_core.base import strata
 from gi_core.base.jit import kernel
 from gi_core.base.pace import STEP, Pace
 from gi_core.gather.point_gather import PATHS_PER_POINT, Gatherer
-from gi_core.geometry.error import luminance, noise_of_truth, small_sample_bias
+from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
@@ -69,11 +69,11 @@ class ReferenceState(NamedTuple):
         return self.sets.astype(np.int64) << np.maximum(self.log2_set, 0).astype(np.int64)
 
     def noise(self, weights: np.ndarray, rows=slice(None)) -> float:
-        """Return the relative l1 noise, as error.noise_of_truth(): inf before two rounds, nan without points."""
+        """Return the relative l1 noise, inf before two rounds, nan without points."""
         if len(self.sets) and self.rounds < 2:
             return float("inf")
         error = self.standard_error[:, :3] / small_sample_bias(self.sets[:, None])
-        return noise_of_truth(error, self.mean[:, :3], weights, rows)
+        return relative_noise(luminance(error), self.mean[:, :3], weights, rows)
 
 
 def reference_irradiance(

@@ -17,12 +17,12 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from gi_core.gather.denoise import averaged, denoise
-from gi_core.gather.estimate import Estimate, Source, relative_noise, variance_per_lamp
+from gi_core.gather.estimate import Estimate, Source, variance_per_lamp
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
 from gi_core.gather.view_level import visual_shares
-from gi_core.geometry.error import luminance, small_sample_bias
+from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.model import Model
 

@@ -70,16 +70,15 @@ def small_sample_bias(samples):
     return np.array(factors)[at].reshape(np.shape(samples))
 
 
-def noise_of_truth(standard_error: np.ndarray, T: np.ndarray, weights: np.ndarray, rows=slice(None)) -> float:
-    """Return the l1 error that the reference's own noise adds at most, from its standard errors (n, 3).
+def relative_noise(deviation: np.ndarray, E: np.ndarray, weights: np.ndarray, rows=slice(None)) -> float:
+    """Return the relative l1 noise of irradiance E (n, 3) whose luminance has this standard error (n,), over some rows.
 
-    A normal deviate has mean magnitude sqrt(2 / pi); channels are taken as fully correlated. Smaller differences from
-    the reference have no meaning.
+    A normal deviate has mean magnitude sqrt(2 / pi). Noise of a truth adds as much error at most: smaller differences
+    from it have no meaning. weights (n,): areas; nan where E is black everywhere.
     """
     w = np.asarray(weights, np.float64)[rows]
-    s, t = luminance(standard_error)[rows], luminance(T)[rows]
-    light = float((w * t).sum())
-    return float(np.sqrt(2 / np.pi) * (w * s).sum() / light) if light > 0 else float("nan")
+    light = float((w * luminance(E)[rows]).sum())
+    return float(math.sqrt(2 / math.pi) * (w * deviation[rows]).sum() / light) if light > 0 else math.nan
 
 
 def subset_to_compare(subsets: Iterable[int]) -> int | None:

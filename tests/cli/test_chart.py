@@ -31,7 +31,7 @@ from app.measure.chart.settings import (
 from app.measure.chart.truth import PoseTruth, cases, choose, drawn_gloss, gloss_truth, steady_and_moved
 from app.measure.results import KEY, Results
 from app.settings import LampSetting, Settings, make_solver, open_scene
-from gi_core.geometry.error import noise_of_truth, relative_error
+from gi_core.geometry.error import luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
 from tests.support.scene_builders import box, merge, quad, sphere
@@ -380,7 +380,7 @@ def test_gloss_towards_the_camera_is_near_its_truth():
     found = drawn_gloss(solver, truth)
     total, noise = (
         relative_error(found, truth.truth, truth.weights).l1,
-        noise_of_truth(truth.standard_error, truth.truth, truth.weights),
+        relative_noise(luminance(truth.standard_error), truth.truth, truth.weights),
     )
     assert noise < 0.05 and total < 0.15
     assert relative_error(2 * found, truth.truth, truth.weights).l1 > 0.8

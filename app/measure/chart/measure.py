@@ -24,7 +24,7 @@ from app.settings import BUDGET, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference_sample import draw_by_area
-from gi_core.geometry.error import noise_of_truth, relative_error
+from gi_core.geometry.error import luminance, relative_error, relative_noise
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene import Scene
@@ -151,7 +151,7 @@ def _errors(name: str, found, end, T: np.ndarray, s: np.ndarray, w: np.ndarray) 
         f"bias {name}": float("nan") if end is None else relative_error(end, T, w).l1,
         f"total {name}": total.l1,
         f"total l2 {name}": total.l2,
-        f"truth {name}": noise_of_truth(s, T, w),
+        f"truth {name}": relative_noise(luminance(s), T, w),
         f"points {name}": len(w),
     }
 

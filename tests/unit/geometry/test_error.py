@@ -12,8 +12,8 @@ from gi_core.geometry.error import (
     error_parts,
     luminance,
     noise_from_subset,
-    noise_of_truth,
     relative_error,
+    relative_noise,
     signed_error,
     subset_to_compare,
 )
@@ -50,12 +50,14 @@ def test_parts_of_an_error():
     assert parts.total.l1 == pytest.approx(0.2)
 
 
-def test_noise_of_truth_equals_the_error_of_a_noisy_reference():
+def test_relative_noise_equals_the_error_of_a_noisy_reference():
     rng = np.random.default_rng(5)
     T = grey(*np.linspace(1, 3, 4000))
     s = 0.1 * np.ones_like(T)
     noisy = T + 0.1 * rng.normal(size=(4000, 1))
-    assert noise_of_truth(s, T, np.ones(4000)) == pytest.approx(relative_error(noisy, T, np.ones(4000)).l1, rel=0.03)
+    assert relative_noise(luminance(s), T, np.ones(4000)) == pytest.approx(
+        relative_error(noisy, T, np.ones(4000)).l1, rel=0.03
+    )
 
 
 @pytest.mark.parametrize("subset", [1000, 5000, 7500])
