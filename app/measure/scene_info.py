@@ -69,16 +69,16 @@ def _search(solver: Solver) -> str:
 
     solver.configure(estimator=DEFAULT, control=False, photons=0)
     solver.solve()
-    there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
-    return f"{solver.frame.search_summary}; there are also {there}"
+    names = ", ".join(name for name in SEARCHES if name != solver.setting.search)
+    return f"{solver.frame.search_summary}; there are also {names}"
 
 
 def _rays(solver: Solver) -> str:
     from gi_core.rays.structures import STRUCTURES
 
     used = solver.model.accelerator.rays
-    there = ", ".join(name for name in STRUCTURES if name != used)
-    return f"traced by {used}; there are also {there}"
+    names = ", ".join(name for name in STRUCTURES if name != used)
+    return f"traced by {used}; there are also {names}"
 
 
 def _contents(scene, solver: Solver) -> list[tuple[str, str]]:
@@ -168,8 +168,8 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
             return "as given"
         return "the scene file's" if getattr(file, name) is not None else rule
 
-    others = ", ".join(name for name in ESTIMATORS if name != estimator)
-    rows = [("estimator", f"{estimator}: {reason('estimator', 'the default')}; there are also {others}")]
+    names = ", ".join(name for name in ESTIMATORS if name != estimator)
+    rows = [("estimator", f"{estimator}: {reason('estimator', 'the default')}; there are also {names}")]
     rows += [(name, f"{texts[name]}: {reason(name, rule)}") for name, rule in rules.items()]
     exposure = file.exposure if asked.exposure is None else asked.exposure
     value = "metered" if exposure is None else f"{exposure:+.2f} EV"

@@ -40,40 +40,40 @@ def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error
     frames = _frames(solver)
     paths = _paths(judge, frames, budget)
     samples = setting_trials.reference_samples(judge, frames, lambda done: bar("tracing the reference", 0.3 * done))
-    found, every = [], candidates(solver)
+    fits, every = [], candidates(solver)
     for k, candidate in enumerate(every):
         bar(f"trying {candidate['estimator']}", 0.3 + 0.7 * k / len(every))
-        found.append(error_model.fitted(setting_trials.trial(judge, samples, paths, **candidate)))
-    known, exponents = error_model.between_radii(found)
+        fits.append(error_model.fitted(setting_trials.trial(judge, samples, paths, **candidate)))
+    interpolated, exponents = error_model.between_radii(fits)
     if error is None:
-        choice = error_model.within_time(known, budget, solver.photons)
+        choice = error_model.within_time(interpolated, budget, solver.photons)
     else:
-        choice = error_model.within_error(known, error, budget, MOST_PHOTONS)
-    return Tuned(choice, tuple(found), exponents, paths, tuple(known))
+        choice = error_model.within_error(interpolated, error, budget, MOST_PHOTONS)
+    return Tuned(choice, tuple(fits), exponents, paths, tuple(interpolated))
 
 
-def compared(found: Tuned, budget: float) -> list[tuple[float, bool]]:
+def compared(tuned: Tuned, budget: float) -> list[tuple[float, bool]]:
     """Return the predicted error in motion of each setting tried, and whether it differs from the choice's in noise.
 
     budget: [s] per frame. In noise: by less than both are uncertain, which is the scatter of measured errors about
     their model and, of an estimator tried at several radii, that of models about their power laws.
     """
-    c = found.choice
+    c = tuned.choice
 
     def error(model: ErrorModel) -> float:
         return error_model.within_time([model], budget, c.photons).moving_error
 
     def apart(model: ErrorModel) -> float:
-        laws = (m for m in found.by_law if m.setting.estimator == model.setting.estimator)
+        laws = (m for m in tuned.by_law if m.setting.estimator == model.setting.estimator)
         law = min(laws, key=lambda m: abs(math.log(m.setting.radius / model.setting.radius)), default=model)
         return error(model) / error(law) - 1
 
     def uncertainty(estimator: str) -> float:
-        alike = [m for m in found.models if m.setting.estimator == estimator]
+        alike = [m for m in tuned.models if m.setting.estimator == estimator]
         return math.hypot(error_model.mean_scatter(alike), math.sqrt(statistics.fmean(apart(m) ** 2 for m in alike)))
 
     own, out = uncertainty(c.setting.estimator) * c.moving_error, []
-    for model in found.models:
+    for model in tuned.models:
         e = error(model)
         out.append((e, abs(e - c.moving_error) < math.hypot(own, uncertainty(model.setting.estimator) * e)))
     return out
@@ -97,12 +97,12 @@ def _paths(solver: Solver, frames: list, budget: float) -> int | None:
     return solver.size_within(budget)[1]
 
 
-def measured(solver: Solver, found: Tuned, bar: Callable[[str, float], None]) -> tuple[float, float, int, float]:
+def measured(solver: Solver, tuned: Tuned, bar: Callable[[str, float], None]) -> tuple[float, float, int, float]:
     """Return measured errors at rest and in motion, photons and seconds of the choice's frame."""
-    choice, (judge, samples) = found.choice, judged(solver, lambda done: bar("checking", done))
+    choice, (judge, samples) = tuned.choice, judged(solver, lambda done: bar("checking", done))
     judge.configure(photons=choice.photons, **choice.setting._asdict())
     judge.solve()
-    return setting_trials.errors_of(judge, samples, choice.frame, found.paths)
+    return setting_trials.errors_of(judge, samples, choice.frame, tuned.paths)
 
 
 def judged(solver: Solver, progress: Callable[[float], None]) -> tuple[Solver, list]:

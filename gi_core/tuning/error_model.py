@@ -157,12 +157,12 @@ def mean_scatter(models: Iterable[ErrorModel]) -> float:
 def within_time(models: Sequence[ErrorModel], seconds: float, photons: int) -> TunedChoice:
     """Return the setting with the least error in motion within a frame time [s], with `photons` at rest."""
 
-    def found(model: ErrorModel) -> TunedChoice:
+    def choice_of(model: ErrorModel) -> TunedChoice:
         room = model.photons_within(seconds)
         frame = min(max(room, FEWEST), photons)
         return _choice(model, photons if _is_additive(model) else frame, frame, room >= FEWEST)
 
-    return max(map(found, models), key=lambda choice: (choice.met, -choice.moving_error))
+    return max(map(choice_of, models), key=lambda choice: (choice.met, -choice.moving_error))
 
 
 def within_error(models: Sequence[ErrorModel], error: float, seconds: float, most: int) -> TunedChoice:
@@ -172,7 +172,7 @@ def within_error(models: Sequence[ErrorModel], error: float, seconds: float, mos
     """
     most = min(most, MAX_PHOTONS)
 
-    def found(model: ErrorModel) -> TunedChoice:
+    def choice_of(model: ErrorModel) -> TunedChoice:
         needed = model.photons_for(error)
         photons = max(math.ceil(min(needed, most)), FEWEST)
         frame = min(max(model.photons_within(seconds), FEWEST), photons) if _is_additive(model) else photons
@@ -182,7 +182,7 @@ def within_error(models: Sequence[ErrorModel], error: float, seconds: float, mos
         model, choice = pair
         return choice.met, -model.seconds(choice.photons) if choice.met else -choice.error
 
-    return max(((model, found(model)) for model in models), key=order)[1]
+    return max(((model, choice_of(model)) for model in models), key=order)[1]
 
 
 def _choice(model: ErrorModel, photons: float, frame: float, met: bool) -> TunedChoice:

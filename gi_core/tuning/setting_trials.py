@@ -58,8 +58,8 @@ def reference_samples(
         rows = np.flatnonzero(wanted if wanted.any() else inside)
         rows, weights = draw_by_area(rows, receivers.areas, RECEIVERS, [seed, k])
         most = MOST_PATHS * len(rows)
-        given = solver.model, dict(solver.poses), rows, weights, 1000 * seed + k, NOISE, most, solver.levels
-        for sample in gather_sample(*given):
+        model, at = solver.model, dict(solver.poses)
+        for sample in gather_sample(model, at, rows, weights, 1000 * seed + k, NOISE, most, solver.levels):
             progress((k + sample.fraction) / len(frames))
         out.append((dict(solver.poses), sample))
     return out

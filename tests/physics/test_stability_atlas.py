@@ -38,23 +38,23 @@ SEEN = 1.25
 HELPED = 0.02  # how near a remedy must come
 
 
-def p_value(number: Number, expected: float, known: float = 0.0) -> float:
-    off = float(np.clip(number.mean - expected, -known, known))
+def p_value(number: Number, expected: float, within: float = 0.0) -> float:
+    off = float(np.clip(number.mean - expected, -within, within))
     return float(p_values(number.mean - off, expected, number.error, max(number.runs - 1, 1)))
 
 
 def check(row: AtlasRow) -> None:
     m = row.measured
-    if math.isinf(row.known):
+    if math.isinf(row.within):
         assert m.mean < row.predicted, row
     elif m.error == 0:
-        assert m.mean == pytest.approx(row.predicted, rel=1e-9, abs=max(row.known, 0)), row
+        assert m.mean == pytest.approx(row.predicted, rel=1e-9, abs=max(row.within, 0)), row
     else:
-        assert p_value(m, row.predicted, row.known) >= LEVEL, f"{row.key}: {m}, predicted {row.predicted:.4g}"
-        for wrong in ((row.predicted + row.known) * SEEN, (row.predicted - row.known) / SEEN):
-            assert p_value(m, wrong, row.known) < LEVEL, f"{row.key}: {m} would not be distinguished from {wrong:.4g}"
+        assert p_value(m, row.predicted, row.within) >= LEVEL, f"{row.key}: {m}, predicted {row.predicted:.4g}"
+        for wrong in ((row.predicted + row.within) * SEEN, (row.predicted - row.within) / SEEN):
+            assert p_value(m, wrong, row.within) < LEVEL, f"{row.key}: {m} would not be distinguished from {wrong:.4g}"
     if row.remedied is not None:
-        allowed = HELPED + row.aim_known + 4 * row.remedied.error
+        allowed = HELPED + row.aim_within + 4 * row.remedied.error
         assert abs(row.remedied.mean - row.aim) <= allowed, f"{row.key}: {row.remedied}, should be {row.aim:.4g}"
 
 
@@ -181,7 +181,7 @@ def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
 
 def test_rows_of_one_title_share_common_cells():
     rows = [
-        AtlasRow(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
+        AtlasRow(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", within=0.1)
         for name, theory, aim in (("noon", "bright", 0.0), ("dusk", "dim", 1.0))
     ]
     html = command.page({"Chapter": rows}, {})

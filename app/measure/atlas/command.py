@@ -33,9 +33,9 @@ INTRO = (
 
 def predicted(row: AtlasRow) -> str:
     """Return the prediction of a row with its uncertainty."""
-    if not np.isfinite(row.known):
+    if not np.isfinite(row.within):
         return f"< {row.predicted:.4g}"
-    return f"{row.predicted:.4g}" + (f" ± {row.known:.1g}" if row.known else "")
+    return f"{row.predicted:.4g}" + (f" ± {row.within:.1g}" if row.within else "")
 
 
 def page(measured: Mapping[str, Sequence[AtlasRow]], pictures: Mapping[str, np.ndarray]) -> str:

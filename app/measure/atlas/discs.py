@@ -44,8 +44,8 @@ def walls_and_corners() -> Iterator[AtlasRow]:
         "wall": (near(*[(x, 0.05, 0) for x in along]), 1 - beyond(0.05, radius), "half a radius before a wall"),
     }
     settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
-    found, helped = ratios(room, 100_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
-    for (key, (_, share, where)), m, h in zip(places.items(), found, helped, strict=True):
+    measured, helped = ratios(room, 100_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
+    for (key, (_, share, where)), m, h in zip(places.items(), measured, helped, strict=True):
         yield AtlasRow(
             f"room_{key}", f"tangent_plane without control, {where}", "the share of the disc that light can reach",
             share, m, "artifact control: divide by the reachable area", h, cost="24 % of frame time",
@@ -91,7 +91,7 @@ def curved_inside() -> AtlasRow:
         m,
         "on its own smooth patch a segment counts up to 2r behind its hit",
         h,
-        known=0.025,  # the steepest segments end their 2r before they reach the disc
+        within=0.025,  # the steepest segments end their 2r before they reach the disc
         view=View(hollow, 50_000, settings[1], None, "tangent_plane with the rule; the half before it is not drawn"),
         title="A disc inside a sphere",
     )
@@ -118,7 +118,7 @@ def curved_outside() -> Iterator[AtlasRow]:
             m,
             "none needed",
             h,
-            known=0.003,  # normals of facets
+            within=0.003,  # normals of facets
             view=View(globe, 100_000, settings[1], None, "tangent_plane, lit from above") if k == 4 else None,
             title="A disc outside a sphere",
         )
@@ -161,7 +161,7 @@ def smaller_and_smaller() -> Iterator[AtlasRow]:
             Number(float(np.mean(spread)), float(error), seeds * int(inner.sum())),
             "a larger radius, or more photons by its square",
             None,
-            known=0.03 * expected,  # a photon crosses a disc more than once; Sobol photons lie a little more evenly
+            within=0.03 * expected,  # a photon crosses a disc more than once; Sobol photons lie a little more evenly
             quantity="standard deviation of E / truth",
             view=View(room, photons, {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.1})
             if radius == 0.02
@@ -178,8 +178,8 @@ def shadow_edge() -> Iterator[AtlasRow]:
     coarse, fine = {**CONTROL, "radius": 0.2}, {**CONTROL, "radius": 0.05}
     offsets = (-0.1, 0.1)
     places = [near(*[(x, y, 0) for y in np.linspace(-0.6, 0.6, 25)]) for x in offsets]
-    found, helped = ratios(half, 100_000, places, [coarse, fine])
-    for x, m, h in zip(offsets, found, helped, strict=True):
+    measured, helped = ratios(half, 100_000, places, [coarse, fine])
+    for x, m, h in zip(offsets, measured, helped, strict=True):
         yield AtlasRow(
             f"shadow_{'lit' if x > 0 else 'dark'}",
             f"tangent_plane, radius 0.2 m, 0.1 m {'before' if x > 0 else 'behind'} a hard shadow's edge",
@@ -231,14 +231,14 @@ def sparks() -> Iterator[AtlasRow]:
             solver = solved(ground, 5000, seed, **COUNT)
             return (float(solver.irradiance[:, 1] @ solver.receivers.areas) / 500.0,)
 
-        (found,) = over_seeds(run, SEEDS)
+        (measured,) = over_seeds(run, SEEDS)
         yield AtlasRow(
             f"spark_{height:g}",
             f"impact_count, a point light {height:g} m over the floor",
             "no failure: half of its flux arrives",
             1.0,
-            found,
-            known=1e-3,  # photons within 1e-4 of the horizon, and unevenness of Sobol points
+            measured,
+            within=1e-3,  # photons within 1e-4 of the horizon, and unevenness of Sobol points
             quantity="flux that arrives / half of that emitted",
             view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
             if height == 1e-4
@@ -276,7 +276,7 @@ def laid_over() -> Iterator[AtlasRow]:
             "0, except photons that leave at the rim or start in a gap thinner than the ray offset",
             0.0,
             Number(float(solver.irradiance[below].mean() / free)),
-            known=0.02,
+            within=0.02,
             quantity="E of the room / E without the plate",
             view=View(place, 100_000, SETTING, None, "tangent_plane, the plate 1 cm under the lamp")
             if height == 0.9899

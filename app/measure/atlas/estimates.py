@@ -70,7 +70,7 @@ def borders() -> Iterator[AtlasRow]:
         yield AtlasRow(
             f"border_{name}_{angle}", f"photon_map, {name} vertex of {angle}°",
             "α / 2π of the truth: the report's bias 1 - α / 2π", angle / 360, m,
-            "border correction: divide by the angle of the fan (2.9.1)", h, known=HALF_A_HIT * angle / 360,
+            "border correction: divide by the angle of the fan (2.9.1)", h, within=HALF_A_HIT * angle / 360,
             cost="none per frame",
             view=View(field, photons, map_, corrected) if (name, angle) == ("fan", 180) else None,
             title="A photon map at a border vertex",
@@ -86,13 +86,13 @@ def corners() -> Iterator[AtlasRow]:
     }
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 200, "radius": 0.3, "border_correction": False}
     settings = [map_, {**map_, "border_correction": True}]
-    found, helped = ratios(room, 100_000, [p for p, _ in places.values()], settings, truth=2 * math.pi)
-    for (where, (_, share)), m, h in zip(places.items(), found, helped, strict=True):
+    measured, helped = ratios(room, 100_000, [p for p, _ in places.values()], settings, truth=2 * math.pi)
+    for (where, (_, share)), m, h in zip(places.items(), measured, helped, strict=True):
         yield AtlasRow(
             f"map_corner_{share:g}", f"photon_map {where}",
             "the walls' share of a circle: three quarters, two halves", share, m,
             "border correction: hits on the receiver's own side, divided by the angle that it fills", h,
-            known=0.5 / 200, title="A photon map in corners",
+            within=0.5 / 200, title="A photon map in corners",
         )  # fmt: skip
 
 
@@ -144,9 +144,9 @@ def thin_wall() -> Iterator[AtlasRow]:
     dark, lit = -0.05, 0.1
     bare_name = "tangent_plane without control"
     places = [line(dark), line(lit)]
-    found = ratios(place, photons, places, [plane, map_, bare])
-    helped = found[0]
-    for name, setting, (leak, loss) in zip(("photon_map", bare_name), (map_, bare), found[1:], strict=True):
+    measured = ratios(place, photons, places, [plane, map_, bare])
+    helped = measured[0]
+    for name, setting, (leak, loss) in zip(("photon_map", bare_name), (map_, bare), measured[1:], strict=True):
         # Hits on the lit wall lie in the sphere too: half a disc of the sphere's section with it.
         walls = [0.5 * (1 - (d / radius) ** 2) if setting is map_ else 0.0 for d in (AT + WALL - dark, lit - AT - WALL)]
         also = ", and the hits on the wall" if setting is map_ else ""
@@ -194,8 +194,8 @@ def textbook() -> Iterator[AtlasRow]:
             ratio,
             "count k - 1 hits: `textbook` off, as by default",
             unbiased,
-            known=1e-6,
-            aim_known=0.5 / k,  # Sobol photons are more even than random ones: k - 1 of them are too few
+            within=1e-6,
+            aim_within=0.5 / k,  # Sobol photons are more even than random ones: k - 1 of them are too few
             cost="none",
             quantity="E / E of the unbiased form",
             view=View(field, 200_000, {**map_, "textbook": True}, map_) if k == 5 else None,
@@ -232,7 +232,7 @@ def small_faces() -> Iterator[AtlasRow]:
             f"face_{w:g}", f"impact_count, triangles half of {name} m, {photons:,} photons",
             "noise √(Φ / N E A): variance ~ 1 / area", expected,
             Number(float(samples.std()), float(samples.std() / math.sqrt(2 * len(samples))), len(samples)),
-            "tangent_plane: the same disc for every triangle", None, known=0.12 * expected,
+            "tangent_plane: the same disc for every triangle", None, within=0.12 * expected,
             quantity="standard deviation of E / truth",
             view=View(field, photons, COUNT, {**CONTROL, "radius": 0.2}) if w == 0.2 else None,
             title="impact_count on small faces and slivers",
@@ -272,7 +272,7 @@ def naive_sums() -> AtlasRow:
         "stale receivers are estimated again from all hits: bits of a solution from scratch",
         Number(exact),
         aim=0.0,
-        known=math.inf,
+        within=math.inf,
         quantity="E / mean E without the plate",
         view=View(
             place,
@@ -321,8 +321,8 @@ def beside_a_mobile() -> AtlasRow:
         m,
         "artifact control: regions follow mobiles, frame by frame",
         h,
-        known=0.03,  # a mobile cannot emit: the room is a little darker than a furnace
-        aim_known=0.03,
+        within=0.03,  # a mobile cannot emit: the room is a little darker than a furnace
+        aim_within=0.03,
         view=View(room, 100_000, settings[0], settings[1]),
         title="A disc beside a mobile on the floor",
     )

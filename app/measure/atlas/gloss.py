@@ -118,7 +118,7 @@ def noise() -> Iterator[AtlasRow]:
                 f"gloss_noise_{alpha}_{view:.0f}",
                 f"gloss of alpha {alpha} by single rays, seen at {view:.0f} degrees under an even sky",
                 "F = sqrt(pi integral of f^2 cos) / (integral of f cos)", predicted, measured,
-                "64 cells instead of rays; reflections where F is above 2 along the normal", known=0.03 * predicted,
+                "64 cells instead of rays; reflections where F is above 2 along the normal", within=0.03 * predicted,
                 quantity="noise of radiance / noise of irradiance", title="Gloss from few rays",
             )  # fmt: skip
 
@@ -137,7 +137,7 @@ def grazing() -> AtlasRow:
     return AtlasRow(
         "gloss_grazing", f"gloss of alpha {alpha} seen at {view:.0f} degrees under an even sky",
         "masking and 1 / cos are those of cos = 0.05", float(weights @ clamped) / float(weights @ f), measured,
-        "none; without the limit single rays near the horizon would be bright dots", known=0.02,
+        "none; without the limit single rays near the horizon would be bright dots", within=0.02,
         quantity="radiance / truth", title="Gloss at grazing views",
     )  # fmt: skip
 
@@ -172,7 +172,7 @@ def blur() -> AtlasRow:
         0.5 * RADII * RADIUS / HEIGHT,
         measured,
         "a smaller radius; reflections for sharp lobes",
-        known=0.01 * RADII * RADIUS / HEIGHT,  # receivers lie 0 to 2 cm off the strip's middle
+        within=0.01 * RADII * RADIUS / HEIGHT,  # receivers lie 0 to 2 cm off the strip's middle
         quantity="standard deviation of the slope of rays",
         title="Reflections blurred by the disc",
     )
@@ -204,6 +204,6 @@ def shading_normals() -> AtlasRow:
         "gloss_shading_normals",
         f"parallel light on metal whose vertex normals are turned by {TURN:.0f} degrees from its faces",
         "the picture reflects about vertex normals, photons about faces: 2 x the turn", 2 * TURN, measured,
-        "a finer mesh: normals of vertices approach those of faces", known=0.5,
+        "a finer mesh: normals of vertices approach those of faces", within=0.5,
         quantity="angle between highlight and caustic [degrees]", title="Gloss and normals for shading",
     )  # fmt: skip

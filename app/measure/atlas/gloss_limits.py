@@ -47,7 +47,7 @@ def towards_a_mirror() -> Iterator[AtlasRow]:
             f"gloss_alpha_{alpha}", f"photons along the normal of metal of alpha {alpha}",
             "median angle of reflection 2 atan(alpha); below 0.001 a mirror", math.degrees(2 * math.atan(alpha)),
             measured if alpha else Number(measured.mean),
-            known=1e-5 if alpha == 0 else 0.01 * math.degrees(2 * math.atan(alpha)), quantity="degrees",
+            within=1e-5 if alpha == 0 else 0.01 * math.degrees(2 * math.atan(alpha)), quantity="degrees",
             title="Gloss towards a mirror",
         )  # fmt: skip
 
@@ -56,14 +56,14 @@ def sharper_than_drawn() -> AtlasRow:
     """Single rays are drawn with a lobe of LEAST_ALPHA at least: too dim in the middle of a sharper one."""
     alpha = 0.05
     solver = solved(_lit_metal(alpha, 0.0), PHOTONS, gloss=LIST)
-    given, row, corner = rays_of(solver)
-    seen = radiance_of(solver, given, row, corner, eye_at(0.0))[:, 1]
+    rays, row, corner = rays_of(solver)
+    seen = radiance_of(solver, rays, row, corner, eye_at(0.0))[:, 1]
     up = np.array([0.0, 0.0, 1.0])
     return AtlasRow(
         "gloss_sharp", f"parallel light on metal of alpha {alpha}, seen along the normal by single rays",
         f"a lobe of alpha {LEAST_ALPHA}: (alpha / {LEAST_ALPHA})^2", (alpha / LEAST_ALPHA) ** 2,
         Number(float(seen.mean() / ggx_value(alpha, up[None], up, f0=1.0)[0])),
-        "reflections, by default for such lobes (docs/brdfs.md, Sharp gloss)", known=1e-4,
+        "reflections, by default for such lobes (docs/brdfs.md, Sharp gloss)", within=1e-4,
         quantity="radiance / truth",
     )  # fmt: skip
 
@@ -83,7 +83,7 @@ def below_the_surface() -> Iterator[AtlasRow]:
             f"gloss_below_{alpha}_{angle:.0f}",
             f"white metal of alpha {alpha}, light at {angle:.0f} degrees, facets that reflect once (model ggx)",
             "1 - integral of f cos is absorbed", 1 - float(weights @ f), measured,
-            "further reflections, which roughness and metallic add", remedied, aim=0.0, known=0.004,
+            "further reflections, which roughness and metallic add", remedied, aim=0.0, within=0.004,
             quantity="share of flux absorbed", title="Draws below the surface",
         )  # fmt: skip
 
@@ -105,21 +105,21 @@ def two_sided() -> AtlasRow:
 def few_rays() -> Iterator[AtlasRow]:
     """Receivers of no ray and of one."""
     solver = solved(sheets_under_the_sky(SATIN), 10_000, radius=SMALL, gloss=LIST)
-    given, row, corner = rays_of(solver)
-    seen = radiance_of(solver, given, row, corner, eye_at(0.0))[:, 1]
-    first = given.offsets[::CELLS]
+    listed, row, corner = rays_of(solver)
+    seen = radiance_of(solver, listed, row, corner, eye_at(0.0))[:, 1]
+    first = listed.offsets[::CELLS]
     counts = np.diff(first)[row]
     yield AtlasRow(
         "gloss_no_ray", f"{(counts == 0).sum()} receivers that no ray reaches", "black, and no division by 0", 0.0,
         Number(float(np.abs(seen[counts == 0]).max())), quantity="largest radiance", title="Few rays",
     )  # fmt: skip
     alone = np.flatnonzero(counts == 1)
-    rays = given.rays[first[row[alone]], 3:].astype(float)
+    rays = listed.rays[first[row[alone]], 3:].astype(float)
     far = rays[:, 2] > 0.1
     exact = ggx_value(SATIN, rays[far], eye_at(0.0) / FAR)
     yield AtlasRow(
         "gloss_one_ray", f"{far.sum()} receivers with a single ray", "f E of this ray", 1.0,
-        Number(float((seen[alone][far] / exact).mean())), known=1e-4, quantity="radiance / f E", title="Few rays",
+        Number(float((seen[alone][far] / exact).mean())), within=1e-4, quantity="radiance / f E", title="Few rays",
     )  # fmt: skip
 
 
@@ -134,17 +134,17 @@ def many_rays() -> AtlasRow:
     def run(seed):
         solver = solved(field, MOST_PHOTONS, seed, radius=WIDE, gloss=LIST)
         middle = np.flatnonzero(near((0.5, 0.5, 0.0))(solver.receivers))[:1]
-        given, row = single_rays(solver, middle)
-        counts.append(int(np.diff(given.offsets[::CELLS])[row[0]]))
-        cells = given._replace(opened=0.0, offsets=np.zeros(1, np.int64))
+        rays, row = single_rays(solver, middle)
+        counts.append(int(np.diff(rays.offsets[::CELLS])[row[0]]))
+        cells = rays._replace(opened=0.0, offsets=np.zeros(1, np.int64))
         eye = eye_at(math.radians(45.0))
-        return [float(radiance_of(solver, d, row, middle, eye)[0, 1]) / truth for d in (given, cells)]
+        return [float(radiance_of(solver, d, row, middle, eye)[0, 1]) / truth for d in (rays, cells)]
 
     counts: list[int] = []
     listed, summed = over_seeds(run, 6)
     return AtlasRow(
         "gloss_many_rays", f"a receiver of {min(counts):,} rays under an even sky, {min(counts) * 24 / 1e6:.1f} MB",
-        "the integral of f L cos", 1.0, listed, f"64 cells, {CELLS * 24:,} B", summed, known=0.005, aim_known=0.02,
+        "the integral of f L cos", 1.0, listed, f"64 cells, {CELLS * 24:,} B", summed, within=0.005, aim_within=0.02,
         quantity="radiance / truth",
     )  # fmt: skip
 
@@ -174,7 +174,7 @@ def more_than_arrives() -> Iterator[AtlasRow]:
         yield AtlasRow(
             "gloss_refused", f"{place}, at {angle} degrees", "integral of f cos", _phong(n, float(angle)), refused,
             "refused, with this share in the message; `scale = true` darkens it",
-            known=0.02 * _phong(n, float(angle)), quantity="light that leaves / light that arrives", title=title,
+            within=0.02 * _phong(n, float(angle)), quantity="light that leaves / light that arrives", title=title,
         )  # fmt: skip
     darkened = replace(field, materials=(shiny._replace(scaled=True),))
     for angle, expected in ((45.0, _phong(n, 45.0)), (STEEP, 1.0)):
@@ -185,7 +185,7 @@ def more_than_arrives() -> Iterator[AtlasRow]:
         (measured,) = over_seeds(run, SEEDS)
         yield AtlasRow(
             f"gloss_scaled_{angle:.0f}", f"{place}, darkened, light at {angle:.0f} degrees",
-            f"the smaller of 1 and {_phong(n, angle):.3g}", expected, measured, known=0.01,
+            f"the smaller of 1 and {_phong(n, angle):.3g}", expected, measured, within=0.01,
             quantity="light that leaves / light that arrives", title=title,
         )  # fmt: skip
 

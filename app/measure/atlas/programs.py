@@ -64,7 +64,7 @@ def at_rest() -> Iterator[AtlasRow]:
         yield AtlasRow(
             f"rest_{step:g}", f"impact_count, a mobile moves by {step:g} m",
             "only photons that are cut before or after can change", 1.0 if step else 0.0, Number(changed),
-            known=math.inf if step else 0.0,
+            within=math.inf if step else 0.0,
             quantity="flux that changes places / flux of all segments of cut photons", title="Flicker",
         )  # fmt: skip
 
@@ -77,9 +77,9 @@ def scales() -> Iterator[AtlasRow]:
         room = furnace(4, low=(low,) * 3, high=(low + size,) * 3)
         middles = near(*(low + size * np.array([(0.5, 0.5, 0), (0.5, 0, 0.5)])), tolerance=1e-5 * size)
         setting = {**CONTROL, "radius": 0.1 * size}
-        ((found,),) = ratios(room, 50_000, [middles], [setting], truth=FURNACE)
+        ((ratio,),) = ratios(room, 50_000, [middles], [setting], truth=FURNACE)
         yield AtlasRow(
-            f"scale_{low or size:g}", name, "no failure: 1", 1.0, found,
+            f"scale_{low or size:g}", name, "no failure: 1", 1.0, ratio,
             "none needed: meshes farther than 8 sizes are shifted to the origin", None, title="Scale and place",
         )  # fmt: skip
 
@@ -97,10 +97,10 @@ def soup() -> AtlasRow:
     def with_area(receivers):  # receivers of faces without area get no light and are never visible
         return middles(receivers) & (receivers.areas > 1e-9)
 
-    ((found,),) = ratios(replace(room, static=loose), 50_000, [with_area], [SETTING], truth=FURNACE)
+    ((ratio,),) = ratios(replace(room, static=loose), 50_000, [with_area], [SETTING], truth=FURNACE)
     return AtlasRow(
         "soup", "tangent_plane, a furnace of loose triangles, a point, a needle and an edge among them",
-        "no failure: 1", 1.0, found,
+        "no failure: 1", 1.0, ratio,
         view=View(replace(room, static=loose), 50_000, SETTING, None, "tangent_plane, lit like a whole one"),
         title="Odd meshes",
     )  # fmt: skip
@@ -121,7 +121,7 @@ def at_edges() -> Iterator[AtlasRow]:
         yield AtlasRow(
             f"edges_{name}", f"rays from the middle of a closed room to its {name}",
             "0 slip through, except by rounding; those count as escaped", 0.0, Number(float((face < 0).mean())),
-            known=0.002, quantity="share that hits nothing", title="Rays through vertices and edges",
+            within=0.002, quantity="share that hits nothing", title="Rays through vertices and edges",
         )  # fmt: skip
 
 
@@ -134,9 +134,9 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     )
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (SUN,))
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 1000, "radius": 0.5}
-    ((found,),) = ratios(ground, 500, [near((0, 0, 0))], [map_], seeds=16)
+    ((ratio,),) = ratios(ground, 500, [near((0, 0, 0))], [map_], seeds=16)
     yield AtlasRow(
-        "few", "photon_map, k = 1,000 of 500 photons", "no failure: all hits within the radius", 1.0, found, **common
+        "few", "photon_map, k = 1,000 of 500 photons", "no failure: all hits within the radius", 1.0, ratio, **common
     )
     black = solved(furnace(4, reflectance=0.0), 2000, **COUNT)
     share = float(black.frame.fates["absorbed"][1] / black.frame.fates["emitted"][1])
@@ -172,7 +172,7 @@ def ray_structures() -> Iterator[AtlasRow]:
     hall = (MIDDLE + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
     where = f"a ball of {2e3 * TINY:g} mm in that hall, rays aimed at it"
     theory = "the smallest cells, 12 levels deep, are larger than the ball: one lists all of its triangles"
-    yield _row("octree", "octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), known=len(walls.faces))
+    yield _row("octree", "octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), within=len(walls.faces))
 
     ends = rng.choice([-0.5, 0.5], (TRIANGLES, 1, 3))
     slivers = np.concatenate([at, at + ends, at + 1e-3 * rng.normal(size=at.shape)], axis=1)
@@ -184,7 +184,14 @@ def ray_structures() -> Iterator[AtlasRow]:
     bundle = np.concatenate([along, along + 1, along + 1 + wide], axis=1)
     theory = "planes across an axis cut all of them, but at the ends of the bundle. Boxes of a bvh all overlap"
     yield _row(
-        "bsp", "bsp", "a bundle of long triangles along the diagonal", theory, bundle, anywhere, helper=None, known=ENDS
+        "bsp",
+        "bsp",
+        "a bundle of long triangles along the diagonal",
+        theory,
+        bundle,
+        anywhere,
+        helper=None,
+        within=ENDS,
     )
 
 
@@ -200,13 +207,13 @@ def _tests(name: str, corners: np.ndarray, rays: Rays) -> Number:
     return Number(run_of(built(name, [mesh]), rays, all_rays=True)().tests)
 
 
-def _row(key, name, where, theory, corners, rays, predicted=TRIANGLES, helper="bvh", known=0.0):
+def _row(key, name, where, theory, corners, rays, predicted=TRIANGLES, helper="bvh", within=0.0):
     """Return the row of a structure; helper: a structure that tests fewer, None for none."""
     least = math.log2(len(corners))
     return AtlasRow(
         f"rays_{key}", f"{name}: {where}", theory, float(predicted), _tests(name, corners, rays),
         f"`--rays {helper}`" if helper else "none, but shorter triangles (`--max-edge`)",
-        _tests(helper, corners, rays) if helper else None, aim=least, known=known,
-        aim_known=(2 if helper == "bvh" else 4) * least, quantity="triangles tested per ray",
+        _tests(helper, corners, rays) if helper else None, aim=least, within=within,
+        aim_within=(2 if helper == "bvh" else 4) * least, quantity="triangles tested per ray",
         title="Structures of rays",
     )  # fmt: skip

@@ -51,9 +51,9 @@ class AtlasRow(NamedTuple):
     remedy: str = "none needed"
     remedied: Number | None = None  # None: there is no remedy
     aim: float = 1.0  # prediction for `remedied`
-    known: float = 0.0  # absolute uncertainty of the prediction
+    within: float = 0.0  # absolute uncertainty of the prediction
     cost: str = ""
-    aim_known: float = 0.0  # absolute uncertainty of the aim
+    aim_within: float = 0.0  # absolute uncertainty of the aim
     view: View | None = None
     quantity: str = "E / truth"
     title: str = ""  # of the section of this row and its neighbours; "": `where`
@@ -86,14 +86,14 @@ def ratios(
     """
 
     def run(seed):
-        solver, found = solved(scene, photons, seed, **settings[0]), []
+        solver, means = solved(scene, photons, seed, **settings[0]), []
         groups = [place(solver.receivers) for place in places]
         assert all(g.any() for g in groups)
         for setting in settings:
             solver.configure(**setting)
             solver.solve()
-            found += [solver.irradiance[g, 1].mean() / truth for g in groups]
-        return found
+            means += [solver.irradiance[g, 1].mean() / truth for g in groups]
+        return means
 
     flat = over_seeds(run, seeds)
     return [flat[k : k + len(places)] for k in range(0, len(flat), len(places))]

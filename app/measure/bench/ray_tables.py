@@ -45,16 +45,16 @@ def scene_camera(model: Model) -> Camera:
     return from_camera(model.scene.camera, model.scene.up, scene_bounds(model, model.start_poses())).as_camera()
 
 
-def best(found: list[tuple[Structure, dict[str, Cost]]]) -> list[tuple[Structure, dict[str, Cost]]]:
+def best(costs_of: list[tuple[Structure, dict[str, Cost]]]) -> list[tuple[Structure, dict[str, Cost]]]:
     """Return each structure at the leaf size of the fastest random rays."""
-    names = dict.fromkeys(s.name for s, _ in found)
-    return [min((f for f in found if f[0].name == n), key=lambda f: f[1]["random"].seconds) for n in names]
+    names = dict.fromkeys(s.name for s, _ in costs_of)
+    return [min((f for f in costs_of if f[0].name == n), key=lambda f: f[1]["random"].seconds) for n in names]
 
 
-def section(found: dict[str, list[tuple[Structure, dict[str, Cost]]]]) -> str:
-    """Return the Markdown section; found: measurements by the title of a scene."""
+def section(costs_of: dict[str, list[tuple[Structure, dict[str, Cost]]]]) -> str:
+    """Return the Markdown section; costs_of: measurements by the title of a scene."""
     parts = ["## Space partitionings (3.4.1)", NOTE]
-    for title, rows in found.items():
+    for title, rows in costs_of.items():
         chosen = best(rows)
         embree = next((c for s, c in chosen if s.name == "embree"), None)
         lines = [_line(s, c, embree) for s, c in chosen]
@@ -83,7 +83,7 @@ def _over_leaves(rows) -> str:
     return "\n".join(lines)
 
 
-def draw(found: dict[str, list[tuple[Structure, dict[str, Cost]]]], out: Path) -> None:
+def draw(costs_of: dict[str, list[tuple[Structure, dict[str, Cost]]]], out: Path) -> None:
     """Draw time per random ray over the leaf size, one panel per scene, into rays.svg. Raises UsageError, OSError."""
     need_matplotlib()
     import matplotlib
@@ -91,8 +91,10 @@ def draw(found: dict[str, list[tuple[Structure, dict[str, Cost]]]], out: Path) -
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(1, len(found), figsize=(4 * len(found) + 2, 4), sharey=True, layout="constrained")
-    for axis, (title, rows) in zip([axes] if len(found) == 1 else axes, found.items(), strict=True):
+    figure, axes = pyplot.subplots(
+        1, len(costs_of), figsize=(4 * len(costs_of) + 2, 4), sharey=True, layout="constrained"
+    )
+    for axis, (title, rows) in zip([axes] if len(costs_of) == 1 else axes, costs_of.items(), strict=True):
         for k, name in enumerate(dict.fromkeys(s.name for s, _ in rows)):
             own = [(s.leaf, 1e6 * c["random"].seconds) for s, c in rows if s.name == name]
             if len(own) > 1:

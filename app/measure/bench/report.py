@@ -68,9 +68,9 @@ class Times(NamedTuple):
     cells: tuple[float, float] | None  # of a grid: edge [radii], discs per occupied cell
 
 
-def markdown(facts: dict, found: dict, pretests: dict, estimators: dict) -> str:
-    """Return the whole text; found: `Times` by scene and photons, then by (receivers, search, radius)."""
-    tree, more, second = found["tree 10000"], found["tree 20000"], found["second 20000"]
+def markdown(facts: dict, measured: dict, pretests: dict, estimators: dict) -> str:
+    """Return the whole text; measured: `Times` by scene and photons, then by (receivers, search, radius)."""
+    tree, more, second = measured["tree 10000"], measured["tree 20000"], measured["second 20000"]
     parts = [
         _head(facts),
         _estimators(estimators),
@@ -80,7 +80,7 @@ def markdown(facts: dict, found: dict, pretests: dict, estimators: dict) -> str:
         _voxels(more, VOXELS_20000, TREE_RADII),
         section("Table 2.4: second tree, 20,000 photons", _searches(second, SECOND_20000, SECOND_RADII)),
         _voxels(second, VOXELS_SECOND, SECOND_RADII),
-        section("Where the two cross", "\n".join(_crossovers(found))),
+        section("Where the two cross", "\n".join(_crossovers(measured))),
         _pretests(pretests),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -130,14 +130,14 @@ def _voxels(measured: dict, theirs: dict, radii) -> str:
     return markdown_table(["b) best", *(f"{r:g}" for r in radii)], lines)
 
 
-def _crossovers(found: dict) -> list[str]:
+def _crossovers(measured: dict) -> list[str]:
     out = []
     for key, name in (("tree 10000", "Tree, 10,000 photons, report between 0.03 and 0.04"),
                       ("tree 20000", "Tree, 20,000 photons, report between 0.02 and 0.03"),
                       ("second 20000", "Second tree, 20,000 photons, report between 0.05 and 0.10")):  # fmt: skip
         for which in ("every", "frame"):
             scope = "all segments" if which == "every" else "a frame"
-            out.append(f"- {name}, {scope}: {crossover(found[key], which)}")
+            out.append(f"- {name}, {scope}: {crossover(measured[key], which)}")
     return out
 
 
@@ -184,7 +184,7 @@ def tables(settings: Settings, out: Path) -> str:
     with Bar() as bar:
         compile_kernels(bar, settings.rays)
         tree, second = _solver("tree", settings, bar), _solver("second_tree", settings, bar)
-        found = {
+        measured = {
             "tree 10000": _search_times(tree, 10_000, TREE_RADII + MORE_RADII, {"whole": None}, bar)
             | _search_times(tree, 10_000, TREE_RADII, {"tree": TREE, "ground": GROUND}, bar),
             "tree 20000": _search_times(tree, 20_000, TREE_RADII + MORE_RADII, {"whole": None}, bar),
@@ -198,7 +198,7 @@ def tables(settings: Settings, out: Path) -> str:
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
         "second": f"{_static(second):,} static triangles and a mobile of {len(second.scene.mobiles[0].mesh.faces)}",
     }
-    text = markdown(facts, found, pretests, estimators) + "\n" + ray_tables.section(rays) + "\n"
+    text = markdown(facts, measured, pretests, estimators) + "\n" + ray_tables.section(rays) + "\n"
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "tables.md", text)
     ray_tables.draw(rays, out / "rays.svg")

@@ -105,9 +105,9 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
             axis.plot(*_columns(front(own)), "-" + shape, color=colour, linewidth=1.8, markersize=6, zorder=3)
     report = about["scene"] in SCENES and name == "all"
     if report:
-        for then in REPORT:
-            y = then.total if then.total is not None else then.noise
-            axis.plot(1e3 * then.seconds, 100 * y, styles()[then.estimator][1], color=styles()[then.estimator][0],
+        for row in REPORT:
+            y = row.total if row.total is not None else row.noise
+            axis.plot(1e3 * row.seconds, 100 * y, styles()[row.estimator][1], color=styles()[row.estimator][0],
                       markerfacecolor="none", markersize=8, markeredgewidth=1.4, zorder=4)  # fmt: skip
     axis.set(xscale="log", yscale="log", xlim=span, title=title)
     axis.set_xlabel("GI frame, median [ms]")
@@ -124,9 +124,9 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
 def _legend(axis, rows: list[dict], about: dict) -> None:
     """Draw the legend and the conditions into the last panel."""
     axis.axis("off")
-    there = [curve for curve in styles() if any(r["curve"] == curve for r in rows)]
+    curves = [curve for curve in styles() if any(r["curve"] == curve for r in rows)]
     y = 0.97
-    for curve in there:
+    for curve in curves:
         colour, shape = styles()[curve]
         axis.plot([0.02, 0.10], [y, y], "-" + shape, color=colour, linewidth=2, markersize=7, transform=axis.transAxes)
         axis.text(0.14, y, _named(curve), color=colour, weight="bold", va="center", transform=axis.transAxes)
@@ -150,8 +150,8 @@ def _plain(about: dict) -> dict:
 
 def _points(rows: list[dict], curve: str, name: str) -> list[tuple[float, float]]:
     """Return (ms, %) of a curve's settings, by time; settings without error or receivers are left out."""
-    found = [(r["frame_ms"], r.get(f"total {name}")) for r in rows if r["curve"] == curve]
-    return sorted((x, 100 * y) for x, y in found if isinstance(y, float) and math.isfinite(y) and y > 0 and x > 0)
+    settings = [(r["frame_ms"], r.get(f"total {name}")) for r in rows if r["curve"] == curve]
+    return sorted((x, 100 * y) for x, y in settings if isinstance(y, float) and math.isfinite(y) and y > 0 and x > 0)
 
 
 def _span(rows: list[dict]) -> tuple[float, float]:

@@ -119,35 +119,35 @@ def row_of(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, fi
     return numbers | errors(seen.at_cases, limit, walk.cases)
 
 
-def errors(found: AtCases, limit: AtCases | None, cases: list[PoseTruth]) -> dict[str, float]:
+def errors(light: AtCases, limit: AtCases | None, cases: list[PoseTruth]) -> dict[str, float]:
     """Return noise, bias, total (l1), total (l2) and the noise of the truth.
 
     They are those of all receivers, of each class, and of gloss where the scene has some.
     """
     T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
-    E = np.concatenate(found.irradiance)
+    E = np.concatenate(light.irradiance)
     end = None if limit is None else np.concatenate(limit.irradiance)
     out: dict[str, float] = {}
     for name in ("all", *CLASSES):
         of = slice(None) if name == "all" else kind == CLASSES.index(name)
         out |= _errors(name, E[of], None if end is None else end[of], T[of], s[of], w[of])
-    shining = [k for k, case in enumerate(cases) if case.gloss is not None and found.gloss[k] is not None]
+    shining = [k for k, case in enumerate(cases) if case.gloss is not None and light.gloss[k] is not None]
     if shining:
-        L, end = (None if of is None else _together([of.gloss[k] for k in shining]) for of in (found, limit))
+        L, end = (None if of is None else _together([of.gloss[k] for k in shining]) for of in (light, limit))
         T, s, w = (np.concatenate(a) for a in zip(*(cases[k].gloss[3:] for k in shining), strict=True))
         out |= _errors("gloss", L, end, T, s, w)
     return out
 
 
 def _together(parts: list[np.ndarray | None]) -> np.ndarray | None:
-    known = [part for part in parts if part is not None]
-    return np.concatenate(known) if len(known) == len(parts) else None
+    arrays = [part for part in parts if part is not None]
+    return np.concatenate(arrays) if len(arrays) == len(parts) else None
 
 
-def _errors(name: str, found, end, T: np.ndarray, s: np.ndarray, w: np.ndarray) -> dict[str, float]:
-    total = relative_error(found, T, w)
+def _errors(name: str, light, end, T: np.ndarray, s: np.ndarray, w: np.ndarray) -> dict[str, float]:
+    total = relative_error(light, T, w)
     return {
-        f"noise {name}": float("nan") if end is None else relative_error(found, end, w).l1,
+        f"noise {name}": float("nan") if end is None else relative_error(light, end, w).l1,
         f"bias {name}": float("nan") if end is None else relative_error(end, T, w).l1,
         f"total {name}": total.l1,
         f"total l2 {name}": total.l2,
@@ -253,8 +253,8 @@ class Measurer:
         def row() -> dict:
             s = self.base.setting
             solver, _ = self.solved(Choice(DEFAULT, most, most, s.radius, s.neighbours, True, "best", paths=64))
-            found = tune(solver, 1e-3 * BUDGET, self.bar)
-            return self._row(choice_of(found, self._traced, solver.frame.subsets), None, walk)
+            tuned = tune(solver, 1e-3 * BUDGET, self.bar)
+            return self._row(choice_of(tuned, self._traced, solver.frame.subsets), None, walk)
 
         yield attempted(TUNED, row)
 

@@ -88,9 +88,9 @@ def _inline(svg: str) -> str:
     return f"<div class='wide'>{svg[svg.index('<svg') :]}</div>"
 
 
-def _pictures(found) -> str:
+def _pictures(drawn) -> str:
     out = []
-    for p in found:
+    for p in drawn:
         shown = [(p.image, f"picture: {p.title}"), (p.error_map, f"map of errors: {p.title}")]
         images = "".join(image(picture, text) for picture, text in shown if picture is not None)
         out.append(f"<figure>{images}<figcaption><b>{escape(p.title)}</b>: {escape(p.text)}</figcaption></figure>")
@@ -122,7 +122,7 @@ def _report(rows: list[dict], about: dict) -> list[str]:
     """Return the report's tables 2.1, 2.6, 2.7 and 2.8 redone."""
     if about["scene"] not in SCENES:
         return []
-    pairs = [(then, now or {}) for then, now in beside(rows, about["scene_size"])]
+    pairs = [(row, now or {}) for row, now in beside(rows, about["scene_size"])]
     table = html_table(*cells(REPORT_COLUMNS, pairs))
     return ["<h2>The report's tables, redone</h2>", table, f"<p>{REPORT_NOTE}</p>"]
 

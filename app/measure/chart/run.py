@@ -88,12 +88,12 @@ class Run:
         tasks += [(Measurer.rival, choice) for choice in rival]
         tasks += [(Measurer.tuned, counts[-1])] if tuned else []
         if self.machines is None:
-            found: Iterator = (run(self.measurer, what, walk) for run, what in tasks)
+            made: Iterator = (run(self.measurer, what, walk) for run, what in tasks)
         else:
             job = Job(self.scene, self.settings, self.effort, counts, walk)
-            found = self.machines.crew(_ready, job).map(_measured, tasks)
+            made = self.machines.crew(_ready, job).map(_measured, tasks)
         total, done, started = FIXED + sum(FIXED + c.photons for c in (*todo, *rival)), 0, time.monotonic()
-        for rows in found:
+        for rows in made:
             for row in rows:
                 if isinstance(row, Failure):
                     self.failures.append(row)
@@ -111,8 +111,8 @@ class Run:
         s = self.base.setting
         finest = self.measurer.limit(Choice(DEFAULT, 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
         seed = self.settings.seed
-        found = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
-        return make_walk(finest, self.lap, found, seed)
+        made = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
+        return make_walk(finest, self.lap, made, seed)
 
 
 def lamps_of(settings: Settings) -> str:

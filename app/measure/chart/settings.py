@@ -94,8 +94,8 @@ class Choice(NamedTuple):
     @property
     def setting(self) -> dict:
         """Arguments of Solver.configure() other than photons."""
-        others = ("photons", "traced", "paths", "tuned", "rested")
-        return {name: value for name, value in self._asdict().items() if name not in others}
+        of_frame = ("photons", "traced", "paths", "tuned", "rested")
+        return {name: value for name, value in self._asdict().items() if name not in of_frame}
 
     @property
     def frame(self) -> tuple[int | None, int | None]:
@@ -208,18 +208,18 @@ REPORT = (
 )
 
 
-def choice_like(then: ReportRow, scene_size: float, neighbours: int) -> Choice:
+def choice_like(row: ReportRow, scene_size: float, neighbours: int) -> Choice:
     """Return the setting like a row of the report: discs of 1 % of the scene, no corrections."""
     radius = float(f"{RADIUS * scene_size:.3g}")
-    like = Choice(then.estimator, then.photons, then.photons, radius, neighbours, False, "photons")
-    return like._replace(border_correction=False, textbook=True) if then.estimator == "photon_map" else like
+    like = Choice(row.estimator, row.photons, row.photons, radius, neighbours, False, "photons")
+    return like._replace(border_correction=False, textbook=True) if row.estimator == "photon_map" else like
 
 
 def choices_like_the_report(scene: str, solver: Solver) -> list[Choice]:
     """Return the settings like the report's rows, none for scenes other than its tree."""
     if scene not in SCENES:
         return []
-    return [choice_like(then, solver.scene_size, solver.setting.neighbours) for then in REPORT]
+    return [choice_like(row, solver.scene_size, solver.setting.neighbours) for row in REPORT]
 
 
 def beside(rows: list[dict], scene_size: float) -> list[tuple[ReportRow, dict | None]]:
@@ -229,26 +229,26 @@ def beside(rows: list[dict], scene_size: float) -> list[tuple[ReportRow, dict | 
         names = [name for name in Choice._fields if name not in ("radius", "neighbours")]
         return abs(r["radius"] - like.radius) <= 1e-3 * like.radius and all(r[n] == getattr(like, n) for n in names)
 
-    likes = [(then, choice_like(then, scene_size, 0)) for then in REPORT]
-    return [(then, next((r for r in rows if same(r, like)), None)) for then, like in likes]
+    likes = [(row, choice_like(row, scene_size, 0)) for row in REPORT]
+    return [(row, next((r for r in rows if same(r, like)), None)) for row, like in likes]
 
 
 LATE = 1.1  # of the budget: a frame of this length still keeps it
 JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
 
 
-def choice_of(found: Tuned, traced: Iterable[int], subsets: Iterable[int]) -> Choice:
+def choice_of(tuned: Tuned, traced: Iterable[int], subsets: Iterable[int]) -> Choice:
     """Return the setting of the chart that is like a choice of tune: the most photons predicted to keep the budget.
 
     traced: numbers of photons traced before; subsets: photons that a frame of an estimator with additive sums may use.
     """
-    setting, most = found.choice.setting, max(traced)
+    setting, most = tuned.choice.setting, max(traced)
     additive = ESTIMATORS[setting.estimator].additive
     counts = sorted(subsets if additive else traced)
-    frame = max((n for n in counts if n <= found.choice.frame), default=counts[0])
+    frame = max((n for n in counts if n <= tuned.choice.frame), default=counts[0])
     return Choice(
         setting.estimator, frame, most if additive else frame, setting.radius, setting.neighbours, setting.control,
-        "best", setting.border_correction, setting.textbook, found.paths or 0, True,
+        "best", setting.border_correction, setting.textbook, tuned.paths or 0, True,
     )  # fmt: skip
 
 
@@ -265,10 +265,10 @@ def nearness(rows: list[dict]) -> dict[str, float]:
     moving = [r for r in rows if r["curve"] != TUNED and not r["curve"].endswith(RESTED)]
     out = {}
     for name in JUDGED:
-        others = [r[f"total {name}"] for r in moving if r["frame_ms"] <= limit]
-        others = [e for e in others if isinstance(e, float) and math.isfinite(e) and e > 0]
-        if others and isinstance(chosen[f"total {name}"], float):
-            out[name] = chosen[f"total {name}"] / min(others)
+        errors = [r[f"total {name}"] for r in moving if r["frame_ms"] <= limit]
+        errors = [e for e in errors if isinstance(e, float) and math.isfinite(e) and e > 0]
+        if errors and isinstance(chosen[f"total {name}"], float):
+            out[name] = chosen[f"total {name}"] / min(errors)
     return out
 
 

@@ -135,12 +135,12 @@ def gloss_truth(solver: Solver, points: int, seed: int, rays: int = RAYS) -> Glo
         return None
     rows, weights = draw_by_area(rows, solver.receivers.areas, max(1, round(GLOSS_SHARE * points)), seed)
     views = gloss_views(model, at, rows, face_of[rows], eye)
-    found = reference_gloss(model, at, model.lights_at(solver.levels), views, rays, seed)
+    radiance = reference_gloss(model, at, model.lights_at(solver.levels), views, rays, seed)
     parts = []
     for o, mesh in enumerate(meshes_of(model)):
         mine = rows[(rows >= s.first_receiver[o]) & (rows < s.first_receiver[o + 1])]
         parts.append(with_vertices(mesh, _vertices(mesh, mine, is_back[mine]), np.zeros((0, 3))))
-    return GlossTruth(tuple(parts), is_back[rows], eye, *found, weights)
+    return GlossTruth(tuple(parts), is_back[rows], eye, *radiance, weights)
 
 
 def _vertices(mesh: DrawMesh, rows: np.ndarray, is_back: np.ndarray) -> np.ndarray:
