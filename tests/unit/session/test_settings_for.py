@@ -17,7 +17,7 @@ OLD = Settings(
 
 
 def test_a_plain_scene_takes_over_looks_alone():
-    s = settings_for(SimpleNamespace(settings=OLD, filled={}), "b.glb", ("c.glb",))
+    s = settings_for(SimpleNamespace(settings=OLD, requests=SimpleNamespace(filled={})), "b.glb", ("c.glb",))
     assert s == Settings("b.glb", ("c.glb",), tone_map="clip", light="photons", reference=True)
 
 
@@ -25,7 +25,7 @@ def test_a_saved_scene_gives_all_that_it_holds(tmp_path):
     path = tmp_path / "b.toml"
     there = Settings("cornell", lamps=(LampSetting("light", 2.0),), poses=(("pawn", (0.1, 0.2, 0.3, 1.0, 0, 0, 0)),))
     saved_scene.write(path, there)
-    s = settings_for(SimpleNamespace(settings=OLD, filled={}), str(path), ("c.glb",))
+    s = settings_for(SimpleNamespace(settings=OLD, requests=SimpleNamespace(filled={})), str(path), ("c.glb",))
     assert s.levels(()) == there.levels(()) and not s.solo
     assert replace(s, lamps=(), document="") == replace(there, lamps=(), mobiles=("c.glb",), reference=True)
 
