@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gi_core.model import Model
 
 LEAST = 1e-3  # share of the flux that makes a side bright
-NEARER = 1e-5  # of the scene size: a face so little behind a surface is seen
+NEARER = 1e-5  # of the surface's coordinates: a face so little behind it is seen
 
 
 class LightFaces(NamedTuple):
@@ -46,7 +46,7 @@ class LightFaces(NamedTuple):
         shares = np.stack([1 - u - v, u, v], axis=1)[:, :, None]
         nearest = np.full(len(strip.face), np.inf)
         nearest[hit] = (((world.corners[face] * shares).sum(axis=1) - strip.eye) * d).sum(axis=1)
-        nearest += NEARER * world.size
+        nearest[hit] += NEARER * np.abs(world.corners[face]).max(axis=(1, 2), initial=0.0)
         which = np.full(len(strip.face), -1)
         for k, (a, b, _, c) in enumerate(self.corners):
             normal, way = np.cross(b - a, c - a), a - strip.eye

@@ -20,7 +20,7 @@ from gi_core.scene.types import Texture
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
 MAX_CULLED = 64  # culled faces along a ray
-CULLED_OFFSET = 4e-6  # of the scene size and the distance: step beyond a culled face (float32: 6e-8)
+CULLED_OFFSET = 4e-6  # of the face's coordinates and the distance: step beyond a culled face (float32: 6e-8)
 
 
 class PictureScene(NamedTuple):
@@ -201,7 +201,8 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
         if not hidden.any():
             break
         # Continue behind culled faces and through holes.
-        past = t[hidden] * (1 + CULLED_OFFSET) + np.float32(CULLED_OFFSET * world.size)
+        reach = np.abs(world.corners[at_hit[hidden]]).max(axis=(1, 2), initial=0.0)
+        past = t[hidden] * (1 + CULLED_OFFSET) + np.float32(CULLED_OFFSET) * reach
         going, d = going[hidden], d[hidden]
         o = o[hidden] + past[:, None] * d
     return face, u, v

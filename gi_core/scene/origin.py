@@ -20,15 +20,16 @@ def origin_of(mesh: Mesh) -> np.ndarray:
 
     Its coordinates are multiples of a power of two, so subtracting it from the vertices is exact.
     """
-    used = mesh.vertices[mesh.faces.reshape(-1)]
+    corners = mesh.faces.reshape(-1)
+    used = mesh.vertices[corners[:: max(len(corners) // 100_000, 1)]]
     if not len(used):
         return np.zeros(3)
-    low, high = used.min(axis=0), used.max(axis=0)
-    size, farthest = float((high / 2 - low / 2).max()) * 2, float(max(-low.min(), high.max()))
+    middle = np.median(used, axis=0)  # a stray vertex at the file's origin does not move it
+    size, farthest = 2 * float(np.quantile(np.abs(used - middle).max(axis=1), 0.9)), float(np.abs(middle).max())
     if not farthest > NEAR * size:
         return np.zeros(3)
     step = max(2.0 ** np.floor(np.log2(size)) if size > 0 else 0.0, float(np.spacing(farthest)))
-    return step * np.rint((low / 2 + high / 2) / step)
+    return step * np.rint(middle / step)
 
 
 def translated(scene: Scene, by: np.ndarray) -> Scene:

@@ -9,6 +9,7 @@ import pytest
 
 from app.commands.measure import measure
 from app.settings import MeasuringPlane, Settings
+from gi_core.scene.origin import translated
 from gi_core.scene.types import Mesh, Mobile, PointLight, Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, coloured_room, merge, sphere
@@ -78,3 +79,20 @@ def test_a_measured_point_under_a_lamp(tmp_path):
     plane = MeasuringPlane((-0.01, -0.01), (0.01, 0.01), 0.75, (1, 1))
     lines = measure(Settings(scene=str(tmp_path / "scene.toml"), plane=plane), 0.01)
     assert any(line.split()[:2] == ["mean", "203.7"] for line in lines)
+
+
+def test_a_surveyed_room_with_a_triangle_at_the_origin_of_the_file():
+    """float32 keeps the room's digits near the shifted origin, which follows the room and not the box of all."""
+    away = np.array((500_000.0, -4_649_984.0, 256.0))
+    near, far = room(), translated(replace(room(), mobiles=()), away)
+    stray = FAR["stray"]._replace(vertices=FAR["stray"].vertices - AWAY)
+    lit = []
+    for scene, shift in ((replace(near, mobiles=()), 0.0), (replace(far, static=merge(far.static, stray)), away)):
+        solver = Solver(scene, photons=10_000, radius=0.1, estimator="impact_count", light="photons")
+        solver.solve()
+        places = np.round(solver.receivers.positions - shift, 6).tolist()
+        normals = np.round(solver.receivers.normals, 6).tolist()
+        lit.append({(*p, *n): E for p, n, E in zip(places, normals, solver.irradiance, strict=True)})
+    alone, there = lit
+    total = sum(E.sum() for E in alone.values())
+    assert sum(np.abs(E - there[key]).sum() for key, E in alone.items()) < 1e-3 * total
