@@ -35,7 +35,7 @@ def with_diagonals(mesh: DrawMesh, others: np.ndarray) -> DrawMesh:
     turning.turn(others)
     faces = mesh.quads.faces[others]
     beside[faces] = faces[:, ::-1]
-    return mesh._replace(triangles=turning.triangles, beside=beside)
+    return mesh._replace(triangles=turning.triangles, quads=mesh.quads._replace(beside=beside))
 
 
 class Turning:

@@ -41,7 +41,6 @@ class DrawMesh(NamedTuple):
     reflectors: tuple[Reflector, ...] = ()  # of faces too sharp for light at vertices
     reflector: np.ndarray | None = None  # (F,) int32 into them, -1: none; None: there are none
     quads: Quads = NO_QUADS
-    beside: np.ndarray | None = None  # (F,) int32, the other triangle of a quad drawn with its other diagonal, or -1
     glowing: np.ndarray | None = None  # (k,) int64, draw vertices that emit; None: unknown
 
     @property
@@ -147,7 +146,7 @@ def with_vertices(mesh: DrawMesh, rows: np.ndarray, triangles) -> DrawMesh:
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
     triangles = np.asarray(triangles, np.int32).reshape(-1, 3)
-    bare = mesh._replace(reflectors=(), reflector=None, quads=NO_QUADS, beside=None, glowing=None)
+    bare = mesh._replace(reflectors=(), reflector=None, quads=NO_QUADS, glowing=None)
     return bare._replace(triangles=triangles, **values)
 
 

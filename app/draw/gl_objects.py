@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import moderngl
@@ -79,6 +80,18 @@ class MarkedFaces(NamedTuple):
     corners: np.ndarray  # (8, 3) of their box, object space
 
 
+@dataclass
+class Gloss:
+    """Buffers of an object's gloss, and its vertices that have any; others show it in reflections."""
+
+    lobes: moderngl.Buffer | None = None  # of all vertices; None: no gloss
+    tangents: moderngl.Buffer | None = None  # of tables in reflections
+    strengths: moderngl.Buffer | None = None  # of lights without a surface
+    has_strength: bool = False  # whether any is not 0
+    at_vertices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))  # that show gloss themselves ...
+    tabulated: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))  # ... those of them by a table
+
+
 class DrawnObject:
     """Buffers of one object. One-sided faces come first, so that culling covers one range.
 
@@ -96,7 +109,7 @@ class DrawnObject:
             triangles=mesh.triangles[order].astype(np.int32), quads=mesh.quads._replace(faces=places[mesh.quads.faces])
         )
         self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
-        self._vertices = len(mesh.positions)
+        self._mesh = mesh
         self._back = np.full((self._vertices, 3), -1.0, np.float32)  # it stays where one-sided: see surface.frag
         self._corners = _box(mesh.positions)
         # GL has no empty buffers; a scene may have an empty object.
@@ -109,28 +122,31 @@ class DrawnObject:
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
-        self._gloss, self._mesh = None, mesh
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
-        self._along = self._strength = None
-        self._shines = False  # whether any strength is not 0
-        # Vertices that show gloss at vertices, and those of tables; others are seen in reflections.
-        self._shining = self._tabulated = np.zeros(0, np.int64)
+        self._gloss = Gloss()
         if mesh.lobe is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
-            self._shining = np.unique(plain)
-            self._tabulated = self._shining[mesh.lobe[self._shining, 4] < 0]
+            self._gloss.at_vertices = np.unique(plain)
+            self._gloss.tabulated = self._gloss.at_vertices[mesh.lobe[self._gloss.at_vertices, 4] < 0]
             packed = np.c_[mesh.gloss + 1, mesh.normal, _with_albedo(mesh)].astype(np.float32)
-            self._gloss = ctx.buffer(packed.tobytes())
-            self._owned.append(self._gloss)
+            self._gloss.lobes = ctx.buffer(packed.tobytes())
+            self._owned.append(self._gloss.lobes)
         if mesh.reflectors and mesh.tangent is not None:
-            self._along = ctx.buffer(np.ascontiguousarray(mesh.tangent, np.float32).tobytes())
-            self._owned.append(self._along)
+            self._gloss.tangents = ctx.buffer(np.ascontiguousarray(mesh.tangent, np.float32).tobytes())
+            self._owned.append(self._gloss.tangents)
         if mesh.reflectors:
-            self._strength = ctx.buffer(bytes(4 * MOST * self._vertices), dynamic=True)
-            self._owned.append(self._strength)
-        self.has_holes = any(call.texture is not None and call.texture.cover is not None for call in self._calls)
+            self._gloss.strengths = ctx.buffer(bytes(4 * MOST * self._vertices), dynamic=True)
+            self._owned.append(self._gloss.strengths)
         self._layers: dict[int, Layer] = {}
         self._layer(0)
+
+    @property
+    def _vertices(self) -> int:
+        return len(self._mesh.positions)
+
+    @property
+    def has_holes(self) -> bool:
+        return any(call.texture is not None and call.texture.cover is not None for call in self._calls)
 
     @property
     def is_textured(self) -> bool:
@@ -152,17 +168,17 @@ class DrawnObject:
             attributes += [(front, "3f", "front"), (back, "3f", "back")]
             sharp_attributes = attributes.copy()
             irradiance = sent = None
-            if self._gloss is not None:
+            if self.is_glossy:
                 irradiance = self.ctx.buffer(bytes(24 * self._vertices), dynamic=True)
-                attributes.append((self._gloss, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
+                attributes.append((self._gloss.lobes, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
                 attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
-                sharp_attributes.append((self._gloss, "2x4 3f 5x4", "normal"))
+                sharp_attributes.append((self._gloss.lobes, "2x4 3f 5x4", "normal"))
                 sent = self.ctx.buffer(bytes(24 * self._vertices), dynamic=True)
                 attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
-            if self._along is not None:
-                sharp_attributes.append((self._along, "3f", "along"))
-            if self._strength is not None:
-                sharp_attributes.append((self._strength, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
+            if self._gloss.tangents is not None:
+                sharp_attributes.append((self._gloss.tangents, "3f", "along"))
+            if self._gloss.strengths is not None:
+                sharp_attributes.append((self._gloss.strengths, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
             lit = self.ctx.vertex_array(programs.surface, attributes, triangles)
             painted = holed = sharp = sharp_painted = None
             if self._mesh.reflectors:
@@ -207,17 +223,18 @@ class DrawnObject:
 
     def shine(self, strength: np.ndarray | None) -> None:
         """Upload the strength (D, MOST) float32 of lights without a surface; None: all 0."""
-        if self._strength is not None and (strength is not None or self._shines):
-            self._strength.write(np.zeros((self._vertices, MOST), np.float32) if strength is None else strength)
-            self._shines = strength is not None
+        gloss = self._gloss
+        if gloss.strengths is not None and (strength is not None or gloss.has_strength):
+            gloss.strengths.write(np.zeros((self._vertices, MOST), np.float32) if strength is None else strength)
+            gloss.has_strength = strength is not None
 
     def is_evaluated(self, single_rays: bool) -> bool:
         """Return whether the processor evaluates gloss for each eye: of tables, of all where single rays are kept."""
-        return len(self._shining if single_rays else self._tabulated) > 0
+        return len(self._gloss.at_vertices if single_rays else self._gloss.tabulated) > 0
 
     def evaluate(self, directions: Directions, eye: np.ndarray) -> None:
         """Upload the radiance of that gloss towards an eye (3,) in the object's space."""
-        which = self._shining if len(directions.offsets) > 1 else self._tabulated
+        which = self._gloss.at_vertices if len(directions.offsets) > 1 else self._gloss.tabulated
         for layer, irradiance in self._light.items():
             seen = np.zeros((self._vertices, 6), np.float32)
             seen[which] = np.c_[gloss_colours(self._mesh, directions, irradiance, eye, which)]
@@ -225,7 +242,7 @@ class DrawnObject:
 
     @property
     def is_glossy(self) -> bool:
-        return self._gloss is not None
+        return self._gloss.lobes is not None
 
     def draw(self, cull: bool, layer: int = 0) -> None:
         """Draw all triangles in vertex colours."""

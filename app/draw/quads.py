@@ -19,6 +19,7 @@ class Quads(NamedTuple):
 
     faces: np.ndarray  # (q, 2) int64, the two triangles
     corners: np.ndarray  # (4, q) int64 vertices a, b, d, c, in this order around the quadrilateral
+    beside: np.ndarray | None = None  # (F,) int32, the other triangle of a quad drawn with its other diagonal, or -1
 
 
 NO_QUADS = Quads(np.zeros((0, 2), np.int64), np.zeros((4, 0), np.int64))

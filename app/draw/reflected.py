@@ -99,7 +99,7 @@ class Mirrors:
         self._accelerator, self._at, self._eye = accelerator, at, eye
         self._pixel, self._cull, self._background = pixel, cull, background
         self._exposure, self._height = exposure, height
-        self._delta, self._sky, self._area = without_surface(lights), lights.sky, lights.area
+        self._delta, self._lights = without_surface(lights), lights
         # Luminaires have highlights instead.
         self._has_lamps = LAMP_RAYS > 0 and bool((lights.area.table < 0).any())
         self._reflectors: list[Reflector] = []
@@ -193,13 +193,13 @@ class Mirrors:
         """Return the radiance (n, 3) that `to_lamps` rays to lamps bring, beside `count` drawn from the lobe."""
         start = views.points + OFFSET * world.size * views.flat
         numbers = _numbers(hits, to_lamps, 1)[..., :2]
-        rays = lamp_rays(self._area, views.lobe, start, views.flat, numbers, count / to_lamps)
+        rays = lamp_rays(self._lights.area, views.lobe, start, views.flat, numbers, count / to_lamps)
         out = np.zeros(rays.radiance.shape)
         rows = np.nonzero(rays.lamp >= 0)
         face = self._nearest(world, start[rows[0]], rays.direction[rows])[0]
         # A face of a quadrilateral has the same light as its other half, which the picture may draw in its place.
-        lamp, beside = self._area.of_face[face], world.beside[face]
-        same = (lamp == rays.lamp[rows]) | ((beside >= 0) & (self._area.of_face[beside] == rays.lamp[rows]))
+        lamp, beside = self._lights.area.of_face[face], world.beside[face]
+        same = (lamp == rays.lamp[rows]) | ((beside >= 0) & (self._lights.area.of_face[beside] == rays.lamp[rows]))
         seen = tuple(row[same & (face >= 0)] for row in rows)
         out[seen] = rays.radiance[seen]
         return out.mean(axis=1)
@@ -243,8 +243,8 @@ class Mirrors:
         """
         face, u, v = self._nearest(lit.world, origins, d)
         out = np.tile(self._background, (len(face), 1))
-        if self._sky.radiance.any():
-            out = np.where((d @ self._sky.up > 0)[:, None], self._sky.radiance, 0.0)
+        if self._lights.sky.radiance.any():
+            out = np.where((d @ self._lights.sky.up > 0)[:, None], self._lights.sky.radiance, 0.0)
         rays = np.flatnonzero(face >= 0)
         if not len(rays):
             return out
@@ -260,13 +260,13 @@ class Mirrors:
                 gloss[sharp] = self._gloss(lit, hits.at(sharp))
             radiance = radiance + gloss
         out[rays] = np.where((facing | ~lit.world.one_sided[hits.face])[:, None], radiance, 0.0)
-        lamp = self._area.of_face[face]
+        lamp = self._lights.area.of_face[face]
         bright = rays[facing & (lamp[rays] >= 0) & np.isfinite(density[rays])]
         if len(bright):
             e, share = lamp[bright], np.stack([1 - u - v, u, v], axis=1)[bright, :, None]
             way = (lit.world.corners[face[bright]] * share).sum(axis=1) - origins[bright]
-            by_lamps = share_of_lamps(self._area, e, way, density[bright])
-            out[bright] -= by_lamps[:, None] * self._area.radiance[e]
+            by_lamps = share_of_lamps(self._lights.area, e, way, density[bright])
+            out[bright] -= by_lamps[:, None] * self._lights.area.radiance[e]
         return out
 
 

@@ -79,7 +79,7 @@ def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
         draw.append(mesh.triangles.astype(np.int64) + first)
         one_sided.append(mesh.back[mesh.triangles[:, 0]] < 0)
         none = np.full(len(mesh.triangles), -1)
-        beside.append(none if mesh.beside is None else np.where(mesh.beside < 0, -1, mesh.beside + faces))
+        beside.append(none if (other := mesh.quads.beside) is None else np.where(other < 0, -1, other + faces))
         first, faces = first + len(mesh.positions), faces + len(mesh.triangles)
     p = np.concatenate(corners)
     normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])

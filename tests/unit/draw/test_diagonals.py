@@ -89,7 +89,7 @@ def test_the_other_diagonal_covers_the_same_surface():
         return np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
 
     np.testing.assert_allclose(normals(other), normals(mesh), atol=1e-6)
-    assert np.array_equal(other.beside[other.beside], np.arange(len(mesh.triangles)))
+    assert np.array_equal(other.quads.beside[other.quads.beside], np.arange(len(mesh.triangles)))
 
 
 def test_light_that_is_linear_does_not_show_the_diagonals(monkeypatch):
@@ -130,18 +130,18 @@ def test_a_border_of_light_has_fewer_teeth():
     mesh, colours = shot.meshes[0], shot.colours(0)
     drawn = along_light(mesh, *colours)
     assert teeth(drawn) < 0.7 * teeth(mesh)
-    wrong = with_diagonals(drawn, drawn.beside[drawn.quads.faces[:, 0]] < 0)
+    wrong = with_diagonals(drawn, drawn.quads.beside[drawn.quads.faces[:, 0]] < 0)
     assert teeth(drawn) < 0.7 * teeth(wrong), "the ends of the drawn diagonals differ less, not more"
 
 
 def test_a_quad_with_an_unreached_corner_keeps_its_diagonal():
     shot = striped(plane())
     mesh, colours = shot.meshes[0], shot.colours(0)
-    free = along_light(mesh, *colours).beside >= 0
+    free = along_light(mesh, *colours).quads.beside >= 0
     weights = np.ones((len(mesh.positions), 2), np.float32)
     corner = mesh.quads.corners[2, free[mesh.quads.faces[:, 0]]][0]
     weights[corner, 0] = 1e-3
-    kept = along_light(mesh, *colours, weights).beside >= 0
+    kept = along_light(mesh, *colours, weights).quads.beside >= 0
     at_corner = (mesh.quads.corners == corner).any(axis=0)
     assert free[mesh.quads.faces[at_corner]].any() and not kept[mesh.quads.faces[at_corner]].any()
     assert np.array_equal(free[mesh.quads.faces[~at_corner]], kept[mesh.quads.faces[~at_corner]])
@@ -152,7 +152,7 @@ def test_both_pictures_have_the_same_diagonals():
     """A slab that is lit only on its back is in the picture too: backs count."""
     shot = striped(merge(plane(), quad((0.1, 0.1, 0.2), (0, 0.4, 0), (0.4, 0, 0), (5, 5), 1)))
     shot.exposure = 1.0
-    assert any((along_light(m, *shot.colours(0)).beside >= 0).any() for m in shot.meshes)
+    assert any((along_light(m, *shot.colours(0)).quads.beside >= 0).any() for m in shot.meshes)
     traced, drawn = shot.take().astype(int), gl_picture(shot).astype(int)
     assert (np.abs(traced - drawn).max(axis=2) > 4).mean() < 0.01, "but for edges"
     plain = raycast.along_light
