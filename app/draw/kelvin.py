@@ -10,8 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gi_core.geometry.error import REC709
+
 COOLEST, HOTTEST = 1700.0, 20_000.0  # [K]
-REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of red, green and blue
 FROM_XYZ = np.array([(3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570)])
 
 RGB = tuple[float, float, float]

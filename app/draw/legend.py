@@ -12,7 +12,7 @@ from app.draw.false_colour import LIGHT_FROM, Scale
 from app.draw.units import Units
 
 HEIGHT_EM, WIDTH_EM = 11.0, 1.1  # of the bar
-LINE_EM = 1.3
+ROW_EM = 1.3
 MARGIN_EM = 0.8
 PLATE, TEXT = (15, 16, 17, 210), (235, 236, 238)
 LIGHT_MARK, DARK_MARK = (255, 255, 255, 255), (0, 0, 0, 255)
@@ -47,14 +47,14 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     margin = MARGIN_EM * em
     beside = (WIDTH_EM + 0.6) * em
     width = max(*(draw.textlength(t, font) for t in lines), *(beside + draw.textlength(t, font) for _, t in labels))
-    head = (len(lines) + 0.5) * LINE_EM * em
+    head = (len(lines) + 0.5) * ROW_EM * em
     height = head + (HEIGHT_EM + 0.5) * em
     left, top = w - width - 2 * margin, h - height - 2 * margin
     if left < 0 or top < 0:
         return picture
     draw.rounded_rectangle((left - margin, top - margin, w - margin, h - margin), 0.35 * em, PLATE)
     for k, line in enumerate(lines):
-        draw.text((left, top + k * LINE_EM * em), line, TEXT, font)
+        draw.text((left, top + k * ROW_EM * em), line, TEXT, font)
     rows = round(HEIGHT_EM * em)
     places, steps = np.linspace(1, 0, rows), np.linspace(0, 1, len(legend.colours))
     bar = np.round(255 * np.stack([np.interp(places, steps, c) for c in legend.colours.T], axis=1)).astype(np.uint8)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from app.session.open_scene import OpenScene
 
 
-RING = 12  # directions about the point
-GROWTH = 1.25  # ratio of the radii of neighbouring rings
+RING_DIRECTIONS = 12  # directions about the point
+RING_GROWTH = 1.25  # ratio of the radii of neighbouring rings
 FOOT = 0.05  # of the object's height: it may stand so deep in the floor, which need not be level
 
 
@@ -60,12 +60,12 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     below = _reach(session, poses, poses, near[None], -up[None])[0]
     near = near - (below - GAP * size if np.isfinite(below) else 0) * up
     start = near + min(height, _reach(session, poses, poses, near[None], up[None])[0]) / 2 * up
-    angle = 2 * np.pi * np.arange(RING) / RING
+    angle = 2 * np.pi * np.arange(RING_DIRECTIONS) / RING_DIRECTIONS
     ways = np.cos(angle)[:, None] * east + np.sin(angle)[:, None] * north
     free = _reach(session, poses, poses, np.broadcast_to(start, ways.shape), ways)
     radii = [max((length + width) / 4, GAP * size)]
     while radii[-1] < size:
-        radii.append(GROWTH * radii[-1])
+        radii.append(RING_GROWTH * radii[-1])
     rings = [start + r * ways[free > r] for r in radii]
     above = np.concatenate((start[None], *rings))
     foot = np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]) / 2 @ np.stack([length * east, width * north])
@@ -97,7 +97,7 @@ def _boxes_of_others(session: OpenScene, poses: Mapping[str, Pose], name: str) -
     return lows, highs
 
 
-RAYS = 4096  # downwards from vertices
+LOWERING_RAYS = 4096  # downwards from vertices
 SUNK = 0.1  # of the object's height: it may begin so deep in the floor
 AWAY = 1e3  # of the scene's box: where the object itself is out of the rays' way
 GAP = 1e-5  # of the scene's box between object and floor: their faces must not coincide
@@ -112,7 +112,7 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
     heights = points @ up
     size = float(np.ptp(model.surfaces.vertices[0], axis=0).max()) if len(model.surfaces.vertices[0]) else 1.0
     # The lowest vertices decide on level ground, the others on steps.
-    points = points[np.argsort(heights, kind="stable")[:RAYS]]
+    points = points[np.argsort(heights, kind="stable")[:LOWERING_RAYS]]
     lift = SUNK * max(float(np.ptp(heights)), GAP * size)
     pose = poses[name]
     gone = pose._replace(position=three(np.array(pose.position) + AWAY * size * up))

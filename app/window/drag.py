@@ -177,7 +177,7 @@ def _end_in_box(origin, direction, low, high) -> float | None:
     return leave if entry <= leave else None
 
 
-LEFT, RIGHT = 0, 1  # buttons that drag
+LEFT, RIGHT, MIDDLE = 0, 1, 2  # mouse buttons
 
 
 class MobileDrag:

@@ -20,7 +20,7 @@ MOVE, TURN = "move", "turn"
 MODES = ("", MOVE, TURN)  # in the order of the key
 OPERATIONS = {MOVE: G.OPERATION.translate, TURN: G.OPERATION.rotate}
 LENGTH_EM = 4.0  # of an arrow
-STEPS = (1.0, 2.0, 5.0)  # of snapping, per decade
+SNAP_STEPS = (1.0, 2.0, 5.0)  # of snapping, per decade
 SNAP_SHARE = 0.01  # of the scene's size: longest step
 SNAP_DEGREES = 15.0
 
@@ -95,7 +95,7 @@ class Gizmo:
 def snap_step(size: float) -> float:
     """Return the step of snapping [m] in a scene of a size [m]: 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(SNAP_SHARE * size))
-    return float(max(s * power for s in STEPS if s * power <= SNAP_SHARE * size * (1 + 1e-9)))
+    return float(max(s * power for s in SNAP_STEPS if s * power <= SNAP_SHARE * size * (1 + 1e-9)))
 
 
 def moved_pose(pose: Pose, middle: np.ndarray, to: np.ndarray, turned: np.ndarray | None) -> Pose:

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 MARK_EM, AIM_EM, RAY_EM = 0.42, 0.34, 0.24  # radii of marks and aims, length of a mark's rays
 REACH_EM = 0.8  # of the mouse
-RAYS = 8  # of a mark
+MARK_RAYS = 8  # of a mark
 HOUSING = 0.03  # of the scene's size: a surface so near a light, such as its shade, does not hide it
 AIM_SHARE = 0.2  # of the scene's size: distance of the aim where the light meets nothing
-LIT, OFF = (1.0, 0.88, 0.6), (0.55, 0.55, 0.57)
+LIT_MARK, UNLIT_MARK = (1.0, 0.88, 0.6), (0.55, 0.55, 0.57)
 HIDDEN = 0.35  # opacity of marks behind surfaces
 AIM = "aim"  # beside the modes of a drag
 WORDS = {**drag.MODES, AIM: "shines at the surface under the cursor"}
@@ -203,13 +203,13 @@ class LampHandles:
         pointed = self._under is not None and self._under[0] == mark.id
         opacity = 1.0 if chosen or pointed or not mark.hidden else HIDDEN
         edge = imgui.get_color_u32((*(theme.ACCENT if chosen else (0.05, 0.05, 0.06)), opacity))
-        fill = imgui.get_color_u32((*(LIT if is_on else OFF), opacity))
+        fill = imgui.get_color_u32((*(LIT_MARK if is_on else UNLIT_MARK), opacity))
         if chosen:
             _draw_outline(mark.light, view, edge)
             self._draw_aim(mark, edge)
         r = MARK_EM * em * (1.15 if pointed else 1.0)
-        for k in range(RAYS):
-            c, s = math.cos(2 * math.pi * k / RAYS), math.sin(2 * math.pi * k / RAYS)
+        for k in range(MARK_RAYS):
+            c, s = math.cos(2 * math.pi * k / MARK_RAYS), math.sin(2 * math.pi * k / MARK_RAYS)
             a, b = r * 1.25, r * 1.25 + RAY_EM * em
             ends = (mark.at[0] + a * c, mark.at[1] + a * s), (mark.at[0] + b * c, mark.at[1] + b * s)
             drawing.add_line(*ends, imgui.get_color_u32((0.05, 0.05, 0.06, 0.8 * opacity)), theme.pixels(3.0))

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from app.draw.colour_map import UNKNOWN, signed_colours
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS
-from app.draw.legend import COLOUR_STEPS, Legend
+from app.draw.legend import COLOUR_STEPS, HEIGHT_EM, WIDTH_EM, Legend
 from app.draw.marks import PLATE, PLATE_OPACITY
 from app.window import theme
 from app.window.view_content import Errors
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from app.window.label import Box
     from app.window.view import View
 
-WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
 BESIDE_EM = WIDTH_EM + 0.6  # from the bar's left edge to the ticks' labels
-PAD_EM, LINE_EM = 0.7, 1.25
+PAD_EM, CAPTION_EM = 0.7, 1.25
 NO_DATA = "no reference yet"
 TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
 
@@ -40,14 +39,14 @@ def box(legend: Legend, view: View) -> Box:
     widest = max(imgui.calc_text_size(text).x for text in (*(t for _, t in legend.ticks), *swatch_label))
     width = max(widest + BESIDE_EM * em, *(imgui.calc_text_size(text).x for text in legend.lines))
     lines = len(legend.lines) + (2.2 if legend.unknown else 1.0)
-    height = HEIGHT_EM + lines * LINE_EM
+    height = HEIGHT_EM + lines * CAPTION_EM
     return right - width - 2 * PAD_EM * em, bottom - (height + 2 * PAD_EM) * em, right, bottom
 
 
 def draw(legend: Legend, view: View) -> None:
     """Draw the legend over the picture."""
     em = imgui.get_font_size()
-    pad, line, beside = PAD_EM * em, LINE_EM * em, BESIDE_EM * em
+    pad, line, beside = PAD_EM * em, CAPTION_EM * em, BESIDE_EM * em
     x, y, right, bottom = box(legend, view)
     drawing = imgui.get_window_draw_list()
     text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))

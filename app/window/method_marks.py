@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 RADIUS_EM = 7.0
-BORDER = (0.35, 0.36, 0.38, 0.6)
-STEPS = 4  # of a cell's edge
-GRID = 40  # places of the lobe along a side of the square
-LEVELS = ((0.5, 1.0), (0.1, 0.55), (0.01, 0.3))  # contours: fraction of the lobe's maximum, opacity
+CELL_BORDER = (0.35, 0.36, 0.38, 0.6)
+EDGE_STEPS = 4  # of a cell's edge
+LOBE_GRID = 40  # places of the lobe along a side of the square
+CONTOURS_AT = ((0.5, 1.0), (0.1, 0.55), (0.01, 0.3))  # contours: fraction of the lobe's maximum, opacity
 CONTOURS = "contours: lobe at 50, 10, 1 %"
 NOTE, REFLECTED = f"light by direction; {CONTOURS}", f"shown by a reflection, no light by direction; {CONTOURS}"
 Places = list[tuple[float, float]]
@@ -41,16 +41,17 @@ def draw_hemisphere(viewport: Viewport, view: HemisphereView, colours: dict[int,
     for outline, share in zip(_cell_outlines(), shares / max(float(shares.max()), 1e-12), strict=True):
         grey = float(share) ** 0.4545
         drawing.add_convex_poly_filled(places(outline), imgui.get_color_u32((grey, grey, grey, 1.0)))
-        drawing.add_polyline(places(outline), imgui.get_color_u32(BORDER), 1.0, imgui.ImDrawFlags_.closed)
+        drawing.add_polyline(places(outline), imgui.get_color_u32(CELL_BORDER), 1.0, imgui.ImDrawFlags_.closed)
     ahead = view.rays[:, 2] > 0
     for place, kind in zip(places(disc_of(view.rays[ahead])), view.kind[ahead].tolist(), strict=True):
-        drawing.add_circle_filled(place, theme.pixels(2.6), imgui.get_color_u32(BORDER), 8)
+        drawing.add_circle_filled(place, theme.pixels(2.6), imgui.get_color_u32(CELL_BORDER), 8)
         drawing.add_circle_filled(place, theme.pixels(1.6), imgui.get_color_u32(colours[kind]), 8)
     eye = viewport.view.camera.eye() - viewport.session.model.origins[0]
-    values, grid = view.lobe_towards(eye, directions(_grid())), on_disc(_grid())
-    for level, opacity in LEVELS:
+    values = view.lobe_towards(eye, directions(_grid())).reshape(LOBE_GRID, LOBE_GRID)
+    grid = on_disc(_grid()).reshape(LOBE_GRID, LOBE_GRID, 2)
+    for level, opacity in CONTOURS_AT:
         colour = imgui.get_color_u32((*theme.ACCENT, opacity))
-        ends = places(_contour(values.reshape(GRID, GRID), grid.reshape(GRID, GRID, 2), level * float(values.max())))
+        ends = places(_contour(values, grid, level * float(values.max())))
         for a, b in zip(ends[::2], ends[1::2], strict=True):
             drawing.add_line(a, b, colour, theme.pixels(1.8))
     seen = view.frame @ (eye - view.position)
@@ -63,15 +64,15 @@ def draw_hemisphere(viewport: Viewport, view: HemisphereView, colours: dict[int,
 
 
 def _cell_outlines() -> list[np.ndarray]:
-    """Return the outline (4 STEPS, 2) of each cell on the unit disc, in the order of cells."""
-    t = np.arange(STEPS) / STEPS
-    zero, one = np.zeros(STEPS), np.ones(STEPS)
+    """Return the outline (4 EDGE_STEPS, 2) of each cell on the unit disc, in the order of cells."""
+    t = np.arange(EDGE_STEPS) / EDGE_STEPS
+    zero, one = np.zeros(EDGE_STEPS), np.ones(EDGE_STEPS)
     unit = np.concatenate([np.c_[t, zero], np.c_[one, t], np.c_[1 - t, one], np.c_[zero, 1 - t]])
     return [on_disc(2 * (unit + (i, j)) / SIDE - 1) for i in range(SIDE) for j in range(SIDE)]
 
 
 def _grid() -> np.ndarray:
-    line = np.linspace(-1, 1, GRID)
+    line = np.linspace(-1, 1, LOBE_GRID)
     return np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
@@ -99,7 +100,7 @@ def _contour(values: np.ndarray, places: np.ndarray, level: float) -> np.ndarray
     return np.concatenate(pairs)
 
 
-COLOURS: dict[int, tuple[float, ...]] = {
+STROKE_COLOURS: dict[int, tuple[float, ...]] = {
     KEPT: (*theme.DIM, 0.55),
     REMOVED: (*theme.ERROR, 0.95),
     ADDED: (0.45, 0.85, 0.50, 0.95),
@@ -121,12 +122,12 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
         _strokes(viewport, view.counted.drawn)
         _outline(viewport, view.counted)
     if view.hemisphere is not None:
-        draw_hemisphere(viewport, view.hemisphere, COLOURS)
+        draw_hemisphere(viewport, view.hemisphere, STROKE_COLOURS)
     drawing.pop_clip_rect()
     em = imgui.get_font_size()
     for k, (kind, name) in enumerate(NAMES.items()):
         count = f"{view.counted.counts[kind]:,} " if view.counted is not None else ""
-        label.write(count + name, x + em, y + (2.6 + 1.7 * k) * em, COLOURS[kind][:3])
+        label.write(count + name, x + em, y + (2.6 + 1.7 * k) * em, STROKE_COLOURS[kind][:3])
     if view.counted is not None:
         text = f"{view.counted.about}, of {view.counted.photons:,} photons"
         label.write(text, x + em, y + (2.6 + 1.7 * len(NAMES)) * em)
@@ -137,7 +138,7 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
 def _strokes(viewport: Viewport, strokes: Strokes) -> None:
     origin, drawing, width = viewport.session.model.origins[0], imgui.get_window_draw_list(), theme.pixels(1.0)
     places = viewport.view.on_screen(strokes.ends.reshape(-1, 3) + origin)
-    colours = {kind: imgui.get_color_u32(colour) for kind, colour in COLOURS.items()}
+    colours = {kind: imgui.get_color_u32(colour) for kind, colour in STROKE_COLOURS.items()}
     for a, b, kind, hits in zip(places[::2], places[1::2], strokes.kind.tolist(), strokes.hits.tolist(), strict=True):
         if b is None:
             continue

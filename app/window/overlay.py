@@ -103,7 +103,7 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
         imgui.set_tooltip(lines or "Light under the cursor; messages.")
 
 
-WIDTH_EM, HEIGHT_EM = 1.1, 3.2
+HANDLE_EM = 1.1, 3.2
 ARROW_EM = 0.28  # half its width
 
 
@@ -111,7 +111,7 @@ def panel_handle_box(view: View) -> Box:
     """Return the handle's box, in the middle of the picture's right edge."""
     em, (x, y), (w, h) = imgui.get_font_size(), view.origin, view.size
     right, middle = x + w, y + h / 2
-    return right - WIDTH_EM * em, middle - HEIGHT_EM * em / 2, right, middle + HEIGHT_EM * em / 2
+    return right - HANDLE_EM[0] * em, middle - HANDLE_EM[1] * em / 2, right, middle + HANDLE_EM[1] * em / 2
 
 
 def draw_panel_handle(view: View, is_shown: bool) -> bool:

@@ -37,7 +37,6 @@ from gi_core.scene.part_names import part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 OUTLINE_PIXELS = 2.0  # at 96 dots per inch
-LEFT, RIGHT, MIDDLE = 0, 1, 2  # mouse buttons
 
 
 class Viewport:
@@ -167,13 +166,13 @@ class Viewport:
 
     def _press(self, io) -> None:
         """Act on a button that went down in this frame."""
-        if imgui.is_mouse_double_clicked(LEFT):
+        if imgui.is_mouse_double_clicked(drag.LEFT):
             hit = pick(self.session, self.view, io.mouse_pos)
             if hit is not None:
                 self.control.fly_to(self.view.camera.centred(hit.point))
             return
         shift, on_mobile = io.key_shift, self.pointer.hover is not None
-        if imgui.is_mouse_clicked(LEFT):
+        if imgui.is_mouse_clicked(drag.LEFT):
             if self.pins.waiting:
                 self.pin()
             elif self.lamps.press(self.session, self.view, drag.mode_of(shift, io.key_alt, io.key_ctrl)):
@@ -181,18 +180,18 @@ class Viewport:
             elif on_mobile:
                 self._begin_drag(drag.mode_of(shift, io.key_alt, io.key_ctrl))
             else:
-                self.control.begin(PAN if shift else ORBIT, LEFT)
+                self.control.begin(PAN if shift else ORBIT, drag.LEFT)
                 self._pressed = self.view.camera, pick(self.session, self.view, io.mouse_pos)
-        elif imgui.is_mouse_clicked(RIGHT):
+        elif imgui.is_mouse_clicked(drag.RIGHT):
             # Many window managers take Alt+drag, so the right button does the same.
             if self.lamps.press(self.session, self.view, drag.FACE):
                 self.select_lamp(self.lamps.selected)
             elif on_mobile:
                 self._begin_drag(drag.FACE)
             else:
-                self.control.begin(LOOK, RIGHT)
-        elif imgui.is_mouse_clicked(MIDDLE):
-            self.control.begin(PAN, MIDDLE)
+                self.control.begin(LOOK, drag.RIGHT)
+        elif imgui.is_mouse_clicked(drag.MIDDLE):
+            self.control.begin(PAN, drag.MIDDLE)
 
     def _begin_drag(self, mode: str) -> None:
         """Grab the mobile under the cursor, and with a selected one the whole selection."""

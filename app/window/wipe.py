@@ -8,7 +8,7 @@ from app.window import label, theme
 
 GRAB_EM = 0.5  # distance from the line within which it is grabbed
 EDGE_MARGIN = 0.02  # of the width
-LINE = (1.0, 1.0, 1.0, 0.85)
+WIPE_LINE = (1.0, 1.0, 1.0, 0.85)
 
 
 class Wipe:
@@ -40,10 +40,10 @@ class Wipe:
         x, y, w, h = area
         line = x + self.at * w
         draw = imgui.get_window_draw_list()
-        draw.add_line((line, y), (line, y + h), imgui.get_color_u32(LINE), 0.1 * em)
+        draw.add_line((line, y), (line, y + h), imgui.get_color_u32(WIPE_LINE), 0.1 * em)
         middle = y + h / 2
         draw.add_circle_filled((line, middle), 0.55 * em, imgui.get_color_u32((*theme.FRAME, 0.95)))
-        draw.add_circle((line, middle), 0.55 * em, imgui.get_color_u32(LINE), 0, 0.1 * em)
+        draw.add_circle((line, middle), 0.55 * em, imgui.get_color_u32(WIPE_LINE), 0, 0.1 * em)
         gap = 0.6 * em
         label.write(names[0], line - gap, y + em, right=True)
         label.write(names[1], line + gap, y + em)

@@ -12,7 +12,7 @@ from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of, of_luminance_one
 from app.settings import LampSetting
 from app.window.panel import widgets as ui
-from app.window.panel.lamps import BRIGHTEST, OF_FILE, recoloured
+from app.window.panel.lamps import BRIGHTEST_BY_SLIDER, OF_FILE, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
@@ -133,7 +133,7 @@ def test_a_held_slider_follows_the_mouse_in_one_step_of_undo(play):
             ctx.mouse_move_to_pos((low.x + share * (high.x - low.x), 0.5 * (low.y + high.y)))
             levels.append(level())
         ctx.mouse_up(0)
-        assert np.allclose(np.diff(levels), 0.2 * BRIGHTEST, rtol=0.2)
+        assert np.allclose(np.diff(levels), 0.2 * BRIGHTEST_BY_SLIDER, rtol=0.2)
         hand.wait_for_light()
         assert session.light.snapshot.levels[1].tolist() == [levels[-1]] * 3
         session.undo()

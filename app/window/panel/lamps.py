@@ -9,7 +9,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from app.draw.kelvin import COOLEST, HOTTEST, REC709, factor, kelvin_of, of_luminance_one
+from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_one
 from app.draw.units import units_of
 from app.session.lights import LightId
 from app.session.session import Session
@@ -18,10 +18,10 @@ from app.window import theme
 from app.window.panel import lights
 from app.window.panel import widgets as ui
 from app.window.parts import Window
-from gi_core.geometry.error import luminance
+from gi_core.geometry.error import REC709, luminance
+from gi_core.lights.lamps import BRIGHTEST
 
-BRIGHTEST = 4.0  # times the level of the scene file, by the slider
-MOST = 1000.0  # the same, typed; as gi_core.lights.lamps has it
+BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
 PERCENT = "   %.0f %%"  # right of the knob at 100 %
 MOST_NAME = 0.42  # share of a row for the name
 SOLO_EM, FLUX_EM, WIDE_EM = 2.5, 5.0, 25.0  # widths of button and flux; of a row that has room for the flux
@@ -77,7 +77,7 @@ def _flux_field(lamp: LampSetting, k: int, session: Session) -> LampSetting:
     full = _flux(lamp._replace(dim=1.0, on=True), "", k, session)
     (flux,), edited, *_ = ui.fields("Flux", (full * lamp.dim,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
     ui.tip("Flux of the selected lamp. Double-click to type it; the level follows.")
-    return lamp._replace(dim=min(max(flux / full, 0.0), MOST)) if edited and full > 0 else lamp
+    return lamp._replace(dim=min(max(flux / full, 0.0), BRIGHTEST)) if edited and full > 0 else lamp
 
 
 def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
@@ -153,12 +153,12 @@ def _row(
     imgui.same_line(level_at)
     imgui.set_next_item_width(level_end - level_at)
     imgui.begin_disabled(not lit)
-    changed, percent = imgui.slider_float("##level", 100 * lamp.dim, 0.0, 100 * BRIGHTEST, PERCENT)
+    changed, percent = imgui.slider_float("##level", 100 * lamp.dim, 0.0, 100 * BRIGHTEST_BY_SLIDER, PERCENT)
     imgui.end_disabled()
     if changed:
-        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), MOST))
+        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), BRIGHTEST))
     ui.tip(f"Level of the lamp, 100 % as in the scene file: {flux} now. Ctrl-click to type one, up to "
-           f"{100 * MOST:.0f} %.")  # fmt: skip
+           f"{100 * BRIGHTEST:.0f} %.")  # fmt: skip
     imgui.same_line(colour_at)
     lamp = _colour(lamp, of_luminance_one(session.model.emitters.flux_of_lamps[k]))
     imgui.same_line(right)

@@ -18,8 +18,6 @@ from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, Place
 if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
-SPEED = 1e-3  # of the scene size per pixel of a drag
-LEAST_SIDE = 1e-3  # [m] of a panel
 KINDS = {
     BULB: "A point that shines equally in all directions.",
     SPOT: "A point that shines into a cone.",
@@ -119,7 +117,7 @@ def _kind(light: Light | None) -> str:
 
 def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> None:
     if isinstance(light, PlacedLight):
-        values, *done = ui.fields("Position", light.position, SPEED * session.chosen.scene_size, "%.3f")
+        values, *done = ui.fields("Position", light.position, ui.SPEED * session.chosen.scene_size, "%.3f")
         ui.tip("Position [m]: x, y, z. Drag, or double-click to type. In the picture, drag the lamp's mark.")
         _changed(lamp, (("position", three(values)),), done, actions)
     if isinstance(light, Directed):
@@ -142,10 +140,10 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
             ui.tip(f"{about} [degrees]. The flux stays.")
             _changed(lamp, beam(light, *cone), done, actions)
     if isinstance(light, PhotometricLight):
-        values, *done = ui.fields("Size", light.size, SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90"))
+        values, *done = ui.fields("Size", light.size, ui.SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90"))
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
         a, b = (max(v, 0.0) for v in values)
-        sides = (a, b) if a == b == 0 else (max(a, LEAST_SIDE), max(b, LEAST_SIDE))
+        sides = (a, b) if a == b == 0 else (max(a, ui.LEAST_SIDE), max(b, ui.LEAST_SIDE))
         _changed(lamp, (("size", sides),), done, actions)
         ui.label("File")
         file = session.file_of(lamp)

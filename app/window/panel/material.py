@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from gi_core.bsdf.models.common import Parameter
     from gi_core.files.edits import Values
 
-BRIGHTEST = 0.98  # reflectance, as for files
 COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 DIFFUSE, METAL_ROUGH = "diffuse", "metal-rough"
 MOST_FACTOR = 1.0  # of a model in a linear combination
@@ -30,8 +29,9 @@ def models() -> dict[str, dict[str, Parameter]]:
     from gi_core.bsdf.models import MODELS
     from gi_core.bsdf.models.common import Parameter
     from gi_core.files.formats.materials_table import IOR
+    from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 
-    colour = Parameter((0.5, 0.5, 0.5), 0.0, BRIGHTEST, True, "share of light reflected, linear")
+    colour = Parameter((0.5, 0.5, 0.5), 0.0, MOST_REFLECTANCE, True, "share of light reflected, linear")
     metal_rough = {
         "reflectance": colour._replace(meaning="base colour, linear: of the metal, or under the gloss"),
         "metallic": Parameter(0.0, 0.0, 1.0, False, "0: gloss over a diffuse base, 1: metal"),

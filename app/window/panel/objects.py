@@ -14,7 +14,6 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-SPEED = 1e-3  # of the scene size per pixel of a drag
 ROWS = 12  # of the list; more objects scroll
 UPRIGHT = 1e-6  # cosine of the angle about y at which those about x and z are one
 Angles = tuple[float, float, float]
@@ -49,7 +48,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         ("Position", pose.position, "Position of the object's origin [m]: x, y, z."),
         ("Rotation", angles, "Rotation [degrees] about x, then y, then z."),
     ):
-        speed, digits = (SPEED * session.chosen.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
+        speed, digits = (ui.SPEED * session.chosen.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
         numbers, edited, first, last = ui.fields(name, values, speed, digits)
         ui.tip(f"{about} Drag, or double-click to type.")
         if edited or first or last:

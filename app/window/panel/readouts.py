@@ -17,8 +17,7 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
 
-SPEED = 0.01  # [m] per pixel of a drag
-LEAST_SIDE = 1e-3  # [m] of a plane
+METRES_PER_PIXEL = 0.01  # of a drag
 
 
 class Edit(NamedTuple):
@@ -92,15 +91,15 @@ def _plane(s: Settings, session: Session, actions: set[Any]) -> None:
         actions.add(Edit("plane", default_plane(session.level) if on else None))
     if (plane := s.plane) is None:
         return
-    (height,), *done = ui.fields("   height", (plane.height,), SPEED, "%.3f m", ("h",))
+    (height,), *done = ui.fields("   height", (plane.height,), METRES_PER_PIXEL, "%.3f m", ("h",))
     _edited(plane._replace(height=height), done, actions)
     ui.tip("Height above the floor [m].")
     for k, axis in enumerate(session.level.axes.names):
-        ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), SPEED, "%.3f", ("from", "to"))
+        ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), METRES_PER_PIXEL, "%.3f", ("from", "to"))
         ui.tip(f"Extent along {axis} [m], from and to.")
         low, high = list(plane.low), list(plane.high)
         low[k], high[k] = ends
-        if high[k] - low[k] >= LEAST_SIDE:
+        if high[k] - low[k] >= ui.LEAST_SIDE:
             _edited(plane._replace(low=(low[0], low[1]), high=(high[0], high[1])), done, actions)
     _points(plane, grid_of(plane, session.level).shape, actions)
     _numbers(session.light.snapshot.rest.plane, units_of(session.scene.units))

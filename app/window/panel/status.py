@@ -11,7 +11,7 @@ from app.session.session import Session
 from app.window.panel import widgets as ui
 
 BAR_EM = 0.35  # height of the progress bar
-PHOTONS = 0.1  # of the progress; paths take longer
+PHOTON_SHARE = 0.1  # of the progress; paths take longer
 
 ERROR = "Error of the light in the picture, mean over all surfaces: as its paths state it, then as measured."
 
@@ -33,7 +33,7 @@ def status_of(session: Session) -> Status:
             at_poses = light.snapshot.rest.at_poses
             paths.append(at_poses.fraction if at_poses is not None else 0.0)
     done = (light.all_done and not session.refining) or min([photons, *paths]) >= 1
-    fraction = PHOTONS * photons + (1 - PHOTONS) * sum(paths) / len(paths) if paths else photons
+    fraction = PHOTON_SHARE * photons + (1 - PHOTON_SHARE) * sum(paths) / len(paths) if paths else photons
     fraction = 1.0 if done else min(fraction, 0.99)  # never 100 % before the end
     text = "converged" if done else f"converging {100 * fraction:.0f} %"
     error = error_of(session)

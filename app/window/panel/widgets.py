@@ -15,6 +15,8 @@ from app.window import theme
 
 LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
 LARGEST = 1e6  # of a number typed
+SPEED = 1e-3  # of the scene's size, per pixel of a drag
+LEAST_SIDE = 1e-3  # [m] of a plane or panel
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 DASH = "\N{EM DASH}"  # an unknown number
 

@@ -10,7 +10,7 @@ import pytest
 from app.window import method_marks
 from gi_core.gloss.hemisphere import CELLS, cell_of, direction_of, on_disc
 
-GRID = method_marks.GRID
+GRID = method_marks.LOBE_GRID
 
 
 def area(outline: np.ndarray) -> float:
