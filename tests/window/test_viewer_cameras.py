@@ -135,7 +135,7 @@ def test_views_are_kept_shown_and_saved(play, tmp_path):
         assert viewport.view.camera.eye() == pytest.approx(second.eye())
         hand.press(int(K.mod_ctrl) | int(K._3))
         assert viewport.control.flight is None, "there is no third"
-        file = viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
+        file, _ = viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
         assert saved_scene.read(str(file)).cameras == session.settings.cameras
         hand.press(int(K.mod_ctrl) | int(K.z))
         assert [name for name, _ in session.settings.cameras] == ["view 1"]

@@ -279,7 +279,7 @@ def test_lamps_that_are_off_keep_their_levels_in_a_saved_scene(play, folder):
         ctx.item_click("**/Keep")
 
         def saved():
-            return saved_scene.read(str(viewer.files.save(session, viewer.viewport, "a.toml")))
+            return saved_scene.read(str(viewer.files.save(session, viewer.viewport, "a.toml")[0]))
 
         off = (LampSetting("bulb", 0.4, on=False),)
         assert saved().lamps == off and saved().light_scenes == (("evening", off),)

@@ -177,7 +177,7 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(play, folder):
             if kind != "sun":
                 assert 0.9 < light.position[1] < 0.995 and light.direction == (0.0, -1.0, 0.0)
         assert is_that_of_a_new_solver(viewer.session)
-        document = viewer.files.save(viewer.session, viewport, str(folder / "lamps.toml"))
+        document, _ = viewer.files.save(viewer.session, viewport, str(folder / "lamps.toml"))
         read = saved_scene.read(str(document))
         assert read.edits == viewer.session.settings.edits and read.lamps == (level,)
 
@@ -257,7 +257,7 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         assert viewer.session.file_of(viewer.viewport.lamps.selected) == str(file) and max(down.flux) > 0
         assert str(file) in viewer.files._watch._files, "a changed file is read again"
         assert is_that_of_a_new_solver(viewer.session)
-        document = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
+        document, _ = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
         assert 'file = "down.ies"' in document.read_text() and str(folder) not in document.read_text()
         assert saved_scene.read("file.toml").edits[1] == Light("down", viewer.session.edits[1].light, "down.ies")
 
