@@ -82,7 +82,8 @@ from tests.window.test_highlights import LIGHTS, scene, shot_of
 kernels = [gloss_gather._aim, gloss_gather._deposit, path_ends.arrive, path_tracer.scatter]
 kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.add_exchanged]
 kernels += [highlights._aim, highlights._add]
-compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(compile_ahead.TABLES), None))
+for surfaces in (compile_ahead.TABLES, compile_ahead.GLOSS):  # of the room, and of the plate under lights
+    compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(surfaces), None))
 before = [k.signatures for k in kernels]
 assert all(before), before
 model = Model(ROOM)
