@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.defaults import choose, predict_cost, predict_error
+from gi_core.defaults import choose
 from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
 from gi_core.geometry.error import luminance, relative_error
@@ -39,9 +39,9 @@ def crates(count: int) -> list:
     return [box(c, np.add(c, step / 2), 1, 0) for c in corners]
 
 
-def lit_places(model: Model) -> predict_error.Places:
+def lit_places(model: Model) -> choose.Places:
     pilot, _ = choose._pilot(model)
-    return predict_error.places(model, pilot, *choose._box(model, pilot.hits), 1.0)
+    return choose.places(model, pilot, *choose._box(model, pilot.hits), 1.0)
 
 
 def test_furniture_gets_a_smaller_radius_than_flat_ground():
@@ -113,9 +113,9 @@ def test_noise_of_even_light_is_poisson():
     density = 1 / (math.pi * model.emitters.parameters[0, 6] ** 2)  # photons start on a disc that covers all
     assert np.median(lit.density) == pytest.approx(density, rel=0.1)
     expected = density * math.pi * 0.1**2 * 10_000
-    counting = predict_error.SOBOL * math.sqrt(2 / math.pi / expected)
-    assert predict_error.noise(lit, 0.1, 10_000) == pytest.approx(counting, rel=0.1)
-    assert predict_error.noise(lit, 0.1, predict_error.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
+    counting = choose.SOBOL * math.sqrt(2 / math.pi / expected)
+    assert choose.noise(lit, 0.1, 10_000) == pytest.approx(counting, rel=0.1)
+    assert choose.noise(lit, 0.1, choose.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
 
 
 def test_predicted_noise_is_near_that_of_two_solutions():
@@ -127,7 +127,7 @@ def test_predicted_noise_is_near_that_of_two_solutions():
     mean = 0.5 * (one.irradiance + two.irradiance)
     assert (luminance(mean) > 0).any()
     found = relative_error(one.irradiance, mean, w).l1 * math.sqrt(2)  # off its own mean by half the difference
-    assert 0.6 < found / predict_error.noise(lit, 0.05, 40_000) < 1.4
+    assert 0.6 < found / choose.noise(lit, 0.05, 40_000) < 1.4
 
 
 def test_uneven_ground_by_hand():
@@ -137,19 +137,17 @@ def test_uneven_ground_by_hand():
     assert len(lit.positions) > 1000
     middle = lit._replace(positions=np.array([[0.0, 0.0, 0.0]]), normals=np.array([[0.0, 0.0, 1.0]]))
     rim = middle._replace(positions=np.array([[0.999, 0.0, 0.0]]))
-    assert predict_error.uneven(model, middle, 0.2) == 0
-    assert predict_error.uneven(model, rim, 0.2) == pytest.approx(
-        0.5, abs=0.13
-    )  # of eight directions, one along the rim
+    assert choose.uneven(model, middle, 0.2) == 0
+    assert choose.uneven(model, rim, 0.2) == pytest.approx(0.5, abs=0.13)  # of eight directions, one along the rim
     wall = quad((0.05, -1, -0.5), (0, 2, 0), (0, 0, 1))
     walled = Model(Scene(merge(floor(2.0, 40), wall), (grey(0.5),), lights=(SUN,), up=(0, 0, 1)))
-    assert predict_error.uneven(walled, middle, 0.2) == pytest.approx(3 / 8, abs=0.13)  # 0.14 cos a > 0.05
+    assert choose.uneven(walled, middle, 0.2) == pytest.approx(3 / 8, abs=0.13)  # 0.14 cos a > 0.05
 
 
 def test_lit_places_are_seen_by_the_camera():
     camera = Camera((0.5, 0.5, 0.5), (0.5, 0.5, 0.0), 40.0)  # from the middle of the room down to its floor
     seen = lit_places(Model(replace(room(), camera=camera)))
-    assert len(seen.positions) >= predict_error.FEWEST
+    assert len(seen.positions) >= choose.FEWEST
     assert (seen.positions[:, 2] < 1e-5).all()
     away = Camera((5.0, 5.0, 5.0), (9.0, 9.0, 9.0), 40.0)
     assert (lit_places(Model(replace(room(), camera=away))).positions[:, 2] > 0.5).any()
@@ -181,5 +179,5 @@ def test_predicted_work_is_near_that_of_the_disc_index(radius):
     s = segments_of(paths, 0, 2000)
     over = lines(s, model.static.rotation[0], model.static.position[0], model, radius)
     counted = disc_tests(discs, over) / 2000
-    _, predicted = predict_cost.work(model, paths, radius)
+    _, predicted = choose.work(model, paths, radius)
     assert 0.6 < predicted / counted < 1.6
