@@ -1,23 +1,29 @@
-"""Legends of false colours and of the error map, drawn into a picture file; app/window/legend.py draws the window's."""
+"""Legends of false colours and of the error map: their layout, for files and the window, and drawing into a file.
+
+app/window/legend.py draws the window's.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from app.draw.colour_map import sequential_colours
+from app.draw.colour_map import UNKNOWN, sequential_colours
 from app.draw.false_colour import LIGHT_FROM, Scale
 from app.draw.units import Units
 
 HEIGHT_EM, WIDTH_EM = 11.0, 1.1  # of the bar
-ROW_EM = 1.3
-MARGIN_EM = 0.8
+TICK_EM, BESIDE_EM = 0.3, 0.6  # from the bar to the ends of ticks, and to their labels
+PAD_EM, ROW_EM = 0.7, 1.25
 PLATE, TEXT = (15, 16, 17, 210), (235, 236, 238)
 LIGHT_MARK, DARK_MARK = (255, 255, 255, 255), (0, 0, 0, 255)
 LEAST_EM = 9  # pixels
 COLOUR_STEPS = 64
+
+Box = tuple[float, float, float, float]  # left, top, right, bottom
 
 
 class Legend(NamedTuple):
@@ -36,6 +42,39 @@ def of_scale(scale: Scale, units: Units) -> Legend:
     return Legend(scale.title(units), scale.labels, sequential_colours(np.linspace(0, 1, COLOUR_STEPS + 1)), marks)
 
 
+class Layout(NamedTuple):
+    """Places of a legend's parts."""
+
+    plate: Box
+    captions: list[tuple[float, float]]  # upper left corner of each line
+    bar: Box
+    labels: float  # x of the labels' left ends
+    swatch: Box  # of the colour for surfaces without a value, if there are any
+
+    def y(self, position: float) -> float:
+        """Return the height of a position of the scale, from 0 (bottom) to 1 (top)."""
+        _, top, _, bottom = self.bar
+        return top + (bottom - top) * (1 - position)
+
+
+def layout(legend: Legend, em: float, width_of: Callable[[str], float], right: float, bottom: float) -> Layout:
+    """Return the layout of a legend whose plate ends at `right` and `bottom`; em: height of the font, in their unit.
+
+    width_of: the width of a text.
+    """
+    pad, row, bar = PAD_EM * em, ROW_EM * em, WIDTH_EM * em
+    beside = (WIDTH_EM + BESIDE_EM) * em
+    labels = [text for _, text in legend.ticks] + ([legend.unknown] if legend.unknown else [])
+    width = max(max(map(width_of, labels)) + beside, *map(width_of, legend.lines))
+    rows = len(legend.lines) + (2.2 if legend.unknown else 1.0)
+    x, y = right - width - 2 * pad, bottom - (HEIGHT_EM + rows * ROW_EM + 2 * PAD_EM) * em
+    left, top = x + pad, y + pad + (len(legend.lines) + 0.5) * row
+    end = top + HEIGHT_EM * em
+    captions = [(left, y + pad + k * row) for k in range(len(legend.lines))]
+    swatch = left, end + 0.5 * row, left + bar, end + 0.5 * row + em
+    return Layout((x, y, right, bottom), captions, (left, top, left + bar, end), left + beside, swatch)
+
+
 def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 with the legend in its lower right corner; unchanged if it is too small."""
     h, w = picture.shape[:2]
@@ -43,31 +82,27 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     font = ImageFont.load_default(em)
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    lines, labels = [plain(line) for line in legend.lines], [(at, plain(text)) for at, text in legend.ticks]
-    margin = MARGIN_EM * em
-    beside = (WIDTH_EM + 0.6) * em
-    width = max(*(draw.textlength(t, font) for t in lines), *(beside + draw.textlength(t, font) for _, t in labels))
-    head = (len(lines) + 0.5) * ROW_EM * em
-    height = head + (HEIGHT_EM + 0.5) * em
-    left, top = w - width - 2 * margin, h - height - 2 * margin
-    if left < 0 or top < 0:
+    at = layout(legend, em, lambda text: draw.textlength(plain(text), font), w - em, h - em)
+    if min(at.plate) < 0:
         return picture
-    draw.rounded_rectangle((left - margin, top - margin, w - margin, h - margin), 0.35 * em, PLATE)
-    for k, line in enumerate(lines):
-        draw.text((left, top + k * ROW_EM * em), line, TEXT, font)
+    draw.rounded_rectangle(at.plate, 0.35 * em, PLATE)
+    for corner, line in zip(at.captions, legend.lines, strict=True):
+        draw.text(corner, plain(line), TEXT, font)
+    left, top, right, _ = at.bar
     rows = round(HEIGHT_EM * em)
     places, steps = np.linspace(1, 0, rows), np.linspace(0, 1, len(legend.colours))
     bar = np.round(255 * np.stack([np.interp(places, steps, c) for c in legend.colours.T], axis=1)).astype(np.uint8)
-    image.paste(
-        Image.fromarray(np.repeat(bar[:, None], round(WIDTH_EM * em), axis=1)), (round(left), round(top + head))
-    )
+    image.paste(Image.fromarray(np.repeat(bar[:, None], round(WIDTH_EM * em), axis=1)), (round(left), round(top)))
     for position in legend.marks:
-        y = top + head + (1 - position) * (rows - 1)
-        draw.line((left, y, left + WIDTH_EM * em, y), LIGHT_MARK if position < LIGHT_FROM else DARK_MARK)
-    for position, text in labels:
-        y = top + head + (1 - position) * (rows - 1)
-        draw.line((left + WIDTH_EM * em, y, left + (WIDTH_EM + 0.3) * em, y), TEXT)
-        draw.text((left + beside, y), text, TEXT, font, anchor="lm")
+        y = at.y(position)
+        draw.line((left, y, right, y), LIGHT_MARK if position < LIGHT_FROM else DARK_MARK)
+    for position, text in legend.ticks:
+        y = at.y(position)
+        draw.line((right, y, right + TICK_EM * em, y), TEXT)
+        draw.text((at.labels, y), plain(text), TEXT, font, anchor="lm")
+    if legend.unknown:
+        draw.rectangle(at.swatch, tuple(round(255 * c) for c in UNKNOWN), TEXT)
+        draw.text((at.labels, (at.swatch[1] + at.swatch[3]) / 2), plain(legend.unknown), TEXT, font, anchor="lm")
     return np.asarray(image)
 
 
