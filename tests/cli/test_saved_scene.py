@@ -161,7 +161,9 @@ def test_another_scene_keeps_nothing_of_the_last_one():
 
     kept = (("evening", (LampSetting("lamp", 0.5),)),)
     plane, pin = MeasuringPlane((0, 0), (1, 1), 0.75), Pin("a", (0, 0, 0), (0, 1, 0))
-    now = SimpleNamespace(settings=replace(SETTINGS, light_scenes=kept, pins=(pin,), plane=plane), filled={})
+    now = SimpleNamespace(
+        settings=replace(SETTINGS, light_scenes=kept, pins=(pin,), plane=plane), requests=SimpleNamespace(filled={})
+    )
     other = settings_for(now, "tree", ())
     assert (other.light_scenes, other.pins, other.plane) == ((), (), None)
 
@@ -173,7 +175,7 @@ def test_a_saved_scene_brings_its_own_light_scenes(tmp_path):
 
     kept = (("evening", (LampSetting("lamp", 0.5),)),)
     saved_scene.write(tmp_path / "a.toml", replace(SETTINGS, light_scenes=kept))
-    now = SimpleNamespace(settings=SETTINGS, filled={})
+    now = SimpleNamespace(settings=SETTINGS, requests=SimpleNamespace(filled={}))
     assert settings_for(now, str(tmp_path / "a.toml"), ()).light_scenes == kept
 
 
