@@ -50,6 +50,16 @@ def test_each_amount_is_bounded(tmp_path, monkeypatch, what):
         load_scene(path)
 
 
+def test_materials_are_bounded(tmp_path, monkeypatch):
+    monkeypatch.setitem(LIMITS, "materials", 1)
+    (tmp_path / "a.mtl").write_text("newmtl a\nnewmtl b\n")
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\n")
+    (tmp_path / "a.gltf").write_text('{"asset": {"version": "2.0"}, "materials": [{}, {}]}')
+    for name in ("a.obj", "a.gltf"):
+        with pytest.raises(SceneError, match="no more than 1 materials, got 2"):
+            load_scene(tmp_path / name)
+
+
 @pytest.mark.parametrize("kind", ["obj", "ply", "gltf"])
 def test_a_polygon_of_too_many_corners(tmp_path, kind):
     """Its fan of slivers costs rays as much as all of its triangles."""

@@ -26,6 +26,7 @@ LIMITS = {  # of one scene with all its files
     "key frames": 100_000,
     "nodes": 100_000,
     "primitives": 50_000,
+    "materials": 100_000,
     "triangles": 4_000_000,
     "vertices": 12_000_000,
     "elements without data": 1_000_000,  # of glTF accessors that name no bytes

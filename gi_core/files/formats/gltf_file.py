@@ -47,7 +47,9 @@ class _Reader:
         self.json = document.json
         self.notes = document.notes
         self.images = Images(document.boundary)
-        described = checked_materials(self.json.get("materials", []), document.where, document.notes)
+        listed = self.json.get("materials", [])
+        document.boundary.take(document.where, "materials", len(listed) if isinstance(listed, list) else 0)
+        described = checked_materials(listed, document.where, document.notes)
         self.described = [self._as_metallic_roughness(i, m) for i, m in enumerate(described)]
         self.materials = [self._material(i, m) for i, m in enumerate(self.described)]
         self.plain = None  # index of the material for primitives without one

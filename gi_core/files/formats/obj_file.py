@@ -221,6 +221,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
             continue
         words[0] = KEYWORDS.get(words[0].lower(), words[0])
         if words[0] == "newmtl":
+            boundary.take(where, "materials")
             entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
         elif entry is not None and words[0] in COLOURS and len(words) > 1 and words[1] not in ("spectral", "xyz"):
             _read_colour(entry, words, f"{where}: {found.name}: line {number}", changed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.vectors import cross, dot
+from gi_core.files.formats.boundary import MOST_AT_VERTEX
 
 
 def without_overlaps(corners: np.ndarray, places: np.ndarray, counts: np.ndarray) -> np.ndarray:
@@ -23,7 +24,7 @@ def without_overlaps(corners: np.ndarray, places: np.ndarray, counts: np.ndarray
         folds = dot(normals, whole[polygon]) < -1e-9 * dot(whole, whole)[polygon]
     first = np.cumsum(counts) - counts
     corners = corners.copy()
-    for k in np.unique(polygon[folds]).tolist():
+    for k in np.unique(polygon[folds & (counts <= MOST_AT_VERTEX)[polygon]]).tolist():  # fans of more are refused
         rows = slice(int(first[k]), int(first[k] + counts[k]))
         outline = np.append(corners[rows, :2].reshape(-1)[:2], corners[rows, 2])
         cut = _clipped(places[outline], whole[k])
