@@ -102,12 +102,15 @@ class Loading:
     box: Box | None = None  # of the lit part
 
     def change(self, **values: Any) -> None:
+        """Replace fields of the scene."""
         self.scene = replace(self.scene, **values)
 
     def note(self, *notes: str) -> None:
+        """Add notes for the reader."""
         self.change(notes=(*self.scene.notes, *notes))
 
     def change_meshes(self, changed: Callable[[Mesh], Mesh]) -> None:
+        """Replace the mesh of each object."""
         mobiles = tuple(m._replace(mesh=changed(m.mesh)) for m in self.scene.mobiles)
         self.change(static=changed(self.scene.static), mobiles=mobiles)
 
