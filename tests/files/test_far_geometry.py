@@ -9,6 +9,7 @@ import pytest
 
 from app.commands.measure import measure
 from app.settings import MeasuringPlane, Settings
+from gi_core.files.load import load_scene
 from gi_core.scene.origin import translated
 from gi_core.scene.types import Mesh, Mobile, PointLight, Pose
 from gi_core.solver import Solver
@@ -96,3 +97,19 @@ def test_a_surveyed_room_with_a_triangle_at_the_origin_of_the_file():
     alone, there = lit
     total = sum(E.sum() for E in alone.values())
     assert sum(np.abs(E - there[key]).sum() for key, E in alone.items()) < 1e-3 * total
+
+
+def test_a_room_without_light_gets_its_lamp_and_camera(tmp_path):
+    """A stray triangle once put a lamp 358 km wide above the scene, and the camera 682 km away."""
+    walls, desk = box((-2, -2, -1), (2, 2, 1.6), 1, inward=True), box((-0.6, -0.4, -1), (0.6, 0.4, -0.3), 1)
+    scenes = []
+    for name, mesh in (("room", merge(walls, desk)), ("stray", merge(walls, desk, FAR["stray"]))):
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+        (tmp_path / f"{name}.obj").write_text("\n".join(lines))
+        scenes.append(load_scene(tmp_path / f"{name}.obj", up="z"))
+    lamps = [[note for note in scene.notes if "lamp" in note] for scene in scenes]
+    assert lamps[0] == lamps[1] and "below the ceiling" in lamps[0][0]
+    for scene in scenes:
+        assert np.abs(scene.camera.position).max() < 2
+        assert len(scene.static.faces) > 10_000

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.vectors import box, dot, length
-from gi_core.files.completion.pilot import Rays
+from gi_core.files.completion.pilot import Rays, lift_off
 from gi_core.files.completion.refinement import COARSEST
 from gi_core.geometry.evaluation_points import INWARD
 from gi_core.geometry.receivers import weld
@@ -102,7 +102,7 @@ def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float
         edge, p, n = edge[long], corners[long], normals[long]
         way = (p[:, end] - p[:, start]) / edge[:, None]
         inward = ASIDE * (p.mean(axis=1) - p[:, start])
-        origin = p[:, start] + inward + side * (rays.lift + ASIDE * edge)[:, None] * n
+        origin = p[:, start] + inward + side * (lift_off(p) + ASIDE * edge[:, None]) * n
         ray = (a.astype(np.float32) for a in (origin, way, (1 + GAP) * edge))
         distance, face = rays.accelerator.nearest(0, *ray)
         at = np.flatnonzero(face >= 0)

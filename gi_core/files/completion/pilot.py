@@ -22,8 +22,8 @@ RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
 SEED = 0x5EED
 LANDINGS = 4  # places tried for each that sun or sky shall reach
-PILOT_LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
-NEAR = 5e-4  # of the extent: a hit so near to a place is the surface that the place lies on
+PILOT_LIFT = 1e-5  # of a face's largest coordinate: clears the face that a ray starts on, in float32
+NEAR = 5e-4  # of the distance to a place: a hit so near to it is the surface that the place lies on
 UNLIT = 1e-4  # mean irradiance [W/m2 or lx] of all surfaces up to which emissive faces light nothing
 CELL = 1 / 14  # of the box's size: light and sight are compared in cells of that size
 
@@ -39,6 +39,11 @@ class Box(NamedTuple):
     side_hits: np.ndarray  # (F, 2) int64, how many hits each face of the static part had on its front and back
 
 
+def lift_off(corners: np.ndarray) -> np.ndarray:
+    """Return how far (n, 1) [m] rays start off faces of corners (n, 3, 3)."""
+    return PILOT_LIFT * np.abs(corners).max(axis=(1, 2), initial=0.0)[:, None]
+
+
 class Rays:
     """Rays against the static part of a scene."""
 
@@ -49,7 +54,7 @@ class Rays:
         v = scene.static.vertices[scene.static.faces.reshape(-1)]
         self.low, self.high = box(v)
         self.extent = float((self.high - self.low).max())
-        self.lift = PILOT_LIFT * self.extent
+        self._lifts = lift_off(v.reshape(-1, 3, 3))
 
     def hits(self, origins, directions):
         """Return distance (n,), inf where nothing is hit, and face (n,), -1 there."""
@@ -58,11 +63,15 @@ class Rays:
         t, face = self.accelerator.nearest(0, o, d, np.full(len(o), 8 * max(self.extent, 1e-9), np.float32))
         return np.where(face >= 0, t.astype(np.float64), np.inf), face
 
+    def lifts(self, face: np.ndarray) -> np.ndarray:
+        """Return how far (n, 1) [m] rays start off faces (n,)."""
+        return self._lifts[face]
+
     def sees(self, a, b) -> np.ndarray:
         """Return whether nothing is between points a (n, 3) or (3,) and b (n, 3). (n,) bool."""
         to = b - a
         t, _ = self.hits(np.broadcast_to(a, to.shape), unit(to))
-        return t > length(to) - NEAR * self.extent
+        return t > (1 - NEAR) * length(to)
 
 
 def useful_box(scene: Scene, rays: Rays) -> Box:
@@ -85,7 +94,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         sides.append(n * facing[:, None])
         np.add.at(side_hits, (face[landed], (facing < 0).astype(int)), 1)
         n = (n * facing[:, None])[go_on]
-        origins = points[go_on] + n * rays.lift
+        origins = points[go_on] + n * rays.lifts(face[landed][go_on])
         directions = cosine(n, rng)
     found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
     low, high = rays.low, rays.high
@@ -202,4 +211,4 @@ def _from_faces(mesh, rays: Rays, normals, weight, rng, n: int):
     u, v = np.where(flip, 1 - u, u), np.where(flip, 1 - v, v)
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     up = normals[face]
-    return a + u * (b - a) + v * (c - a) + up * rays.lift, cosine(up, rng), up
+    return a + u * (b - a) + v * (c - a) + up * lift_off(mesh.vertices[mesh.faces[face]]), cosine(up, rng), up

@@ -12,7 +12,7 @@ import numpy as np
 
 from gi_core.base.grouping import group_of
 from gi_core.base.vectors import cross, dot, every
-from gi_core.files.completion.pilot import SEED, Box, Rays, cosine
+from gi_core.files.completion.pilot import SEED, Box, Rays, cosine, lift_off
 from gi_core.files.formats.file_parts import listed
 from gi_core.files.formats.winding import consistent_winding
 from gi_core.geometry.mesh_parts import turned_mesh
@@ -69,7 +69,7 @@ def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     u, v = np.sort(rng.random((2, RAYS_PER_SIDE)), axis=0)
     a, b, c = (mesh.vertices[mesh.faces[pick, k]] for k in range(3))
     n = normals[pick]
-    origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * rays.lift
+    origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * lift_off(np.stack([a, b, c], axis=1))
     d = cosine(n, rng)
     t, face = rays.hits(origins, d)
     # Above the lamp's own plane: a slanting ray under a ceiling goes far before it hits that.

@@ -112,7 +112,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     visible = np.maximum(at[..., 0], at[..., 1]) < 1
     of, row = np.nonzero(visible)
     reached, _ = first_seen(rays, eyes[of], unit(to[of, row]))
-    visible[of, row] = reached > distance[of, row] - NEAR * rays.extent
+    visible[of, row] = reached > (1 - NEAR) * distance[of, row]
     visible[:, :n] &= dot(to[:, :n], normals) <= 0
     reach = float(length(np.ptp(shown, axis=0))) / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
     mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
@@ -138,7 +138,7 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
         going = going[back]
         if not len(going):
             break
-        at[going] += rays.lift
+        at[going] += rays.lifts(face[back])[:, 0]
     result[going] = at[going]  # behind so many backs: taken as hidden there
     return result, normals
 
