@@ -94,10 +94,11 @@ class DirectLight:
     def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> None:
         """Measure the light of `count` groups from `at` on."""
         m = self._model
+        places, _ = m.evaluation_points
 
         def work(_, first, last):
             of, part = m.lights, (at + first, at + last, light)
-            _see(m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, new_ray(), *part)
+            _see(m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, places, new_ray(), *part)
 
         run_ranges(work, count, m.threads, SEE_GRAIN)
 
@@ -176,16 +177,18 @@ def _limit(distance, reach, position):
 
 
 @kernel
-def _see(scenes, points, area, delta, far, groups, ray, first, last, light):
-    """Write the strengths and the light of groups first .. last - 1."""
+def _see(scenes, points, area, delta, far, groups, places, ray, first, last, light):
+    """Write the strengths and the light of groups first .. last - 1, of receivers at places (n, 3) [m]."""
     for g in range(first, last):
         for k in range(GROUP):
             position, normal, r = row(groups.position[g], k), row(groups.normal[g], k), groups.receiver[g, k]
+            place = row(places, r)
             for j in range(len(points.kind)):
-                u, v, w, d = way = way_to(row(points.place, j), points.reach[j] == np.inf, far, position)
-                strength = np.float32(strength_of(points, area, delta, j, far, position, normal, way))
+                way = way_to(row(points.place, j), points.reach[j] == np.inf, far, place)
+                strength = np.float32(strength_of(points, area, delta, j, far, place, normal, way))
                 if strength <= 0.0:
                     continue
+                u, v, w, d = way_to(row(points.place, j), points.reach[j] == np.inf, far, position)
                 u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), _limit(d, points.reach[j], position)
                 if any_hit(scenes, 0, ray, position[0], position[1], position[2], u, v, w, limit):
                     continue
