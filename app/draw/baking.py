@@ -90,7 +90,7 @@ class _Baking:
         self.parts = [self.model.scene.static, *(m.mesh for m in self.model.scene.mobiles)]
         self.out = GlbWriter()
         self.materials: list[dict] = []
-        self.known: dict[tuple, int] = {}  # material, texture, tinted -> index
+        self.material_index: dict[tuple, int] = {}  # material, texture, tinted -> index
         self.textures: list[dict] = []
         self.samplers: list[dict] = []
         self.of_texture: dict[Texture, int] = {}
@@ -142,14 +142,14 @@ class _Baking:
         self.factor, names = self.factor * 2.0**exposure, ["static", *self.model.names]
         nodes: list[dict] = [{"name": scene.name, "children": list(range(1, len(parts) + 2))}]
         nodes[0] |= _placed(_turn(np.array(scene.up)), _turn(np.array(scene.up)) @ self.model.origins[0])
-        given: list[dict] = []
+        gltf_meshes: list[dict] = []
         unwrapped = iter(self.unwrapped)
         for o, (name, mesh) in enumerate(zip(names, parts, strict=True)):
             primitives = [self._primitive(o, side, next(unwrapped, None)) for side in self._sides(o, mesh)]
             nodes.append({"name": name} | _placed(at.rotation[o], at.position[o]))
             if primitives:
-                nodes[-1]["mesh"] = len(given)
-                given.append({"name": name, "primitives": primitives})
+                nodes[-1]["mesh"] = len(gltf_meshes)
+                gltf_meshes.append({"name": name, "primitives": primitives})
         view = camera.relative_to(self.model.origins[0])
         eye = np.linalg.inv(view.view())
         nodes.append({"name": "camera", "camera": 0} | _placed(eye[:3, :3], eye[:3, 3]))
@@ -159,7 +159,7 @@ class _Baking:
             "scene": 0,
             "scenes": [{"nodes": [0], "extras": notes}],
             "nodes": nodes,
-            "meshes": given,
+            "meshes": gltf_meshes,
             "materials": self.materials,
             "cameras": [lens],
             "extensionsUsed": [UNLIT],
@@ -222,11 +222,11 @@ class _Baking:
     def _material(self, o: int, side: Side) -> int:
         texture = self.meshes[o].textures[side.texture] if side.texture >= 0 else None
         key = side.material, texture, side.tinted
-        if key not in self.known:
-            self.known[key] = len(self.materials)
+        if key not in self.material_index:
+            self.material_index[key] = len(self.materials)
             base = self.model.scene.materials[side.material]
             self.materials.append(self._described(base, texture, side.tinted))
-        return self.known[key]
+        return self.material_index[key]
 
     def _described(self, base: Material, texture: Texture | None, tinted: bool) -> dict:
         metal = None if base.gloss is None else as_metal_rough(np.array(base.reflectance), base.gloss)

@@ -40,16 +40,16 @@ def bare_lights(
     lights, at, size = model.lights_at(levels), model.transforms(poses), _size_of(meshes)
     rows = [_blurred(mesh) for mesh in meshes]
     points = [_placed(mesh.positions[k], at, o) for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True))]
-    some = _strongest(without_surface(lights), np.concatenate(points), size)
+    strongest = _strongest(without_surface(lights), np.concatenate(points), size)
     strength: list[np.ndarray | None] = [None] * len(meshes)
     for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True)):
-        if len(k) and len(some.kind) and mesh.normal is not None:
-            light = arriving(model.accelerator, at, points[o], mesh.normal[k] @ at.rotation[o].T, some, size)
-            far = np.where(some.distant, 1.0, light.distance)
+        if len(k) and len(strongest.kind) and mesh.normal is not None:
+            light = arriving(model.accelerator, at, points[o], mesh.normal[k] @ at.rotation[o].T, strongest, size)
+            far = np.where(strongest.distant, 1.0, light.distance)
             out = strength[o] = np.zeros((len(mesh.positions), MOST), np.float32)
-            out[k, : len(some.kind)] = light.strength * far * far
-    of_light = np.concatenate([some.place, 1.0 - some.distant[:, None]], axis=1).astype(np.float32)
-    return BareLights(of_light, some.value.astype(np.float32), tuple(strength), lights.sky.up, lights.sky.radiance)
+            out[k, : len(strongest.kind)] = light.strength * far * far
+    of_light = np.concatenate([strongest.place, 1.0 - strongest.distant[:, None]], axis=1).astype(np.float32)
+    return BareLights(of_light, strongest.value.astype(np.float32), tuple(strength), lights.sky.up, lights.sky.radiance)
 
 
 def _blurred(mesh: DrawMesh) -> np.ndarray:

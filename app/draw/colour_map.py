@@ -41,10 +41,10 @@ _LINEAR = np.array(
 def signed_colours(values: np.ndarray) -> np.ndarray:
     """Return display colours (n, 3) float32 in 0 .. 1 for values (n,), cut off at -1 and 1; nan is UNKNOWN."""
     x = np.clip(np.asarray(values, np.float64), -1, 1)[:, None]
-    known = ~np.isnan(x[:, 0])
+    finite = ~np.isnan(x[:, 0])
     zero, end = np.array(ZERO), np.where(x < 0, BELOW, ABOVE)
     rgb = from_oklab(zero + np.abs(np.nan_to_num(x)) * (end - zero))
-    rgb[~known] = UNKNOWN
+    rgb[~finite] = UNKNOWN
     return rgb.astype(np.float32)
 
 
@@ -75,12 +75,12 @@ def round_scale(values: np.ndarray, weights: np.ndarray) -> float:
     For the end of a scale: nan values do not count; 1 without values.
     """
     magnitude = np.abs(values)
-    known = np.isfinite(magnitude) & (weights > 0)
-    if not known.any() or not magnitude[known].any():
+    counted = np.isfinite(magnitude) & (weights > 0)
+    if not counted.any() or not magnitude[counted].any():
         return 1.0
-    order = np.argsort(magnitude[known])
-    sorted_weights = np.cumsum(np.asarray(weights, np.float64)[known][order])
-    at = float(magnitude[known][order][np.searchsorted(sorted_weights, SHARE * sorted_weights[-1])])
+    order = np.argsort(magnitude[counted])
+    sorted_weights = np.cumsum(np.asarray(weights, np.float64)[counted][order])
+    at = float(magnitude[counted][order][np.searchsorted(sorted_weights, SHARE * sorted_weights[-1])])
     if at <= 0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(at))

@@ -29,11 +29,11 @@ def other_diagonals(
     return out
 
 
-def with_diagonals(mesh: DrawMesh, others: np.ndarray) -> DrawMesh:
-    """Return the mesh with the other diagonal in some of its quadrilaterals, others (q,) bool."""
+def with_diagonals(mesh: DrawMesh, turned: np.ndarray) -> DrawMesh:
+    """Return the mesh with the other diagonal in those of its quadrilaterals that are turned (q,) bool."""
     turning, beside = Turning(mesh), np.full(len(mesh.triangles), -1, np.int32)
-    turning.turn(others)
-    faces = mesh.quads.faces[others]
+    turning.turn(turned)
+    faces = mesh.quads.faces[turned]
     beside[faces] = faces[:, ::-1]
     return mesh._replace(triangles=turning.triangles, quads=mesh.quads._replace(beside=beside))
 
@@ -44,12 +44,12 @@ class Turning:
     def __init__(self, mesh: DrawMesh) -> None:
         self.triangles = mesh.triangles.astype(np.int32)  # (F, 3); of one order of corners, however often they turn
         self.triangles[mesh.quads.faces] = mesh.quads.corners.T[:, [[0, 1, 3], [2, 3, 1]]]
-        self._quads, self._others = mesh.quads, np.zeros(len(mesh.quads.faces), bool)
+        self._quads, self._turned = mesh.quads, np.zeros(len(mesh.quads.faces), bool)
 
-    def turn(self, others: np.ndarray) -> bool:
+    def turn(self, turned: np.ndarray) -> bool:
         """Set which quadrilaterals (q,) bool have the other diagonal; return whether any triangle changes."""
-        changed = turn_triangles(others, self._others, self._quads.faces, self._quads.corners, self.triangles)
-        self._others = others
+        changed = turn_triangles(turned, self._turned, self._quads.faces, self._quads.corners, self.triangles)
+        self._turned = turned
         return changed > 0
 
 

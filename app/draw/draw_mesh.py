@@ -66,14 +66,14 @@ def meshes_of(model: Model, before: tuple[Model, tuple[DrawMesh, ...]] | None = 
     """
     s = model.surfaces
     if np.isnan(s.lobe).all():
-        known = {} if before is None else _unchanged(model, *before)
+        unchanged = {} if before is None else _unchanged(model, *before)
         return tuple(
-            known[o] if o in known else _with_quads(_without_gloss(_draw_mesh(s, model.lamp_of_face, o)))
+            unchanged[o] if o in unchanged else _with_quads(_without_gloss(_draw_mesh(s, model.lamp_of_face, o)))
             for o in range(s.objects)
         )
     glossy, normals = glossy_receivers(s), model.object_receivers.normals
     meshes = (_with_gloss(_draw_mesh(s, model.lamp_of_face, o), glossy, normals) for o in range(s.objects))
-    with_reflectors = (_with_reflectors(mesh, some) for mesh, some in zip(meshes, reflectors(model), strict=True))
+    with_reflectors = (_with_reflectors(mesh, of_mesh) for mesh, of_mesh in zip(meshes, reflectors(model), strict=True))
     return tuple(_with_quads(mesh) for mesh in with_reflectors)
 
 
@@ -104,13 +104,13 @@ def _with_quads(mesh: DrawMesh) -> DrawMesh:
     return mesh._replace(quads=quads_of(mesh.positions, mesh.triangles, mesh.uv, usable))
 
 
-def _with_reflectors(mesh: DrawMesh, some: tuple[Reflector, ...]) -> DrawMesh:
-    if not some:
+def _with_reflectors(mesh: DrawMesh, mesh_reflectors: tuple[Reflector, ...]) -> DrawMesh:
+    if not mesh_reflectors:
         return mesh
     of_face = np.full(len(mesh.triangles), -1, np.int32)
-    for k, r in enumerate(some):
+    for k, r in enumerate(mesh_reflectors):
         of_face[r.faces] = k
-    return mesh._replace(reflectors=some, reflector=of_face)
+    return mesh._replace(reflectors=mesh_reflectors, reflector=of_face)
 
 
 def _with_gloss(mesh: DrawMesh, glossy: np.ndarray, normals: np.ndarray) -> DrawMesh:

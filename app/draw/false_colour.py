@@ -51,12 +51,12 @@ class Scale(NamedTuple):
             ends = math.ceil(self.low / step), math.floor(self.high / step * (1 + 1e-9))
             return [_rounded(k * step) for k in range(ends[0], ends[1] + 1)]
         decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-        found: list[float] = []
+        numbers: list[float] = []
         for steps in (STEPS[:3], STEPS[:1]):
-            found = [v for k in decades for s in steps if self.low < (v := _rounded(s * 10.0**k)) <= self.high]
-            if len(found) <= most:
+            numbers = [v for k in decades for s in steps if self.low < (v := _rounded(s * 10.0**k)) <= self.high]
+            if len(numbers) <= most:
                 break
-        return found
+        return numbers
 
     @property
     def ticks(self) -> list[float]:
@@ -154,8 +154,8 @@ def false_colours(
     if scale.lines and gradient is not None:
         change = factor * gradient
         slope = np.sqrt((change * change).sum(axis=1))
-        there = E if to_middle is None else E + (change * to_middle).sum(axis=1)
-        off = np.abs(there[:, None] - scale.lines).min(axis=1)
+        at_middle = E if to_middle is None else E + (change * to_middle).sum(axis=1)
+        off = np.abs(at_middle[:, None] - scale.lines).min(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             covered = np.clip(0.5 * LINE_PIXELS + 0.5 - off / slope, 0, 1)
         covered = np.where(slope > 0, covered, 0.0)[:, None] * LINE_OPACITY

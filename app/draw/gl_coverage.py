@@ -37,13 +37,13 @@ class GLCoverage:
 
         place(o) sets up the program of the mask for object o; omitted: reflectors that the view does not show.
         """
-        found = self._known.pop(key, None)
-        if found is None:
-            found = self._counted(size, objects, place, cull, omitted)
-        self._known[key] = found  # the latest comes last
+        shares = self._known.pop(key, None)
+        if shares is None:
+            shares = self._counted(size, objects, place, cull, omitted)
+        self._known[key] = shares  # the latest comes last
         if len(self._known) > KEPT:
             del self._known[next(iter(self._known))]
-        return found
+        return shares
 
     def _counted(self, size, objects, place, cull, omitted) -> Shares:
         scale = LONG_SIDE / max(size)

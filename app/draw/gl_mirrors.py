@@ -83,12 +83,12 @@ class GLMirrors:
         return bool(self._of)
 
     def _faces_of(self, number: int, meshes: Sequence[DrawMesh]) -> PlaneFaces:
-        some = [(o, r) for (o, _), r in self._of.items() if r.plane is not None and r.plane.number == number]
-        o, first = some[0]
+        coplanar = [(o, r) for (o, _), r in self._of.items() if r.plane is not None and r.plane.number == number]
+        o, first = coplanar[0]
         assert first.plane is not None
-        rows = np.unique(meshes[o].triangles[np.concatenate([r.faces for _, r in some])])
+        rows = np.unique(meshes[o].triangles[np.concatenate([r.faces for _, r in coplanar])])
         corners, is_one_sided = meshes[o].positions[rows].astype(np.float64), bool((meshes[o].back[rows] < 0).all())
-        return PlaneFaces(o, first.plane.equation, corners, is_one_sided, _blurs(r for _, r in some))
+        return PlaneFaces(o, first.plane.equation, corners, is_one_sided, _blurs(r for _, r in coplanar))
 
     def forget(self) -> None:
         """Forget the probes: the light has changed, so the next picture draws those that it shows again."""

@@ -44,8 +44,8 @@ def unwrap(meshes: Sequence[tuple[np.ndarray, np.ndarray]], pixels: int) -> tupl
     atlas.generate(xatlas.ChartOptions(), packing)
     if atlas.atlas_count != 1:
         raise UsageError(f"the light map of {pixels} pixels needs {atlas.atlas_count} images: choose more pixels")
-    found = (atlas[k] for k in range(len(meshes)))
-    return [Unwrapped(v.astype(np.int64), c.astype(np.int64), uv) for v, c, uv in found], (atlas.width, atlas.height)
+    arrays = (atlas[k] for k in range(len(meshes)))
+    return [Unwrapped(v.astype(np.int64), c.astype(np.int64), uv) for v, c, uv in arrays], (atlas.width, atlas.height)
 
 
 def light_map(size: tuple[int, int], parts: Iterable[tuple[Unwrapped, np.ndarray, np.ndarray]]) -> LightMap:
@@ -66,8 +66,8 @@ def light_map(size: tuple[int, int], parts: Iterable[tuple[Unwrapped, np.ndarray
             order = np.argsort(-away, kind="stable")  # the nearest triangle is written last
             order = order[away[order] < nearest[texel[order]]]
             light[texel[order]], nearest[texel[order]] = values[order], away[order]
-    known = np.isfinite(nearest)
-    _fill(light, known, width, height)
+    filled = np.isfinite(nearest)
+    _fill(light, filled, width, height)
     covered = (nearest == 0).astype(np.float32)
     return LightMap(light.reshape(height, width, 3), covered.reshape(height, width))
 
@@ -124,16 +124,16 @@ def _nearest_on(p: np.ndarray, x: np.ndarray) -> np.ndarray:
     return best
 
 
-def _fill(light: np.ndarray, known: np.ndarray, width: int, height: int) -> None:
-    """Give texels within PADDING of known ones the mean of their known neighbours, ring by ring, in place."""
+def _fill(light: np.ndarray, filled: np.ndarray, width: int, height: int) -> None:
+    """Give texels within PADDING of filled ones the mean of their filled neighbours, ring by ring, in place."""
     for _ in range(PADDING):
-        grid, seen = light.reshape(height, width, 3), known.reshape(height, width)
+        grid, seen = light.reshape(height, width, 3), filled.reshape(height, width)
         total, count = np.zeros((height + 2, width + 2, 3), np.float64), np.zeros((height + 2, width + 2))
         for y in range(3):
             for x in range(3):
                 total[y : y + height, x : x + width] += np.where(seen[..., None], grid, 0)
                 count[y : y + height, x : x + width] += seen
         sums, counts = total[1:-1, 1:-1].reshape(-1, 3), count[1:-1, 1:-1].reshape(-1)
-        ring = ~known & (counts > 0)
+        ring = ~filled & (counts > 0)
         light[ring] = sums[ring] / counts[ring, None]
-        known |= ring
+        filled |= ring

@@ -128,21 +128,21 @@ def visible_light(
     size = float(np.subtract(camera.bounds.high, camera.bounds.low).max())
 
     def placed(hit: np.ndarray) -> tuple[PictureScene, np.ndarray]:
-        some, rows = _parts(meshes, hit)
-        return place(some, at)._replace(size=size), rows
+        parts, rows = _parts(meshes, hit)
+        return place(parts, at)._replace(size=size), rows
 
     origins, directions = pixel_rays(camera, max(round(aspect * GRID_ROWS), 1), GRID_ROWS, 0, GRID_ROWS)
     face, u, v = visible_faces(accelerator, at, placed, origins, directions, cull)
     hit = np.flatnonzero(face >= 0)
-    some, rows = _parts(meshes, face[hit])
-    world = place(some, at)
-    pairs = [colours(mesh, drawn.irradiance, quantity == LUMINANCE) for mesh in some]
+    parts, rows = _parts(meshes, face[hit])
+    world = place(parts, at)
+    pairs = [colours(mesh, drawn.irradiance, quantity == LUMINANCE) for mesh in parts]
     if quantity == LUMINANCE:
-        above = gloss_towards(some, gloss, drawn.irradiance, at, camera.eye())
+        above = gloss_towards(parts, gloss, drawn.irradiance, at, camera.eye())
         pairs = [
-            with_gloss(mean_radiance(mesh, *pair), more) for mesh, pair, more in zip(some, pairs, above, strict=True)
+            with_gloss(mean_radiance(mesh, *pair), more) for mesh, pair, more in zip(parts, pairs, above, strict=True)
         ]
-    front, back = both_sides(pairs, [weights(mesh, drawn.weights) for mesh in some])
+    front, back = both_sides(pairs, [weights(mesh, drawn.weights) for mesh in parts])
     radiance, facing = seen_radiance(world, front, back, rows, u[hit], v[hit], directions[hit], None, origins[0])
     return per_radiance(quantity) * luminance(radiance[facing | ~world.one_sided[rows]])
 

@@ -292,22 +292,23 @@ class Renderer:
 
         From a probe, only planes count: without mobiles that have none, it is the same at all their poses.
         """
-        some = dict(enumerate(self._objects))
+        objects = dict(enumerate(self._objects))
         if view.skipped >= 0:
-            some = {o: d for o, d in some.items() if o == 0 or any(r.plane is not None for r in d.reflectors)}
+            objects = {o: d for o, d in objects.items() if o == 0 or any(r.plane is not None for r in d.reflectors)}
 
         def place(o: int) -> None:
             _place(self._programs.mask, view.view_projection, look.models[o])
 
         self.ctx.front_face = view.front_face
         matrices = b"".join(
-            np.ascontiguousarray(m).tobytes() for m in (view.view_projection, *(look.models[o] for o in some))
+            np.ascontiguousarray(m).tobytes() for m in (view.view_projection, *(look.models[o] for o in objects))
         )
         key = matrices, view.size, view.front_face, view.skipped, look.cull
-        given = view.size, some, place, look.cull, lambda reflector: view.skipped in reflector.omitted
-        found = self._coverage.of(key, *given)
+        shares = self._coverage.of(
+            key, view.size, objects, place, look.cull, lambda reflector: view.skipped in reflector.omitted
+        )
         self._state()
-        return found
+        return shares
 
     def _draw_layer(self, look: Look, layer: int, view: View) -> None:
         """Draw all objects as a view sees them."""

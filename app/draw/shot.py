@@ -72,9 +72,9 @@ class Shot:
         def gloss(eye: np.ndarray) -> Gloss:
             return self.gloss(eye, of_camera)
 
-        given = meshes, gloss, weights, camera.eye(), pixel, self.settings.cull, around, lights
+        at, cull, height = s.model.transforms(s.poses), self.settings.cull, self.settings.size[1]
         return Mirrors(
-            s.model.accelerator, s.model.transforms(s.poses), *given, exposure, self.settings.size[1]
+            s.model.accelerator, at, meshes, gloss, weights, camera.eye(), pixel, cull, around, lights, exposure, height
         ).reflected
 
     def light_faces(self) -> LightFaces:

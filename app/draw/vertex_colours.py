@@ -49,15 +49,15 @@ def gloss_colours(
     """
     if draw.lobe is None:
         return None
-    found, tables = [], join([]) if draw.tables is None else draw.tables
+    sides, tables = [], join([]) if draw.tables is None else draw.tables
     tangent = (draw.normal if draw.tangent is None else draw.tangent)[which]
     positions, normals, lobes = draw.positions[which], draw.normal[which], draw.lobe[which]
     for side, receivers in enumerate((draw.front, draw.back)):
         out, normal = room_for(len(positions)), normals if side == 0 else -normals
         E, rows = np.nan_to_num(irradiance[receivers[which]]), np.ascontiguousarray(draw.gloss[which, side])
         gloss_radiance(directions, rows, E, positions, normal, lobes, tangent, tables, eye, out)
-        found.append(out.astype(np.float32))
-    return found[0], found[1]
+        sides.append(out.astype(np.float32))
+    return sides[0], sides[1]
 
 
 Gloss = list[tuple[np.ndarray, np.ndarray] | None]  # per object: radiance (D, 3) on front and back; None: it has none

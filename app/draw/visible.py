@@ -152,13 +152,13 @@ def draw_strips(
     tops, threads = list(range(0, height, _rows(width))), accelerator.threads
     for first in range(0, len(tops), threads):
         progress(tops[first] / height)
-        some = tops[first : first + threads]
+        batch = tops[first : first + threads]
 
-        def work(_, a, b, some=some):
-            for strip in strips(accelerator, at, world, camera, size, cull, some[a:b]):
+        def work(_, a, b, batch=batch):
+            for strip in strips(accelerator, at, world, camera, size, cull, batch[a:b]):
                 draw(strip)
 
-        run_ranges(work, len(some), threads, 1)
+        run_ranges(work, len(batch), threads, 1)
 
 
 def pixel_rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
@@ -186,8 +186,8 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
     for _ in range(MAX_CULLED):
         far = np.full(len(going), np.inf, np.float32)
         t, hit = nearest_in_world(accelerator, at, o, d, far)
-        found = hit >= 0
-        going, o, d, t, hit = going[found], o[found], d[found], t[found], hit[found]
+        is_hit = hit >= 0
+        going, o, d, t, hit = going[is_hit], o[is_hit], d[is_hit], t[is_hit], hit[is_hit]
         world, at_hit = placed(hit)
         met = world.met(at_hit, o, d)
         hit, at_hit = hit + met - at_hit, met  # rows differ from faces only in scenes of some faces, without quads

@@ -151,9 +151,9 @@ class LiveError:
         if not wants.other:
             self.comparison.drop()
         poses, m, r = self._solver.poses, self._measured, self.report
-        some, everywhere = self.reference(poses, False), self.reference(poses, True)
+        sampled, everywhere = self.reference(poses, False), self.reference(poses, True)
         numbers = wants.numbers and not (r is not None and r.done)
-        rough = r is None or some is None or some.noise > FIRST_NOISE
+        rough = r is None or sampled is None or sampled.noise > FIRST_NOISE
         picture = wants.picture and (everywhere is None or everywhere.noise > PICTURE_NOISE)
         gathering, at_some = "gathering the reference", functools.partial(self._gather, False)
         of_numbers = Task(gathering if self._few else f"{gathering} for the error", at_some)
@@ -241,8 +241,8 @@ class LiveError:
         noise = float("nan")
         if m is not None and m.subset:
             at = self._solver.model.transforms(self._solver.poses)
-            others = self._solver.frame_light.deviation(at, self._solver.frame.background)[reference.rows]
-            noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, others)
+            deviation = self._solver.frame_light.deviation(at, self._solver.frame.background)[reference.rows]
+            noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, deviation)
         done = not reference.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:
             reference.keep()

@@ -144,8 +144,10 @@ class ReferenceStore(StateFile):
         """Return rounds from the stored state on (`load`); `even`: without a state, uniform paths for a picture."""
         state = self.load() if load else None
         weights = None if even and state is None else self.weights
-        given = self.model.scene, self.positions, self.normals, self.seed, weights, self.poses
-        return ReferenceRounds(*given, model=self.model, state=state, levels=self.levels)
+        m, receivers = self.model, (self.positions, self.normals)
+        return ReferenceRounds(
+            m.scene, *receivers, self.seed, weights, self.poses, model=m, state=state, levels=self.levels
+        )
 
     def gather(
         self, error: float, paths: Callable[..., np.ndarray] | None = None, step: int = PATHS_AT_ONCE

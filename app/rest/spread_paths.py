@@ -58,5 +58,4 @@ class SpreadPaths:
 
 def _ready(job: PathJob, threads: int | None) -> Gatherer:
     model = Model(job.scene, threads, job.rays)
-    given = job.positions, job.normals, job.seed, job.poses
-    return Gatherer(job.scene, *given, model=model, levels=job.levels)
+    return Gatherer(job.scene, job.positions, job.normals, job.seed, job.poses, model=model, levels=job.levels)

@@ -140,8 +140,8 @@ def beside(session: OpenScene, camera: Turntable, names: tuple[str, ...]) -> np.
     low, high = session.box_of(names)
     shifts = _aside(high - low, session.scene.up, camera.basis()[0])
     inside = [s for s in shifts if _holds(session, low + s, high + s)]
-    others = _boxes_of_all(session)
-    free = (s for s in inside if not _meets(others, low + s, high + s))
+    boxes = _boxes_of_all(session)
+    free = (s for s in inside if not _meets(boxes, low + s, high + s))
     return next(free, (inside or shifts)[0])
 
 
@@ -179,7 +179,7 @@ def _boxes_of_all(session: OpenScene) -> tuple[np.ndarray, np.ndarray]:
     return lows, highs
 
 
-def _meets(others: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether a box overlaps one of the others."""
-    margin, (lows, highs) = MARGIN * (high - low), others
+def _meets(boxes: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box overlaps one of the boxes, low and high corners (n, 3) [m]."""
+    margin, (lows, highs) = MARGIN * (high - low), boxes
     return bool(((lows < high - margin) & (highs > low + margin)).all(axis=1).any())

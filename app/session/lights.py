@@ -37,25 +37,25 @@ def words_for(lamp: str) -> str:
 def numbered(lights: Iterable[Light]) -> dict[LightId, Light]:
     """Return lights by name and number."""
     count: dict[str, int] = {}
-    found = {}
+    by_id = {}
     for light in lights:
         count[light.name] = count.get(light.name, 0) + 1
-        found[LightId(light.name, count[light.name])] = light
-    return found
+        by_id[LightId(light.name, count[light.name])] = light
+    return by_id
 
 
 def lights_after(scene: Scene, pending: Iterable[Edit]) -> dict[LightId, Light]:
     """Return the lights of a scene, changed by edits that are still being prepared."""
     from gi_core.files import edits
 
-    found = numbered(scene.lights)
+    by_id = numbered(scene.lights)
     for edit in pending:
         if isinstance(edit, edits.Light) and not edit.of:
-            light = found.get(LightId(edit.name, edit.number))
+            light = by_id.get(LightId(edit.name, edit.number))
             if light is not None:
                 values = {key: value for key, value in edit.light if key in light._fields}
-                found[LightId(edit.name, edit.number)] = light._replace(**values)
-    return found
+                by_id[LightId(edit.name, edit.number)] = light._replace(**values)
+    return by_id
 
 
 # Direction ------------------------------------------------------------------------------------------
@@ -263,15 +263,15 @@ def _rectangle(points: np.ndarray, edges: np.ndarray, n: np.ndarray) -> tuple[np
     """
     flat = edges - (edges @ n)[:, None] * n
     flat = flat[np.linalg.norm(flat, axis=1) > 1e-9]
-    best, found = math.inf, (unit(flat[0]),) * 4
+    best, rectangle = math.inf, (unit(flat[0]),) * 4
     for edge in flat[:MOST_EDGES]:
         a = unit(edge)
         b = np.cross(a, n)
         at = points @ np.stack([a, b, n]).T
         low, high = at.min(axis=0), at.max(axis=0)
         if (area := float(np.prod((high - low)[:2]))) < best * (1 - 1e-9):
-            best, found = area, (a, b, low, high)
-    return found
+            best, rectangle = area, (a, b, low, high)
+    return rectangle
 
 
 def _digits(value: float) -> float:

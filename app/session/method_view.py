@@ -144,10 +144,12 @@ class HemisphereView(NamedTuple):
         cells = np.ones((n, 1, 6), np.float32)
         cells[:, 0, 3:] = light
         alone, up = np.zeros((n, 3)), np.tile([0.0, 0.0, 1.0], (n, 1))
-        given = Directions(cells, np.zeros(1, np.int64), np.empty((0, 6), np.float32))
+        directions = Directions(cells, np.zeros(1, np.int64), np.empty((0, 6), np.float32))
         lobes, tangents, out = np.tile(self.lobe, (n, 1)), np.tile(self.along, (n, 1)), room_for(n)
         one = np.ones((n, 3))
-        gloss_radiance(given, np.arange(n, dtype=np.int32), one, alone, up, lobes, tangents, self.tables, local, out)
+        gloss_radiance(
+            directions, np.arange(n, dtype=np.int32), one, alone, up, lobes, tangents, self.tables, local, out
+        )
         return out.mean(axis=1)
 
 

@@ -170,20 +170,20 @@ class OpenScene:
         if (key := (name, material, part)) not in self._finishes:
             values = finish_of(self.scene, self.model.surfaces, *key)
             self._finishes[key] = Finished(values, is_textured(self.scene, *key), _darkened(values))
-        found = self._finishes[key]
+        finish = self._finishes[key]
 
-        def given(edits: Iterable[Edit]) -> list[Values]:
+        def values_of(edits: Iterable[Edit]) -> list[Values]:
             return [e.material for e in edits if isinstance(e, Finish) and (e.name, e.part) == (name, part)]
 
-        if asked := given(self.edits):
+        if asked := values_of(self.edits):
             newest: dict[str, Any] = dict(asked[-1])
             if "reflectance" in newest:
-                return Finished(asked[-1], False, found.darkened)
+                return Finished(asked[-1], False, finish.darkened)
             if "brdf" not in newest:
-                newest = {"reflectance": dict(found.values).get("reflectance", GREY), **newest}
-            comes = any("reflectance" in dict(shown) for shown in given(self.settings.edits))  # back, by an undo
-            return Finished(tuple(newest.items()), found.textured or comes, found.darkened)
-        return found
+                newest = {"reflectance": dict(finish.values).get("reflectance", GREY), **newest}
+            comes = any("reflectance" in dict(shown) for shown in values_of(self.settings.edits))  # back, by an undo
+            return Finished(tuple(newest.items()), finish.textured or comes, finish.darkened)
+        return finish
 
     @property
     def lights(self) -> dict[LightId, Light]:

@@ -155,11 +155,11 @@ class Opening:
         """Take over looks from a process until it ends."""
         with suppress(EOFError, OSError, pickle.UnpicklingError):
             while not self.done:
-                found = pickle.load(stream)
-                if not isinstance(found, Exception):
-                    self.look = found
+                received = pickle.load(stream)
+                if not isinstance(received, Exception):
+                    self.look = received
                 elif self._load is read_scene:
-                    self._refused = found
+                    self._refused = received
 
     def _open(self, scene: Scene, versions: Versions) -> Opened:
         from gi_core.base.kernel_cache import problems

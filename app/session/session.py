@@ -230,9 +230,9 @@ class Session(OpenScene):
         self.settings = self.requests.applied = replace(self.settings, **filled)
         self.lamp_changes.adopt(opened.settings)
         self._show(opened, SolverThread(opened.solver, self.log, self.clock, self._worker))
-        known = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
+        logged = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
         for note in self.scene.notes:
-            if one_line(note) not in known:
+            if one_line(note) not in logged:
                 self.log(note)
 
     @property
@@ -358,11 +358,11 @@ class Session(OpenScene):
         pending = [edit for edit in asked.edits if edit not in shown]
         failed = [asked.edits[problem.number]] if isinstance(problem, EditError) else pending
 
-        def others(edits: tuple[Edit, ...]) -> tuple[Edit, ...]:
+        def without_failed(edits: tuple[Edit, ...]) -> tuple[Edit, ...]:
             return tuple(edit for edit in edits if edit not in failed)
 
-        self.edits = others(self.edits) if failed else shown
-        self.history.change(Field("edits"), others)
+        self.edits = without_failed(self.edits) if failed else shown
+        self.history.change(Field("edits"), without_failed)
         self.asked = Asked(self.edits, (self.asked or asked).poses) if self.edits != shown else None
 
     def reset_poses(self) -> None:

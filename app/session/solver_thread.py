@@ -185,8 +185,8 @@ class SolverThread:
             case bool(more):
                 self._timing.due = more
             case view:
-                known = self.method is not None and view.recomputed is None  # by an earlier frame
-                self.method = view._replace(recomputed=self.method.recomputed) if known else view
+                was_counted = self.method is not None and view.recomputed is None  # by an earlier frame
+                self.method = view._replace(recomputed=self.method.recomputed) if was_counted else view
                 self.version += 1
 
     def _fail(self, job: Job, problem: Exception) -> None:

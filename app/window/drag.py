@@ -186,17 +186,17 @@ class MobileDrag:
     def __init__(self, room: Bounds | None = None) -> None:
         self.room = room
         self.grab: drag.Grab | None = None  # None: nothing is dragged
-        self.others: dict[str, Pose] = {}  # poses at the press of mobiles that move with the grabbed one
+        self.companions: dict[str, Pose] = {}  # poses at the press of mobiles that move with the grabbed one
 
     def begin(self, session: Session, view: View, hit: Hit, mode: str, names: tuple[str, ...] = ()) -> None:
         """Grab a mobile where the cursor meets it; names: mobiles that move as one, the grabbed one among them."""
         mobile = session.scene.mobiles[hit.object - 1].name
-        self.others = {name: session.poses[name] for name in names if name != mobile}
+        self.companions = {name: session.poses[name] for name in names if name != mobile}
         u, v = view.uv(imgui.get_io().mouse_pos)
         session.motion.playing = False
         session.begin_drag()
-        low, high = session.box_of((mobile, *self.others))
-        pivot = (low + high) / 2 if self.others else None
+        low, high = session.box_of((mobile, *self.companions))
+        pivot = (low + high) / 2 if self.companions else None
         self.grab = drag.Grab(mobile, mode, hit.point, session.poses[mobile], view.camera, u, v, low, high, pivot)
 
     def follow(self, session: Session, view: View) -> None:
@@ -209,7 +209,7 @@ class MobileDrag:
             grab = self.grab._replace(camera=view.camera)
             pose = drag.dragged(grab, u, v, view.aspect, self.room)
             if pose != session.poses[grab.mobile]:
-                session.move({grab.mobile: pose, **carried(self.others, grab.pose, pose)})
+                session.move({grab.mobile: pose, **carried(self.companions, grab.pose, pose)})
         if not (imgui.is_mouse_down(LEFT) or imgui.is_mouse_down(RIGHT)):
             self.grab = None
             session.end_drag()

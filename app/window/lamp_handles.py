@@ -78,8 +78,8 @@ class LampHandles:
         """Show the lamps of a session; before: the one before an edit. The light that it adds is then selected."""
         self._asked, now = None, session.lights
         if before is not None:
-            known = before.lights
-            added = [found for found in now if found not in known]
+            earlier = before.lights
+            added = [light_id for light_id in now if light_id not in earlier]
             self.selected = added[-1] if added else self.selected
         if self.selected is not None and self.selected not in now:
             names = session.model.emitters.lamps.names
@@ -93,11 +93,11 @@ class LampHandles:
         asked = view.camera, view.origin, view.size, tuple(lights.items()), session.version, self.selected
         if asked != self._asked:
             self._asked = asked
-            placed = {found: light for found, light in lights.items() if isinstance(light, PlacedLight)}
+            placed = {light_id: light for light_id, light in lights.items() if isinstance(light, PlacedLight)}
             points = np.array([light.position for light in placed.values()], np.float64).reshape(-1, 3)
             self._marks = [
-                Mark(found, light, at, self._is_hidden(session, view, light))
-                for (found, light), at in zip(placed.items(), view.on_screen(points), strict=True)
+                Mark(light_id, light, at, self._is_hidden(session, view, light))
+                for (light_id, light), at in zip(placed.items(), view.on_screen(points), strict=True)
                 if at is not None
             ]
             self._find_aim(session, view, lights.get(self.selected) if self.selected is not None else None)
@@ -135,15 +135,15 @@ class LampHandles:
         """Take a press of the mouse on a mark; return False where there is none."""
         if self._under is None:
             return False
-        found, aims = self._under
-        light = session.lights.get(found)
+        light_id, aims = self._under
+        light = session.lights.get(light_id)
         if not isinstance(light, PlacedLight):
             return False
         u, v = view.uv(imgui.get_io().mouse_pos)
         place = np.array(light.position, np.float64)
-        grab = drag.Grab(found.name, mode, place, Pose(light.position), view.camera, u, v, place, place)
-        self.selected, self._moved = found, False
-        self.held = Held(found, light, AIM if aims else mode, grab)
+        grab = drag.Grab(light_id.name, mode, place, Pose(light.position), view.camera, u, v, place, place)
+        self.selected, self._moved = light_id, False
+        self.held = Held(light_id, light, AIM if aims else mode, grab)
         return True
 
     def follow(self, session: Session, view: View, room: Bounds) -> None:
@@ -171,9 +171,9 @@ class LampHandles:
     def _change(self, session: Session, values: Values) -> None:
         from gi_core.files import edits
 
-        found, now = self.held.id, session.lights.get(self.held.id)
+        light_id, now = self.held.id, session.lights.get(self.held.id)
         if values and now is not None and any(getattr(now, key) != value for key, value in values):
-            session.change_scene(edits.Light(found.name, values, number=found.number), first=not self._moved)
+            session.change_scene(edits.Light(light_id.name, values, number=light_id.number), first=not self._moved)
             self._moved = True
 
     def cancel(self, session: Session) -> bool:
@@ -231,11 +231,11 @@ class LampHandles:
             return f"{words_for(self.held.id.name)} {WORDS[self.held.mode]}  ·  Esc cancels"
         if self._under is None:
             return ""
-        found, aims = self._under
+        light_id, aims = self._under
         if aims:
-            return f"Drag the aim of {words_for(found.name)}: it {WORDS[AIM]}"
-        others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
-        return f"Drag {words_for(found.name)}: it {WORDS[mode]}{others}"
+            return f"Drag the aim of {words_for(light_id.name)}: it {WORDS[AIM]}"
+        keys = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
+        return f"Drag {words_for(light_id.name)}: it {WORDS[mode]}{keys}"
 
 
 def _angle(R: np.ndarray, up: np.ndarray) -> float:

@@ -88,8 +88,8 @@ def _contour(values: np.ndarray, places: np.ndarray, level: float) -> np.ndarray
         v = np.stack([values[corners[k]].reshape(-1) for k in triangle], axis=1)
         p = np.stack([places[corners[k]].reshape(-1, 2) for k in triangle], axis=1)
         above = v > level
-        some = above.any(axis=1) & ~above.all(axis=1)
-        v, p, above = v[some], p[some], above[some]
+        crossed = above.any(axis=1) & ~above.all(axis=1)
+        v, p, above = v[crossed], p[crossed], above[crossed]
         alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
         rows = np.arange(len(v))
         for step in (1, 2):

@@ -67,12 +67,12 @@ def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
         problem = session.problem or "see the status line"
         label.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
         return
-    text, known = opening.progress
+    text, done = opening.progress
     label.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
     # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
-    fraction = -imgui.get_time() if known is None else known
+    fraction = -imgui.get_time() if done is None else done
     imgui.progress_bar(fraction, (width, 0.35 * em), "")
 
 

@@ -66,5 +66,8 @@ class Pins:
             self.shown = ()
             return
         side, light = shown.sides[0], s.light.snapshot
-        given = s.meshes, Drawn(side.irradiance, side.weights), light.gloss
-        self.shown = tuple(read_pin(pin, s.picker, s.scene, s.model, light.poses, *given) for pin in s.settings.pins)
+        drawn = Drawn(side.irradiance, side.weights)
+        self.shown = tuple(
+            read_pin(pin, s.picker, s.scene, s.model, light.poses, s.meshes, drawn, light.gloss)
+            for pin in s.settings.pins
+        )

@@ -27,17 +27,17 @@ MOST_NUMBERS = 300  # in the picture
 def draw(viewport: Viewport) -> None:
     """Draw the measuring plane and the pins into the current window."""
     (x, y), (w, h) = viewport.view.origin, viewport.view.size
-    drawing, found = imgui.get_window_draw_list(), marks(viewport)
-    em, line = found.em, imgui.get_color_u32((*LINE, 0.9))
+    drawing, shapes = imgui.get_window_draw_list(), marks(viewport)
+    em, line = shapes.em, imgui.get_color_u32((*LINE, 0.9))
     drawing.push_clip_rect((x, y), (x + w, y + h), True)
-    for a, b in found.lines:
+    for a, b in shapes.lines:
         drawing.add_line((x + a[0], y + a[1]), (x + b[0], y + b[1]), line, LINE_EM * em)
-    for (across, down), colour, opacity in found.dots:
+    for (across, down), colour, opacity in shapes.dots:
         at = x + across, y + down
         drawing.add_circle_filled(at, DOT_EM * em, imgui.get_color_u32((*colour, opacity)))
         rim = imgui.get_color_u32((0.0, 0.0, 0.0, RIM_OPACITY * opacity))
         drawing.add_circle(at, DOT_EM * em, rim, 0, RIM_EM * em)
-    for text, (left, top, right, bottom), opacity in found.labels:
+    for text, (left, top, right, bottom), opacity in shapes.labels:
         label.draw(text, (x + left, y + top, x + right, y + bottom), opacity=opacity)
     drawing.pop_clip_rect()
 
@@ -45,7 +45,7 @@ def draw(viewport: Viewport) -> None:
 def marks(viewport: Viewport) -> Marks:
     """Return the marks of measuring plane and pins; their labels avoid the legend and each other."""
     view, shown, em = viewport.view, viewport.legend, imgui.get_font_size()
-    found = Marks(em, [], [], [])
+    shapes = Marks(em, [], [], [])
     places = LabelPlaces((0.0, 0.0, *view.size), [] if shown is None else [_in_picture(legend.box(shown, view), view)])
     pins = _labels_of_pins(viewport, places)
     s = viewport.session
@@ -54,18 +54,18 @@ def marks(viewport: Viewport) -> Marks:
 
         corners = _seen(viewport, grid_of(plane, s.level).corners)
         around = zip(corners, [*corners[1:], corners[0]], strict=True)
-        found.lines.extend((a, b) for a, b in around if a is not None and b is not None)
+        shapes.lines.extend((a, b) for a, b in around if a is not None and b is not None)
         light = s.light.snapshot.rest.plane
         if light is not None and light.plane == plane:
-            _points(viewport, light, places, found)
+            _points(viewport, light, places, shapes)
     for at, text, box in pins:
-        found.dots.append(Dot(at, LINE, 1.0))
+        shapes.dots.append(Dot(at, LINE, 1.0))
         if box is not None:
             left, top, right, bottom = box
             if not top <= at[1] <= bottom:  # not right beside its point
-                found.lines.append((at, (min(max(at[0], left), right), top if top > at[1] else bottom)))
-            found.labels.append(Label(text, box, 1.0))
-    return found
+                shapes.lines.append((at, (min(max(at[0], left), right), top if top > at[1] else bottom)))
+            shapes.labels.append(Label(text, box, 1.0))
+    return shapes
 
 
 def _in_picture(box: Box, view: View) -> Box:
@@ -82,17 +82,17 @@ def _seen(viewport: Viewport, points: np.ndarray) -> list[Point | None]:
 
 def _labels_of_pins(viewport: Viewport, places: LabelPlaces) -> list[tuple[Point, str, Box | None]]:
     """Return point, text and box of the label of each pin in the picture; a label without room has no box."""
-    em, found = imgui.get_font_size(), []
+    em, texts = imgui.get_font_size(), []
     (w, h), pins = viewport.view.size, viewport.pins.shown
     seen = _seen(viewport, np.array([p.position for p in pins]).reshape(-1, 3))
     for (pin, _, reading), at in zip(pins, seen, strict=True):
         if at is not None and 0 <= at[0] < w and 0 <= at[1] < h:
-            known = reading is not None and math.isfinite(reading.irradiance)
-            value = f": {number(reading.irradiance)} {reading.units.per_area}" if known else ""
-            found.append((at, pin.name + value))
-    for (x, y), _ in found:
+            is_finite = reading is not None and math.isfinite(reading.irradiance)
+            value = f": {number(reading.irradiance)} {reading.units.per_area}" if is_finite else ""
+            texts.append((at, pin.name + value))
+    for (x, y), _ in texts:
         places.take([(x - DOT_EM * em, y - DOT_EM * em, x + DOT_EM * em, y + DOT_EM * em)])
-    return [(at, text, places.take(places.beside(at, label.plate(text, w), GAP_EM * em))) for at, text in found]
+    return [(at, text, places.take(places.beside(at, label.plate(text, w), GAP_EM * em))) for at, text in texts]
 
 
 def number(value: float) -> str:
@@ -100,23 +100,23 @@ def number(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces, found: Marks) -> None:
+def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces, shapes: Marks) -> None:
     """Add a dot per point, and its value where there is room."""
-    em = found.em
-    known, scale = np.isfinite(light.values), viewport.picture.scale
-    most = float(light.values[known].max(initial=0.0))
+    em = shapes.em
+    finite, scale = np.isfinite(light.values), viewport.picture.scale
+    most = float(light.values[finite].max(initial=0.0))
     position = light.values / max(most, 1e-300) if scale is None else scale.position(light.values)
     colours = sequential_colours(np.nan_to_num(position)).tolist()
     opacity = 1.0 if light.is_current else 0.4
     for at, is_known, (red, green, blue), value in zip(
-        _seen(viewport, light.grid.positions), known, colours, light.values.tolist(), strict=True
+        _seen(viewport, light.grid.positions), finite, colours, light.values.tolist(), strict=True
     ):
         if at is None or not is_known:
             continue
-        found.dots.append(Dot(at, (red, green, blue), opacity))
+        shapes.dots.append(Dot(at, (red, green, blue), opacity))
         text = number(value)
         size = imgui.calc_text_size(text)
         half, top = size.x / 2 + 0.3 * em, at[1] + 0.35 * em
         box = at[0] - half, top, at[0] + half, top + size.y
-        if len(found.labels) < MOST_NUMBERS and places.take([box]) is not None:
-            found.labels.append(Label(text, box, opacity))
+        if len(shapes.labels) < MOST_NUMBERS and places.take([box]) is not None:
+            shapes.labels.append(Label(text, box, opacity))

@@ -41,11 +41,10 @@ class ScaleFit:
         if s.settings.show not in FALSE_COLOURS or shown is None:
             self.scale = self._asked = self._fitting = None
             return
-        given = s.settings.show, s.settings.false_colour_range, s.settings.false_colour_lines
-        asked = s.version, view.camera, view.aspect, s.settings.cull, *given
+        quantity, ends, lines = s.settings.show, s.settings.false_colour_range, s.settings.false_colour_lines
+        asked = s.version, view.camera, view.aspect, s.settings.cull, quantity, ends, lines
         if self._fitting is None and asked != self._asked and (at_rest or self.scale is None):
             self._asked = asked
-            quantity, ends, lines = given
             if ends is not None:
                 self.scale = fixed_scale(*ends, quantity).with_lines(lines)
                 return

@@ -295,8 +295,8 @@ class Viewer:
         if self.painter.software:
             new.light.grace = SOFTWARE_GRACE
         if new.settings.exposure is None:
-            given = new.scene.defaults.exposure
-            exposure = new.metered(self.viewport.view.camera) if given is None else given
+            default = new.scene.defaults.exposure
+            exposure = new.metered(self.viewport.view.camera) if default is None else default
             new.want(replace(new.settings, exposure=exposure))
         new.start_exposure = new.settings.exposure
         self.files.adopt(new, same=old is not new and self.reload.same)

@@ -208,13 +208,13 @@ class Viewport:
 
     def _select_by(self, grab: drag.Grab) -> None:
         """Select after a drag or a click: Ctrl + click adds or removes an object, Shift + click adds it."""
-        name, others = grab.mobile, tuple(n for n in self.selection if n != grab.mobile)
+        name, remaining = grab.mobile, tuple(n for n in self.selection if n != grab.mobile)
         if self.session.poses != self.session.motion.before:
             self.select(self.selection if name in self.selection else (name,))
         elif grab.mode == drag.TURN and name in self.selection:
-            self.select(others)
+            self.select(remaining)
         elif grab.mode in (drag.TURN, drag.RAISE):
-            self.select((*others, name))
+            self.select((*remaining, name))
         elif grab.mode == drag.SLIDE:
             self.select((name,))
             self._hold_receiver()
@@ -395,14 +395,14 @@ class Viewport:
         if lamp := self.lamps.hint(drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)):
             return lamp
         if grab is not None:
-            several = len(self.mobile_drag.others)
+            several = len(self.mobile_drag.companions)
             subject = f"{grab.mobile} and {several} more:" if several else grab.mobile
             return f"{subject} {drag.MODES[grab.mode]}  ·  Esc cancels"
         if hover is not None:
             name = self.session.scene.mobiles[hover.object - 1].name
             mode = drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)
-            others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
-            return f"Drag {name}: {drag.MODES[mode]}{others}"
+            keys = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
+            return f"Drag {name}: {drag.MODES[mode]}{keys}"
         return ""
 
 

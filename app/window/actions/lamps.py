@@ -37,8 +37,8 @@ def is_photometric(name: str) -> bool:
 def change(window: Window, asked: ChangeLight) -> None:
     from gi_core.files.edits import Light
 
-    found = asked.light
-    window.session.change_scene(Light(found.name, asked.values, number=found.number), first=asked.first)
+    light = asked.light
+    window.session.change_scene(Light(light.name, asked.values, number=light.number), first=asked.first)
 
 
 def add(window: Window, asked: AddLamp) -> None:
@@ -77,10 +77,10 @@ def duplicate(window: Window) -> None:
     """Put a copy of the selected lamp beside it."""
     from gi_core.files.edits import Light
 
-    session, found = window.session, _selected(window)
-    if found is None:
+    session, lamp = window.session, _selected(window)
+    if lamp is None:
         return
-    light = session.lights.get(found)
+    light = session.lights.get(lamp)
     if light is None:
         window.log("surfaces that shine cannot be copied; make the lamp movable first", WARNING)
         return
@@ -88,37 +88,37 @@ def duplicate(window: Window) -> None:
     if isinstance(light, PlacedLight):
         right = window.viewport.view.camera.basis()[0]
         values = (("position", three(np.array(light.position) + ASIDE * session.chosen.scene_size * right)),)
-    session.change_scene(Light(_free_name(window, found.name), values, of=found.name, number=found.number))
+    session.change_scene(Light(_free_name(window, lamp.name), values, of=lamp.name, number=lamp.number))
 
 
 def remove(window: Window) -> None:
     """Remove the selected lamp; of a lamp of several lights, the selected one."""
     from gi_core.files.edits import Darken
 
-    session, found = window.session, _selected(window)
-    if found is None:
+    session, lamp = window.session, _selected(window)
+    if lamp is None:
         return
-    several = sum(other.name == found.name for other in session.lights) > 1
+    several = sum(other.name == lamp.name for other in session.lights) > 1
     if len(session.model.emitters.lamps.names) == 1 and not several:
         window.log("the last lamp stays: without it there is no light; add another one first", WARNING)
         return
-    if session.settings.solo == found.name and not several:
+    if session.settings.solo == lamp.name and not several:
         session.want(replace(session.settings, solo=""))  # else all others would stay dark
-    session.change_scene(Darken(found.name, found.number if several else None))
+    session.change_scene(Darken(lamp.name, lamp.number if several else None))
 
 
 def replace_faces(window: Window) -> None:
     """Put a panel in place of the light of the selected lamp's surfaces."""
     from gi_core.files.edits import Darken, Light
 
-    session, found = window.session, _selected(window)
-    if found is None:
+    session, lamp = window.session, _selected(window)
+    if lamp is None:
         return
-    values = panel_of_faces(session.scene, found.name, session.chosen.scene_size)
+    values = panel_of_faces(session.scene, lamp.name, session.chosen.scene_size)
     if values is None:
-        window.log(f"{found.name} shines in all directions: no panel can stand for it; add a bulb beside it", WARNING)
+        window.log(f"{lamp.name} shines in all directions: no panel can stand for it; add a bulb beside it", WARNING)
         return
-    session.change_scene(Darken(found.name), Light(found.name, values))
+    session.change_scene(Darken(lamp.name), Light(lamp.name, values))
 
 
 def toggle_marks(window: Window) -> None:
@@ -128,11 +128,11 @@ def toggle_marks(window: Window) -> None:
 
 def _selected(window: Window) -> LightId | None:
     """Return the selected lamp, None with a line in the log for several together."""
-    found = window.viewport.lamps.selected
-    if found is not None and found.name == OTHERS:
+    lamp = window.viewport.lamps.selected
+    if lamp is not None and lamp.name == OTHERS:
         window.log("these are several lamps: select one by its mark in the picture", WARNING)
         return None
-    return found
+    return lamp
 
 
 def _add(window: Window, name: str, values: Values, file: str = "") -> None:

@@ -27,8 +27,8 @@ def move(window: Window, asked: Move) -> None:
         session.begin_drag()
     before = session.poses[asked.name]
     if asked.pose != before:
-        others = {name: session.poses[name] for name in names if name != asked.name}
-        session.move({asked.name: asked.pose, **carried(others, before, asked.pose)})
+        companions = {name: session.poses[name] for name in names if name != asked.name}
+        session.move({asked.name: asked.pose, **carried(companions, before, asked.pose)})
     if asked.last and session.motion.dragging:
         session.end_drag()
 

@@ -37,18 +37,18 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     session, selected = window.session, window.viewport.lamps.selected
     lamps = session.model.emitters.lamps.names
     s = _light_scenes(s, session, actions)
-    given = {lamp.name: lamp for lamp in s.lamps}
+    setting_of = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
     names = max((imgui.calc_text_size(name).x for name in lamps), default=0.0)
     for k, name in enumerate(lamps):
         imgui.push_id(name)
-        lamp = given.get(name, LampSetting(name))
+        lamp = setting_of.get(name, LampSetting(name))
         changed, lamp, solo = _row(lamp, solo, k, window, names, actions)
         if changed:
-            given[name] = lamp
+            setting_of[name] = lamp
         imgui.pop_id()
-    s = replace(s, lamps=tuple(lamp for lamp in given.values() if lamp != LampSetting(lamp.name)), solo=solo)
-    flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, session) for k, name in enumerate(lamps))
+    s = replace(s, lamps=tuple(lamp for lamp in setting_of.values() if lamp != LampSetting(lamp.name)), solo=solo)
+    flux = sum(_flux(setting_of.get(name, LampSetting(name)), solo, k, session) for k, name in enumerate(lamps))
     ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
     snapshot = session.light.snapshot
     if snapshot.effective_photons < snapshot.photons:
@@ -64,9 +64,9 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         imgui.separator()
         lights.head(selected, session, actions)
         name = selected.name
-        lamp = _flux_field(given.get(name, LampSetting(name)), lamps.index(name), session)
-        others = tuple(other for other in s.lamps if other.name != name)
-        s = s if lamp == given.get(name, LampSetting(name)) else replace(s, lamps=(*others, lamp))
+        lamp = _flux_field(setting_of.get(name, LampSetting(name)), lamps.index(name), session)
+        unselected = tuple(other for other in s.lamps if other.name != name)
+        s = s if lamp == setting_of.get(name, LampSetting(name)) else replace(s, lamps=(*unselected, lamp))
     lights.draw(window, actions)
     return s
 
@@ -204,8 +204,8 @@ def recoloured(
 
     A channel that has not been edited keeps its factor, bit for bit.
     """
-    found = zip(factors, before, rgb, base, strict=True)
-    r, g, b = (f if b <= 0 or abs(new - old) < ROUNDING else max(new, 0.0) / b for f, old, new, b in found)
+    channels = zip(factors, before, rgb, base, strict=True)
+    r, g, b = (f if b <= 0 or abs(new - old) < ROUNDING else max(new, 0.0) / b for f, old, new, b in channels)
     return r, g, b
 
 

@@ -85,8 +85,8 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     if not imgui.is_any_item_active():
         _held.clear()
     if changed and not (combined and k == chosen_now):
-        given = starting(names[k], values)
-        actions.add(Refinish(surface, _kept(given) if finish.textured else given, part=part))
+        new_values = starting(names[k], values)
+        actions.add(Refinish(surface, _kept(new_values) if finish.textured else new_values, part=part))
         return s
     edited, keeps = False, finish.textured
     other = None
@@ -115,8 +115,8 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     if (progress := window.reload.progress) is not None:  # first gloss: kernels compile
         _dim(progress[0])
     if edited:
-        given, target = tuple(values.items()), (surface, part)
-        actions.add(Refinish(surface, _kept(given) if keeps else given, target not in _held, part))
+        new_values, target = tuple(values.items()), (surface, part)
+        actions.add(Refinish(surface, _kept(new_values) if keeps else new_values, target not in _held, part))
         _held[:] = [target]
     return s
 
@@ -131,8 +131,8 @@ def with_model(values: dict[str, Any], name: str) -> Values:
     parts = _parts(values)
     new: dict[str, Any] = {key: p.default for key, p in models()[name].items()}
     if "kd" in new:
-        found = (dict(part) for part in parts)
-        lobes = [lobe(part.pop("model"), factor=part.pop("factor", 1.0), parameters=part) for part in found]
+        copies = (dict(part) for part in parts)
+        lobes = [lobe(part.pop("model"), factor=part.pop("factor", 1.0), parameters=part) for part in copies]
         room = 1.0 - sum(one.factor * MODELS[one.model].diffuse(one.values()) for one in lobes)
         new["kd"] = tuple(min(math.floor(1e4 * max(float(r), 0.0)) / 1e4, new["kd"]) for r in room)
     return _summed({**values, "scale": True}, (*parts, (("model", name), ("factor", 1.0), *new.items())))
@@ -176,14 +176,14 @@ def _draw_added(model: str | tuple) -> str | None:
     return chosen
 
 
-def _draw_part(number: int, given: Values, of: int, removed: list[int]) -> Values:
+def _draw_part(number: int, values: Values, of: int, removed: list[int]) -> Values:
     """Draw a model of a linear combination; return it with the values of its widgets.
 
     of: number of models; removed: takes the number of one whose button is pressed.
     """
     from gi_core.bsdf.models.common import Parameter
 
-    part: dict[str, Any] = dict(given)
+    part: dict[str, Any] = dict(values)
     imgui.push_id(number)
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
     imgui.separator_text(f"{number + 1}. {_title(part['model'])}")
@@ -263,7 +263,7 @@ def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
 
     The field has float32: a click on a knob may be a change that rounding takes back.
     """
-    given = value
+    before = value
     shown = name.capitalize() if len(name) > 3 else {"ior": "IOR"}.get(name, name)
     if p.colour and p.high <= 1:
         rgb = list(value) if isinstance(value, tuple) else [value] * 3
@@ -278,4 +278,4 @@ def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
         changed, number = ui.float_slider(shown, value, p.low, p.high, f"{value:.3g}", p.high > 10)
         value = min(max(float(f"{number:.4g}"), p.low), p.high)
     ui.tip(f"{p.meaning[:1].upper()}{p.meaning[1:]}.")
-    return value, changed and value != given
+    return value, changed and value != before

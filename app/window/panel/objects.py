@@ -121,8 +121,8 @@ def angles_of(pose: Pose, near: Angles = (0.0, 0.0, 0.0)) -> Angles:
         side = math.copysign(1.0, y)
         z = math.radians(near[2])
         x = side * z + math.atan2(side * R[0, 1], side * R[0, 2])
-    found = (x, y, z), (x + math.pi, math.pi - y, z + math.pi)
-    both = [three(_wrapped(math.degrees(angle)) for angle in triple) for triple in found]
+    solutions = (x, y, z), (x + math.pi, math.pi - y, z + math.pi)
+    both = [three(_wrapped(math.degrees(angle)) for angle in triple) for triple in solutions]
     return min(both, key=lambda triple: sum(abs(_wrapped(a - b)) for a, b in zip(triple, near, strict=True)))
 
 
@@ -142,8 +142,8 @@ def selection_after(
 ) -> tuple[str, ...]:
     """Return the selection after a click on a name in the list; Shift selects from the first selected one."""
     if ctrl:
-        others = tuple(n for n in selection if n != name)
-        return others if name in selection else (*others, name)
+        remaining = tuple(n for n in selection if n != name)
+        return remaining if name in selection else (*remaining, name)
     if shift and selection:
         first, last = (names.index(n) for n in (selection[0], name))
         step = 1 if last >= first else -1

@@ -60,8 +60,8 @@ def _pins(s: Settings, pinned: tuple[Pinned, ...], actions: set[Any]) -> None:
         imgui.push_id(f"pin {k}")
         right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
         reading = readings.get(pin)
-        known = reading is not None and math.isfinite(reading.irradiance)
-        value = f"{reading.irradiance:.4g} {reading.units.per_area}" if known else ui.DASH
+        is_finite = reading is not None and math.isfinite(reading.irradiance)
+        value = f"{reading.irradiance:.4g} {reading.units.per_area}" if is_finite else ui.DASH
         width = imgui.calc_text_size(value).x
         imgui.set_next_item_width(imgui.get_content_region_avail().x - width - 3 * em)
         entered, name = imgui.input_text("##name", pin.name, imgui.InputTextFlags_.enter_returns_true)
