@@ -231,8 +231,8 @@ def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: 
     reach, _ = nearest(apart, apart[rows], k + 1)  # the nearest is the hit itself
     density = k / (math.pi * np.maximum(reach, 1e-6 * size) ** 2 * pilot.photons)
     static = model.surfaces.receiver_range(0)
-    _, there = nearest(model.object_receivers.positions[static], pilot.hits[rows])
-    spacing = float(np.sqrt(np.median(model.object_receivers.areas[static][there])))
+    _, receivers = nearest(model.object_receivers.positions[static], pilot.hits[rows])
+    spacing = float(np.sqrt(np.median(model.object_receivers.areas[static][receivers])))
     return Places(pilot.hits[rows], pilot.normals[rows], density, spacing)
 
 
@@ -326,9 +326,9 @@ def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float
     at = start + (np.arange(len(start)) * SPREAD % 1)[:, None] * way
     at = _key(np.floor((at - low) / cell).astype(np.int64))
     place = np.searchsorted(keys, at).clip(0, len(keys) - 1)
-    found = np.where(keys[place] == at, discs[place], 0) * stands_for
+    discs_listed = np.where(keys[place] == at, discs[place], 0) * stands_for
     a_photon = segments.size / len(start) / photons
-    return float(passed.sum()) * a_photon, float((passed * found).sum()) * a_photon
+    return float(passed.sum()) * a_photon, float((passed * discs_listed).sum()) * a_photon
 
 
 def _listed(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -340,8 +340,8 @@ def _listed(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     touched = []
     for corner in range(8):
         far = np.array([corner & 1, corner & 2, corner & 4]) > 0
-        there = ((last > first) | ~far).all(axis=1)
-        touched.append(_key(np.where(far, last, first)[there]))
+        distinct = ((last > first) | ~far).all(axis=1)
+        touched.append(_key(np.where(far, last, first)[distinct]))
     return np.unique(np.concatenate(touched), return_counts=True)
 
 

@@ -107,8 +107,8 @@ class Dilation:
         yield
         unknown = rows[self._place[rows] == UNKNOWN]
         for first in range(0, len(unknown), CHUNK):
-            some = unknown[first : first + CHUNK]
-            self._place[some] = self._places(0, self._points[some], directions(self._normals[some]))
+            chunk = unknown[first : first + CHUNK]
+            self._place[chunk] = self._places(0, self._points[chunk], directions(self._normals[chunk]))
             yield
         place = self._place[: len(light)]
         inside = rows[place[rows] == INSIDE]
@@ -217,8 +217,8 @@ class Dilation:
         is_lit[rows] = False
         lit = is_lit[neighbour] & (light > BLACK * _brightest(of, len(rows), light)[of])
         count = np.bincount(of[lit], minlength=len(rows))
-        some = count > 0
-        return Unreached(rows[some], np.append(0, np.cumsum(count[some])), neighbour[lit], rows[~some])
+        has_lit = count > 0
+        return Unreached(rows[has_lit], np.append(0, np.cumsum(count[has_lit])), neighbour[lit], rows[~has_lit])
 
 
 def _is_dark(
@@ -226,7 +226,7 @@ def _is_dark(
 ) -> np.ndarray:
     """Return which of the rows (n,) bool have at most a share of their brightest neighbour's light."""
     of, neighbour = pairs
-    own, beside = (luminance(irradiance.take(some, axis=0)) for some in (rows, neighbour))
+    own, beside = (luminance(irradiance.take(receivers, axis=0)) for receivers in (rows, neighbour))
     return own <= share * _brightest(of, len(rows), beside)
 
 
@@ -239,11 +239,11 @@ def _brightest(of: np.ndarray, n: int, light: np.ndarray) -> np.ndarray:
 
 def dilated(irradiance: np.ndarray, *unreached: Unreached) -> Drawn:
     """Return irradiance (R, 3) with unreached receivers filled, and weights; the same array if there are none."""
-    some = [u for u in unreached if len(u.rows)]
-    if not some:
+    nonempty = [u for u in unreached if len(u.rows)]
+    if not nonempty:
         return Drawn(irradiance, None)
     out, weights = irradiance.copy(), np.ones(len(irradiance), np.float32)
-    for u in some:
+    for u in nonempty:
         total = np.add.reduceat(irradiance.take(u.neighbours, axis=0), u.first[:-1])
         out[u.rows] = total / np.diff(u.first)[:, None]
         weights[u.rows], weights[u.enclosed] = WEIGHT, WEIGHT * WEIGHT

@@ -62,6 +62,6 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> It
     for total in PATHS:
         paths = min(max(total // max(len(points), 1), LEAST), MOST)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
-        found = finish(denoise(E, error, model.adjacency, seed, model.threads, alike=areas))
-        noise, E = found.share(areas) * relative_noise(luminance(error), E, areas), found.irradiance
+        denoised = finish(denoise(E, error, model.adjacency, seed, model.threads, alike=areas))
+        noise, E = denoised.share(areas) * relative_noise(luminance(error), E, areas), denoised.irradiance
         yield LookLight(dilated(E, finish(dilation.find_static(E[:static])), dilation.find_moved(E, at)), noise)

@@ -16,8 +16,8 @@ def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> di
     static face that it lies on, or 0 off any face.
     """
     rows = slice(model.first_probe, model.surfaces.receiver_range(0).stop)
-    found = _interpolated(model, irradiance, rows) if on_faces else irradiance[rows]
-    return dict(zip((p.name for p in model.scene.probes), found, strict=True))
+    at_probes = _interpolated(model, irradiance, rows) if on_faces else irradiance[rows]
+    return dict(zip((p.name for p in model.scene.probes), at_probes, strict=True))
 
 
 def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarray:

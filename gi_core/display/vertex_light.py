@@ -70,19 +70,19 @@ def follow_light(corners, front, back, weights, light, out):
 
 
 @kernel
-def turn_triangles(others, before, faces, corners, triangles):
+def turn_triangles(turned, before, faces, corners, triangles):
     """Write the triangles (F, 3) int32 of q quadrilaterals whose diagonal changes; return the number of these.
 
-    others, before (q,) bool: now and in `triangles`; faces (q, 2): rows of their triangles; corners (4, q): vertices a,
+    turned, before (q,) bool: now and in `triangles`; faces (q, 2): rows of their triangles; corners (4, q): vertices a,
     b, d, c.
     """
     changed = 0
-    for k in range(len(others)):
-        if others[k] == before[k]:
+    for k in range(len(turned)):
+        if turned[k] == before[k]:
             continue
         changed += 1
         a, b, d, c = corners[0, k], corners[1, k], corners[2, k], corners[3, k]
         one, two = triangles[faces[k, 0]], triangles[faces[k, 1]]
-        one[0], one[1], one[2] = a, b, d if others[k] else c
-        two[0], two[1], two[2] = d, c, a if others[k] else b
+        one[0], one[1], one[2] = a, b, d if turned[k] else c
+        two[0], two[1], two[2] = d, c, a if turned[k] else b
     return changed

@@ -158,14 +158,14 @@ def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> 
 
 def names_after(names: Iterable[str], before: Sequence[Edit], after: Sequence[Edit]) -> set[str]:
     """Return the names of the mobiles after some edits, from those after other edits of the same scene."""
-    found = set(names)
+    mobiles = set(names)
     for edit in reversed(before):
-        found = found - {edit.name} if isinstance(edit, ADDING) else found
-        found = found | {edit.name} if isinstance(edit, TAKING) else found
+        mobiles = mobiles - {edit.name} if isinstance(edit, ADDING) else mobiles
+        mobiles = mobiles | {edit.name} if isinstance(edit, TAKING) else mobiles
     for edit in after:
-        found = found | {edit.name} if isinstance(edit, ADDING) else found
-        found = found - {edit.name} if isinstance(edit, TAKING) else found
-    return found
+        mobiles = mobiles | {edit.name} if isinstance(edit, ADDING) else mobiles
+        mobiles = mobiles - {edit.name} if isinstance(edit, TAKING) else mobiles
+    return mobiles
 
 
 def files_of_edits(edits: Iterable[Edit]) -> list[str]:
@@ -323,15 +323,15 @@ def _lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
         luminaires = Luminaires(file.parent, boundary, scene.units, scene.up)
         named = {"file": file.name} if edit.file else {}
         light = read_light({**values, **named, "name": edit.name}, where, edit.name, luminaires)
-        notes = [note for found in luminaires.files.values() for note in found.notes]
+        notes = [note for photometry in luminaires.files.values() for note in photometry.notes]
         if boundary.files:
             scene = replace(scene, files=(*scene.files, tuple(boundary.files)))
     else:
         of = place if not edit.of else place_of(scene, edit.of, edit.number)
         place = None if edit.of else place
         if of is None:
-            there = ", ".join(f'"{light.name}"' for light in scene.lights) or "none"
-            raise SceneError(f"{scene.name}: no light is called {shown(edit.of or edit.name)}; there is {there}")
+            names = ", ".join(f'"{light.name}"' for light in scene.lights) or "none"
+            raise SceneError(f"{scene.name}: no light is called {shown(edit.of or edit.name)}; there is {names}")
         light, notes = changed_light(scene.lights[of]._replace(name=edit.name), Table(values, where, None)), []
     lights = (*scene.lights, light) if place is None else (*scene.lights[:place], light, *scene.lights[place + 1 :])
     return replace(scene, lights=lights, notes=(*scene.notes, *notes))
@@ -349,8 +349,8 @@ def _darkened(scene: Scene, name: str, number: int | None) -> Scene:
         materials = tuple(m._replace(emission=(0.0, 0.0, 0.0)) if m.name == name else m for m in scene.materials)
         lights = tuple(light for light in scene.lights if light.name != name)
         scene = replace(scene, lights=lights, materials=materials, static=_without_stand_in(scene, name))
-    there = lamps_of(scene)
-    kept = (LightScene(s.name, tuple(level for level in s.levels if level.lamp in there)) for s in scene.light_scenes)
+    lamps = lamps_of(scene)
+    kept = (LightScene(s.name, tuple(level for level in s.levels if level.lamp in lamps)) for s in scene.light_scenes)
     return replace(scene, light_scenes=tuple(kept))
 
 

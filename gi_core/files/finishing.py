@@ -33,8 +33,8 @@ def mobile_called(scene: Scene, name: str) -> Mobile:
     for mobile in scene.mobiles:
         if mobile.name == name:
             return mobile
-    there = ", ".join(f'"{m.name}"' for m in scene.mobiles) or "none"
-    raise SceneError(f"{scene.name}: no mobile is called {shown(name)}; there is {there}")
+    names = ", ".join(f'"{m.name}"' for m in scene.mobiles) or "none"
+    raise SceneError(f"{scene.name}: no mobile is called {shown(name)}; there is {names}")
 
 
 def _recoloured_faces(scene: Scene, these: np.ndarray, colours: np.ndarray) -> Scene:
@@ -89,8 +89,8 @@ def materials_to_finish(scene: Scene, name: str, part: str) -> tuple[Scene, np.n
     used, index = np.unique(mobile.mesh.face_material, return_inverse=True)
     wanted = np.array([part in ("", part_named(name, scene.materials[k].name)) for k in used])
     if not wanted.any():
-        there = ", ".join(f'"{p}"' for p in parts_of(scene, name))
-        raise SceneError(f"{scene.name}: mobile {shown(name)} has no part {shown(part)}; there is {there}")
+        parts = ", ".join(f'"{p}"' for p in parts_of(scene, name))
+        raise SceneError(f"{scene.name}: mobile {shown(name)} has no part {shown(part)}; there is {parts}")
     own = tuple(scene.materials[k]._replace(name=material_named(name, part)) for k in used[wanted])
     numbers = used.copy()
     numbers[wanted] = len(scene.materials) + np.arange(len(own))
@@ -219,9 +219,9 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool, part
         return (base,)
     row = np.array([lobe_of(m.gloss)])  # surfaces have the base's reflectance under gloss: base_albedo() inverted
     further, through = further_albedo(row)[0], under_gloss(row)
-    found = as_metal_rough(np.maximum(np.array(base[1]) - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
-    colour = ("reflectance", three(np.minimum(found.base, 0.98)))
-    return colour, ("metallic", found.metallic), ("roughness", found.roughness), ("ior", found.ior)
+    finish = as_metal_rough(np.maximum(np.array(base[1]) - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
+    colour = ("reflectance", three(np.minimum(finish.base, 0.98)))
+    return colour, ("metallic", finish.metallic), ("roughness", finish.roughness), ("ior", finish.ior)
 
 
 def _models_of(m: Material) -> Values:

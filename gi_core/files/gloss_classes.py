@@ -31,26 +31,26 @@ def with_gloss_classes(scene: Scene) -> Scene:
     return replace(scene, static=static, mobiles=mobiles, materials=tuple(worn))
 
 
-def _classed(mesh: Mesh, given: Sequence[Material], out: list[Material]) -> Mesh:
-    """Return a mesh whose faces have materials of classes; they replace those of `given` in `out`, or are appended."""
-    varied = [k for k in np.unique(mesh.face_material) if given[k].varied is not None]
+def _classed(mesh: Mesh, materials: Sequence[Material], out: list[Material]) -> Mesh:
+    """Return a mesh whose faces have materials of classes; they replace those of `materials` in `out`, or join it."""
+    varied = [k for k in np.unique(mesh.face_material) if materials[k].varied is not None]
     if not varied:
         return mesh._replace(finish=None)
-    base, areas = base_colours(mesh, given), np.maximum(face_normals(mesh)[1], 1e-300)
-    texels = _texels(mesh, given)
+    base, areas = base_colours(mesh, materials), np.maximum(face_normals(mesh)[1], 1e-300)
+    texels = _texels(mesh, materials)
     material, diffuse = mesh.face_material.copy(), np.ones(len(mesh.faces))
     for k in varied:
-        m, rows = given[k], np.flatnonzero(mesh.face_material == k)
+        m, rows = materials[k], np.flatnonzero(mesh.face_material == k)
         of = classes(_differing(m, texels[rows], base[rows]), areas[rows])
         for c in range(of.max() + 1):
-            some = rows[of == c]
-            worn = _mixed(m, areas[some] / areas[some].sum(), texels[some], base[some])
+            of_class = rows[of == c]
+            worn = _mixed(m, areas[of_class] / areas[of_class].sum(), texels[of_class], base[of_class])
             if out[k].varied is None:
-                material[some] = len(out)
+                material[of_class] = len(out)
                 out.append(worn)
             else:
                 out[k] = worn
-            diffuse[some] = max(worn.reflectance) / max(*m.reflectance, 1e-12)
+            diffuse[of_class] = max(worn.reflectance) / max(*m.reflectance, 1e-12)
     paint, flat = mesh.paint, mesh.face_reflectance
     if paint is not None:
         paint = paint._replace(corner_colour=paint.corner_colour * diffuse[:, None, None].astype(np.float32))

@@ -80,12 +80,12 @@ class Background:
 
         levels (G, 3): of the lamps; None: those of the scene file. direct: with segments that leave lamps.
         """
-        levels, known = self.model.emitters.lamps.full() if levels is None else levels, self._irradiance[direct]
-        if photons not in known or not np.array_equal(known[photons][0], levels):
+        levels, by_photons = self.model.emitters.lamps.full() if levels is None else levels, self._irradiance[direct]
+        if photons not in by_photons or not np.array_equal(by_photons[photons][0], levels):
             sums, area = self.estimate.background(photons, direct)
             unit, weights = self.model.emitters.unit_flux / photons, self.store.weights(levels)
-            known[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
-        return known[photons][1]
+            by_photons[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
+        return by_photons[photons][1]
 
     @property
     def direct_irradiance(self) -> np.ndarray:
@@ -205,12 +205,12 @@ class Photons:
     def _estimate(self, b: Background, count: int) -> None:
         """Add the next traced photons to a background, on all threads."""
         m, added = self.model, b.added
-        known = self._store.subset(added + count)
-        part = max(1, min(PART, PART_VERTICES * (added + count) // len(known.side)))
+        paths = self._store.subset(added + count)
+        part = max(1, min(PART, PART_VERTICES * (added + count) // len(paths.side)))
 
         def work(thread, first, last):
             for at in range(added + first, added + last, part):
-                segments = segments_of(known, at, min(at + part, added + last))
+                segments = segments_of(paths, at, min(at + part, added + last))
                 b.estimate.add_background(segments, thread)
 
         try:

@@ -76,6 +76,15 @@ class Direct(NamedTuple):
         return cls(*np.zeros((2, n, 3)))
 
 
+class _Sums(NamedTuple):
+    """Sums of the frame's photons, int64 in fixed-point units, and areas."""
+
+    background: np.ndarray  # (n, 3 G), of static receivers without mobiles
+    frame: np.ndarray  # (R, 3 G)
+    new_flux: np.ndarray  # (R, G), see `Evaluated`
+    area: np.ndarray  # (R,) float64 [m2]
+
+
 @inlined
 def _changed(light, before, after):
     """Return light as it is after a change that another estimate of it has before and after."""
@@ -143,27 +152,24 @@ def _read_chunks(chunks, sums, levels, scale, area, out):
 
 
 @kernel
-def _measure(
-    chunks, background, own, better, direct, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, change,
-    unbiased,
-):  # fmt: skip
-    """Write change, its variance and unbiased light of static receivers in chunks."""
+def _measure(chunks, sums, own, better, direct, levels, mean_levels, flux_per_cut, scale, change, unbiased):
+    """Write change, its variance and unbiased light of static receivers in chunks; scale [W] of the sums."""
     for chunk in chunks:
         for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))):
-            factor = scale / area[r] if area[r] > 0.0 else 0.0
+            factor = scale / sums.area[r] if sums.area[r] > 0.0 else 0.0
             frame, before, after = 0.0, 0.0, 0.0
-            for c, flux in enumerate(mixed(sums, r, levels)):
+            for c, flux in enumerate(mixed(sums.frame, r, levels)):
                 bounced = max(better[r, c] - direct.light[r, c], 0.0)
                 change[r, c] = _changed(bounced, own[r, c], flux * factor) - bounced
                 unbiased[r, c] = better[r, c] + (flux * factor - own[r, c])
                 frame, before, after = frame + flux * factor, before + own[r, c], after + bounced
             # The sum over channels of the variances of grey photons is a third of the variance of their sum.
             share = (after / before if frame < before else 1.0) ** 2 / 3.0
-            if new_flux[r, 0] != NOT_ADDITIVE:
-                noise = _noise(sums, background, new_flux, mean_levels, flux_per_cut, r)
+            if sums.new_flux[r, 0] != NOT_ADDITIVE:
+                noise = _noise(sums.frame, sums.background, sums.new_flux, mean_levels, flux_per_cut, r)
                 change[r, VARIANCE] = noise * factor * factor * share
             elif frame != before:  # else a variance of 0, as where nothing changes
-                noise = _noise_of_stale(sums, background, mean_levels, flux_per_cut, factor, before, r)
+                noise = _noise_of_stale(sums.frame, sums.background, mean_levels, flux_per_cut, factor, before, r)
                 change[r, VARIANCE] = min(-noise * share, ALONE)
 
 
@@ -241,11 +247,12 @@ def frame_irradiance(
     flux_per_cut = frame.cut.per_photon(mean_levels)
     change = np.zeros((static, 4))  # and its variance
     unbiased, chunks = better.copy(), np.flatnonzero(frame.changed)
+    sums = _Sums(background, frame.sums, frame.new_flux, frame.area)
 
     def measure(_, first, last):
         _measure(
-            chunks[first:last], background, own, better, direct, frame.sums, frame.new_flux, levels, mean_levels,
-            flux_per_cut, flux_unit, frame.area, change, unbiased,
+            chunks[first:last], sums, own, better, direct, levels, mean_levels, flux_per_cut, flux_unit, change,
+            unbiased,
         )  # fmt: skip
 
     def add(_, first, last):

@@ -98,8 +98,8 @@ class FirstFrame:
 
     def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
         """Return the background to continue: the one on show, or a recent one, if it fits the setting."""
-        known = [b for b in (shown, *self._recent) if b is not None]
-        fitting = [b for b in known if b.store is self._photons and b.setting == setting and b.added <= wanted]
+        candidates = [b for b in (shown, *self._recent) if b is not None]
+        fitting = [b for b in candidates if b.store is self._photons and b.setting == setting and b.added <= wanted]
         chosen = max(fitting, key=lambda b: b.added, default=None) or Background(self._photons, setting)
         newest = [b for b in (shown, chosen) if b is not None]
         self._recent = [*(b for b in self._recent if b not in newest), *dict.fromkeys(newest)][-RECENT:]

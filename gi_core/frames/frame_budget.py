@@ -54,8 +54,8 @@ class FrameTimes:
 
     def largest_within(self, seconds: float, sizes: Sequence[int]) -> int:
         """Return the largest of ascending sizes predicted to fit; the smallest if none does or none is measured."""
-        known = [(n, self.expected(n)) for n in sizes]
-        return max((n for n, t in known if t is not None and t <= seconds), default=sizes[0])
+        predicted = [(n, self.expected(n)) for n in sizes]
+        return max((n for n, t in predicted if t is not None and t <= seconds), default=sizes[0])
 
 
 class FrameBudget:

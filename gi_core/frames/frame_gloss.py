@@ -128,29 +128,29 @@ class GatheredGloss:
 
     def is_enough(self, b: Background, levels: np.ndarray) -> bool:
         """Return whether the static part's light without mobiles is gathered, or has no directions to gather."""
-        found = self.static_light(b, levels)
-        return self._source.cells(b.setting.radius) is None or (found is not None and found.enough)
+        gathered = self.static_light(b, levels)
+        return self._source.cells(b.setting.radius) is None or (gathered is not None and gathered.enough)
 
     def at_rest(self, b: Background, levels: np.ndarray) -> np.ndarray | None:
         """Return the static part's light without mobiles, as GlossCells.evaluate() takes it; None before a result."""
-        cells, found = self._source.cells(b.setting.radius), self.static_light(b, levels)
-        return None if cells is None or found is None else self._over_discs(cells, found)
+        cells, gathered = self._source.cells(b.setting.radius), self.static_light(b, levels)
+        return None if cells is None or gathered is None else self._over_discs(cells, gathered)
 
     def settle(self, light: GlossLight, b: Background, at: Transforms, levels: np.ndarray) -> GlossLight:
         """Return the light of a frame with the directions gathered at its poses, if there are any."""
         cells = self._source.cells(b.setting.radius)
-        found = None if cells is None or len(at.position) == 1 else self._gathers.find(cells.discs, at, levels)
-        if found is None:
+        gathered = None if cells is None or len(at.position) == 1 else self._gathers.find(cells.discs, at, levels)
+        if gathered is None:
             return light
-        return settled(light, np.searchsorted(light.owners, found.rows), as_light(self._over_discs(cells, found)))
+        return settled(light, np.searchsorted(light.owners, gathered.rows), as_light(self._over_discs(cells, gathered)))
 
-    def _over_discs(self, cells: GlossCells, found: GlossGather) -> np.ndarray:
+    def _over_discs(self, cells: GlossCells, gathered: GlossGather) -> np.ndarray:
         """Return light, that of the static part averaged over gloss discs, as photons have it.
 
         A lamp narrower than a cell moves from cell to cell in steps, which show as spots.
         """
-        kept = self._spread.get(id(found))
-        if kept is None or kept[0] is not found.mean:
+        kept = self._spread.get(id(gathered))
+        if kept is None or kept[0] is not gathered.mean:
             model, static = self._model, self._model.surfaces.receiver_range(0)
             if self._near is None or self._near[0] is not cells.discs:
                 points, normals = (a[static] for a in model.object_receivers[:2])
@@ -159,11 +159,11 @@ class GatheredGloss:
             owner = np.full(static.stop + 1, -1)
             on_static = cells.rows < static.stop
             owner[cells.rows[on_static]] = cells.owners[cells.place[on_static]]
-            light, every = found.mean.reshape(len(found.rows), -1), np.ones(len(found.rows), bool)
-            light = averaged(_among(found.rows, owner, self._near[1]), light, every, model.threads)
-            kept = found.mean, light.reshape(found.mean.shape)
+            light, every = gathered.mean.reshape(len(gathered.rows), -1), np.ones(len(gathered.rows), bool)
+            light = averaged(_among(gathered.rows, owner, self._near[1]), light, every, model.threads)
+            kept = gathered.mean, light.reshape(gathered.mean.shape)
             self._spread = {} if len(self._spread) > KEPT else self._spread
-            self._spread[id(found)] = kept
+            self._spread[id(gathered)] = kept
         return kept[1]
 
     def steps(

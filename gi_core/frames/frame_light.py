@@ -113,8 +113,8 @@ class FrameLight:
 
     def knows_direct(self, b: Background) -> bool:
         """Whether frames take direct light as it is, and bounced light alone from the photons of a background."""
-        known = self.setting.takes_gathered and b.estimate.additive and self.direct.is_known
-        if not known or not b.estimate.photons:
+        separable = self.setting.takes_gathered and b.estimate.additive and self.direct.is_known
+        if not separable or not b.estimate.photons:
             return False
         if self._resolved is None or self._resolved[:2] != (b, b.estimate.photons):
             self._resolved = b, b.estimate.photons, self._resolves(b)
@@ -203,16 +203,16 @@ class FrameLight:
         if not self._model.names or not setting.takes_gathered:
             return
 
-        known: Static | None = None
+        latest: Static | None = None
 
         def static() -> Static | None:
-            nonlocal known
+            nonlocal latest
             if not self.is_gathered:
                 return None
             E = self.static.irradiance(shown, setting.levels)
-            if known is None or known[0] is not E:  # a fifth of a step's time
-                known = E, self.static.best.deviation_at(setting.levels)
-            return known
+            if latest is None or latest[0] is not E:  # a fifth of a step's time
+                latest = E, self.static.best.deviation_at(setting.levels)
+            return latest
 
         light = self.static_irradiance(shown, photons)
         area = math.pi * shown.setting.radius**2

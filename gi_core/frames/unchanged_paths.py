@@ -86,17 +86,17 @@ def _models(scene: Scene, numbers: dict[tuple, int]) -> np.ndarray:
 
 
 def traced_paths(
-    model: Model, seed: int, known: KnownPaths | None, first: int, count: int
+    model: Model, seed: int, previous: KnownPaths | None, first: int, count: int
 ) -> tuple[PathVertices, Fates, int]:
     """Return paths and fates of photons first .. first + count - 1, and the number of those traced, in this thread."""
     whole = model.accelerator, model.world, model.static, model.emitters, seed
-    last = min(first + count, len(known.paths.offsets) - 1) if known is not None else first
-    if known is None or last <= first:
+    last = min(first + count, len(previous.paths.offsets) - 1) if previous is not None else first
+    if previous is None or last <= first:
         return *trace_background(*whole, first, count), count
-    old = _part(known.paths, first, last)
+    old = _part(previous.paths, first, last)
     photon = np.repeat(np.arange(last - first), np.diff(old.offsets))
-    met = known.relit[old.lamp]
-    met[photon[(old.side != NONE) & known.edited[old.side >> 1]]] = True
+    met = previous.relit[old.lamp]
+    met[photon[(old.side != NONE) & previous.edited[old.side >> 1]]] = True
     again = np.concatenate([np.flatnonzero(met), np.arange(last - first, count)])
     new, fates = trace_background(*whole, first, count, again)
     kept = ~met[photon]

@@ -58,9 +58,9 @@ class CoarseFaces(NamedTuple):
         if not len(coarse):
             return model.world.bsdfs.albedo
         flux = mix(self.flux, levels)
-        known = light[s.corner_front[coarse]].mean(axis=1)
-        known += np.where(s.two_sided[coarse, None], light[s.corner_back[coarse]].mean(axis=1), 0.0)
-        known *= s.areas[coarse, None]
-        out, where = model.world.bsdfs.albedo.copy(), self.sure[:, None] & (known > 0)
-        out[coarse] *= np.divide(flux, known, out=np.ones(known.shape), where=where)
+        received = light[s.corner_front[coarse]].mean(axis=1)
+        received += np.where(s.two_sided[coarse, None], light[s.corner_back[coarse]].mean(axis=1), 0.0)
+        received *= s.areas[coarse, None]
+        out, where = model.world.bsdfs.albedo.copy(), self.sure[:, None] & (received > 0)
+        out[coarse] *= np.divide(flux, received, out=np.ones(received.shape), where=where)
         return out

@@ -87,8 +87,8 @@ class PoseGather:
         cost = np.where(mobile, 1.0, COST)
         relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
         state, smoothed = ReferenceState.empty(len(self.rows), channels=6), self._paths.smoothed
-        given = self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, smoothed, cost
-        self._rounds = Rounds(*given, least_set(lights.delta))
+        rounds, least = static_gather.ROUNDS, least_set(lights.delta)
+        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, rounds, smoothed, cost, least)
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), FIRST  # rounds of the last result
         self._least = float("inf")  # of `left` so far: with more paths, less is smoothed and noise may rise again
@@ -130,17 +130,17 @@ class PoseGather:
         error = s.standard_error / small_sample_bias(s.sets)[:, None]
         mean, error = combined(s.mean, error, self._paths.mobile, self.rows, static, near, p.model.threads)
         deviation, used, most = luminance(error), self.used.copy(), 0.0
-        found = yield from denoise(mean, error, near, p.seed, p.model.threads)
-        off = np.abs(luminance(self._own - found.irradiance))
+        denoised = yield from denoise(mean, error, near, p.seed, p.model.threads)
+        off = np.abs(luminance(self._own - denoised.irradiance))
         for of in self._classes:
-            share = found.share(self._weights * of)
+            share = denoised.share(self._weights * of)
             left = share * relative_noise(luminance(error), mean, self._weights, of)
-            own = relative_error(self._own, found.irradiance, self._weights, of).l1
+            own = relative_error(self._own, denoised.irradiance, self._weights, of).l1
             deviation[of] *= share
-            far_off = off > np.maximum(FAR_OFF * luminance(found.irradiance), SURE * deviation)
+            far_off = off > np.maximum(FAR_OFF * luminance(denoised.irradiance), SURE * deviation)
             used |= of & ((own > CLEARLY * left) | (far_off & of & self._paths.mobile).any())
             most = max(most, left)
-        self.mean, self.deviation, self.used, self.left = found.irradiance, deviation, used, most
+        self.mean, self.deviation, self.used, self.left = denoised.irradiance, deviation, used, most
         self._least = min(self._least, most)
         yield bool(used.any())
 
@@ -168,9 +168,10 @@ class PosePaths:
         lift[still] = p.model.lifts[receivers[still]]
 
         def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight = WHOLE) -> np.ndarray:
-            *start, off = (np.repeat(a[of], count, axis=0) for a in (positions, normals, lift))
-            given = p.seed ^ (stream << 24), path[of].reshape(-1), *start
-            return gather(p.model, at, self._lights, *given, m=m, ending=ending, lift=off).reshape(-1, count, 3)
+            point, normal, off = (np.repeat(a[of], count, axis=0) for a in (positions, normals, lift))
+            seed, numbers = p.seed ^ (stream << 24), path[of].reshape(-1)
+            E = gather(p.model, at, self._lights, seed, numbers, point, normal, m=m, ending=ending, lift=off)
+            return E.reshape(-1, count, 3)
 
         out, mobile = np.zeros((len(rows), count, 6)), self.mobile[rows]
         out[mobile, :, :3] = irradiance(mobile, self._at, self._ending)

@@ -218,8 +218,8 @@ class ReferenceRounds(Rounds):
         if state is not None and state.mean.shape[1] != channels:
             raise ValueError(f"the state has {state.mean.shape[1]} channels, but there are {channels}")
         state = ReferenceState.empty(n, channels) if state is None else ReferenceState(*(a.copy() for a in state))
-        given = gatherer.paths, luminance_of_all, weights, state, rounds, smoothed
-        super().__init__(*given, least=gatherer.least_set)
+        least = gatherer.least_set
+        super().__init__(gatherer.paths, luminance_of_all, weights, state, rounds, smoothed, least=least)
 
 
 def luminance_of_all(values: np.ndarray) -> np.ndarray:

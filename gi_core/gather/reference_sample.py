@@ -69,18 +69,18 @@ def gather_until(
     Yields after each step of some `step` paths, None for steps of some 10 ms, and at the end; a state that is good
     enough gathers nothing.
     """
-    s, looked_at, found, needed = rounds.state, -1, math.inf, math.inf
+    s, looked_at, noise_now, needed = rounds.state, -1, math.inf, math.inf
     while True:
         paths = int(s.paths.sum())
         if s.rounds != looked_at:
-            looked_at, found = s.rounds, s.noise(weights)
-            if not found > noise or (paths >= most_paths and looked_at > 1):
+            looked_at, noise_now = s.rounds, s.noise(weights)
+            if not noise_now > noise or (paths >= most_paths and looked_at > 1):
                 break
-            known = noise > 0 and not math.isinf(found)  # a lamp over a floor alone has no noise
-            needed = min(paths * (found / noise) ** 2 if known else math.inf, most_paths)
+            predictable = noise > 0 and not math.isinf(noise_now)  # a lamp over a floor alone has no noise
+            needed = min(paths * (noise_now / noise) ** 2 if predictable else math.inf, most_paths)
         rounds.step(step)
-        yield Reached(s, found, min(paths / needed, 1.0))
-    yield Reached(s, found, 1.0)
+        yield Reached(s, noise_now, min(paths / needed, 1.0))
+    yield Reached(s, noise_now, 1.0)
 
 
 def gather_sample(

@@ -149,8 +149,8 @@ class StaticGather:
             return 1.0
         paths = (ENOUGH / self._left) ** 2
         if self.state is not None and len(sets := self.state.sets):
-            known = math.isfinite(self._left)
-            paths = float(sets.mean()) / (self.state.rounds / paths if known else ROUNDS)
+            measured = math.isfinite(self._left)
+            paths = float(sets.mean()) / (self.state.rounds / paths if measured else ROUNDS)
         now = FIRST_PHASE * self._first_phase + (1 - FIRST_PHASE) * min(paths, 1.0)
         self._fraction = max(self._fraction, now)
         return self._fraction
@@ -168,9 +168,9 @@ class StaticGather:
 
     def _single_bounces(self, photons: Callable[[], Estimate | None]) -> Iterator[bool | None]:
         f = self._final
-        known = np.inf if self.state is None else self._noise_of_paths(self.state)
+        noise_of_paths = np.inf if self.state is None else self._noise_of_paths(self.state)
         theirs = photons()
-        if theirs is None or not min(known, f.noise) > LOW * ENOUGH:
+        if theirs is None or not min(noise_of_paths, f.noise) > LOW * ENOUGH:
             return
 
         def field() -> np.ndarray:
@@ -212,9 +212,10 @@ class StaticGather:
         return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
 
     def _whole_paths(self) -> Iterator[bool | None]:
-        given = self._model.scene, *self._points, self._seed, self._paid
-        more = {"model": self._model, "state": self.state, "mobiles": False, "rounds": ROUNDS, "per_lamp": True}
-        rounds = ReferenceRounds(*given, **more, smoothed=self._pooled_pilots)
+        rounds = ReferenceRounds(
+            self._model.scene, *self._points, self._seed, self._paid, model=self._model, state=self.state,
+            mobiles=False, rounds=ROUNDS, per_lamp=True, smoothed=self._pooled_pilots,
+        )  # fmt: skip
         looked_at, self._first_phase = 1, 1.0
         while not self.enough:
             if self.state is not None and (done := self.state.rounds) > looked_at:

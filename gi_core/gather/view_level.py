@@ -39,21 +39,21 @@ def _median_in_view(model: Model, E: np.ndarray) -> float:
         return 0.0
     way = picture_rays([scene.camera], scene.up, *GRID)[0].astype(np.float32)
     origin = np.repeat(np.array(scene.camera.position, np.float32)[None], len(way), axis=0)
-    found, far = [], FAR * model.world.size + float(np.linalg.norm(origin[0]))
+    parts, far = [], FAR * model.world.size + float(np.linalg.norm(origin[0]))
     for _ in range(BACKS):
         distance, face = model.accelerator.nearest(0, origin, way, np.full(len(way), far, np.float32))
         hit = face >= 0
         origin, way, distance, face = origin[hit], way[hit], distance[hit], face[hit]
         front = (s.normals[face] * way).sum(axis=1) < 0
-        found.append(E[s.corner_front[face[front]]].mean(axis=1))
+        parts.append(E[s.corner_front[face[front]]].mean(axis=1))
         back = ~front & s.two_sided[face]
-        found.append(E[s.corner_back[face[back]]].mean(axis=1))
+        parts.append(E[s.corner_back[face[back]]].mean(axis=1))
         on = ~front & ~back
         past = distance[on] + LIFT * np.maximum(
             model.world.reach[face[on]], np.abs(origin[on]).max(axis=1, initial=0.0)
         )
         origin, way = origin[on] + past[:, None] * way[on], way[on]
-    seen = np.concatenate(found)
+    seen = np.concatenate(parts)
     return float(np.median(seen)) if len(seen) else 0.0
 
 

@@ -57,11 +57,11 @@ def scattered_neighbours(
 @allocating
 def _scatter(first, of, positions, normals, farthest, start, stop, room, count):
     """Visit the surrounding of each receiver breadth first, and draw from it by reservoir sampling (Vitter 1985)."""
-    seen, found = np.full(len(positions), -1, np.int64), np.empty(LOOKED_AT, np.int64)
+    seen, queue = np.full(len(positions), -1, np.int64), np.empty(LOOKED_AT, np.int64)
     for i in range(start, stop):
-        seen[i], found[0], ends, at = i, i, 1, 0
+        seen[i], queue[0], ends, at = i, i, 1, 0
         while at < ends and ends < LOOKED_AT:
-            here = found[at]
+            here = queue[at]
             at += 1
             for k in range(first[here], first[here + 1]):
                 j = of[k]
@@ -71,7 +71,7 @@ def _scatter(first, of, positions, normals, farthest, start, stop, room, count):
                 off = difference(positions[i], positions[j])
                 if dot(off, off) > farthest or dot(normals[i], normals[j]) <= SAME_WAY:
                     continue
-                found[ends] = j
+                queue[ends] = j
                 place = ends - 1
                 if place >= SCATTERED:
                     place = int(independent(0, i, j, 0) * ends)
@@ -91,10 +91,10 @@ def _join(corners, start, room, count):
                 j = corners[f, b]
                 if j == i:
                     continue
-                known = False
+                listed = False
                 for k in range(start[i], start[i] + count[i]):
-                    known |= room[k] == j
-                if not known:
+                    listed |= room[k] == j
+                if not listed:
                     room[start[i] + count[i]] = j
                     count[i] += 1
 

@@ -87,23 +87,23 @@ def _draw(seed, lights, point, normal, density, power, colour, face, pick, sets)
         pick[j] = random_numbers.independent(seed, j, 0, PICK)
 
 
-def join_lamps(bsdfs, some: Candidates, picks: np.ndarray, paths: int, ends, lights: Lights, far) -> Shadows:
+def join_lamps(bsdfs, candidates: Candidates, picks: np.ndarray, paths: int, ends, lights: Lights, far) -> Shadows:
     """Return shadow rays from n path starts on diffuse surfaces to all lamps.
 
     Values [W/m2] of a start sum to `paths` times its irradiance. picks: of delta lights, see `next_event.picks`.
     Directional lights are `far` [m] away.
     """
-    rays = room_for_shadows(len(ends.row) * (some.strata + min(len(lights.delta.kind), paths)))
-    sets = sets_by_chance(some, ends.path)
-    count = join_candidates(some, sets, paths, ends, lights.area, rays)
+    rays = room_for_shadows(len(ends.row) * (candidates.strata + min(len(lights.delta.kind), paths)))
+    sets = sets_by_chance(candidates, ends.path)
+    count = join_candidates(candidates, sets, paths, ends, lights.area, rays)
     count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, count, rays, 1)
     return Shadows(*(a[:count] for a in rays))
 
 
-def rays_to_candidates(some: Candidates, sets: np.ndarray, paths: int, ends, lights: AreaLights) -> Shadows:
+def rays_to_candidates(candidates: Candidates, sets: np.ndarray, paths: int, ends, lights: AreaLights) -> Shadows:
     """Return the rays of join_candidates()."""
-    rays = room_for_shadows(len(ends.row) * some.strata)
-    count = join_candidates(some, sets, paths, ends, lights, rays)
+    rays = room_for_shadows(len(ends.row) * candidates.strata)
+    count = join_candidates(candidates, sets, paths, ends, lights, rays)
     return Shadows(*(a[:count] for a in rays))
 
 
@@ -171,10 +171,10 @@ def _from_faces(of, before, position, normal, out):
         i = before + k
         x, y, z = of.point[0, i] - position[0], of.point[1, i] - position[1], of.point[2, i] - position[2]
         d2 = x * x + y * y + z * z
-        here = max(x * normal[0] + y * normal[1] + z * normal[2], 0.0)
-        there = max(-(x * of.normal[0, i] + y * of.normal[1, i] + z * of.normal[2, i]), 0.0)
+        cos_own = max(x * normal[0] + y * normal[1] + z * normal[2], 0.0)
+        cos_lamp = max(-(x * of.normal[0, i] + y * of.normal[1, i] + z * of.normal[2, i]), 0.0)
         # Le cos cos' / d^2 / (p_light + cos cos' / d^2 / pi), times d^4 above and below
-        out[k] = of.power[i] * here * there / max(of.density[i] * d2 * d2 + here * there / math.pi, 1e-300)
+        out[k] = of.power[i] * cos_own * cos_lamp / max(of.density[i] * d2 * d2 + cos_own * cos_lamp / math.pi, 1e-300)
 
 
 @kernel

@@ -77,6 +77,28 @@ class Emitters(NamedTuple):
         return float((shares * carried).sum()) ** 2 / squares if squares > 0 else 1.0
 
 
+class _Sources(NamedTuple):
+    """What kernels read of `Emitters`: its fields of the same names."""
+
+    kind: np.ndarray
+    parameters: np.ndarray
+    face: np.ndarray
+    cdf: np.ndarray
+    units: np.ndarray
+    lamp: np.ndarray
+    tables: np.ndarray
+
+
+class EmittedPhotons(NamedTuple):
+    """Photons as they leave their lamps."""
+
+    origin: np.ndarray  # (n, 3) float32 [m]
+    direction: np.ndarray  # (n, 3) float32 unit
+    flux: np.ndarray  # (n, 3) int32, fixed-point units
+    start: np.ndarray  # (n,) int32, the side they leave (2 face + side), NO_FACE in free space
+    lamp: np.ndarray  # (n,) uint8
+
+
 def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius: float) -> Emitters:
     """Collect the emitters of a scene.
 
@@ -137,49 +159,39 @@ def _distribution(kinds, parameters, faces, flux, names, tables) -> Emitters:
 
 
 @kernel
-def _emit(seed, i, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp, k):
-    """Write photon i into row k."""
+def _emit(seed, i, sources, photons, k):
+    """Write photon i of the sources into row k of the photons."""
     u, v = random_numbers.position_numbers(seed, i)
     s, t = random_numbers.direction_numbers(seed, i)
-    e = random_numbers.picked(cdf, u)
-    before = cdf[e - 1] if e > 0 else 0.0
+    e = random_numbers.picked(sources.cdf, u)
+    before = sources.cdf[e - 1] if e > 0 else 0.0
     # The rest of the number, scaled to [0, 1), is uniform again.
-    u = min((u - before) / (cdf[e] - before), 1.0)
-    start_point, way = emitted(kind[e], parameters[e], tables, u, v, s, t)
-    origin[k, 0], origin[k, 1], origin[k, 2] = start_point
-    direction[k, 0], direction[k, 1], direction[k, 2] = way
+    u = min((u - before) / (sources.cdf[e] - before), 1.0)
+    start_point, way = emitted(sources.kind[e], sources.parameters[e], sources.tables, u, v, s, t)
+    photons.origin[k, 0], photons.origin[k, 1], photons.origin[k, 2] = start_point
+    photons.direction[k, 0], photons.direction[k, 1], photons.direction[k, 2] = way
     for c in range(3):
-        flux[k, c] = units[e, c]
-    start[k] = face[e] * 2 if face[e] >= 0 else NO_FACE
-    lamp[k] = lamps[e]
+        photons.flux[k, c] = sources.units[e, c]
+    photons.start[k] = sources.face[e] * 2 if sources.face[e] >= 0 else NO_FACE
+    photons.lamp[k] = sources.lamp[e]
 
 
 @kernel
-def _emit_range(
-    seed, first, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp
-):  # fmt: skip
-    for k in range(len(start)):
-        _emit(
-            seed, first + k, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp, k
-        )
+def _emit_range(seed, first, sources, photons):
+    for k in range(len(photons.start)):
+        _emit(seed, first + k, sources, photons, k)
 
 
-def emit(emitters: Emitters, seed: int, first: int, count: int):
-    """Emit photons first .. first + count - 1.
-
-    Returns origin (n, 3) float32 [m], direction (n, 3) float32 unit, flux (n, 3) int32 in fixed-point
-    units, start (n,) int32 the side they leave (2 face + side, NO_FACE in free space), lamp (n,) uint8.
-    """
-    origin = np.empty((count, 3), np.float32)
-    direction = np.empty((count, 3), np.float32)
-    flux = np.empty((count, 3), np.int32)
-    start = np.empty(count, np.int32)
-    lamp = np.empty(count, np.uint8)
+def emit(emitters: Emitters, seed: int, first: int, count: int) -> EmittedPhotons:
+    """Emit photons first .. first + count - 1."""
+    photons = EmittedPhotons(
+        np.empty((count, 3), np.float32), np.empty((count, 3), np.float32), np.empty((count, 3), np.int32),
+        np.empty(count, np.int32), np.empty(count, np.uint8),
+    )  # fmt: skip
     if count:
         e = emitters
-        emitted = origin, direction, flux, start, lamp
-        _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, e.tables, *emitted)
-    return origin, direction, flux, start, lamp
+        _emit_range(seed, first, _Sources(e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, e.tables), photons)
+    return photons
 
 
 def unchanged_lamps(before: Emitters, now: Emitters) -> np.ndarray:
@@ -198,13 +210,13 @@ def _alike(before: Emitters, g: int, now: Emitters, k: int) -> bool:
     a, b = np.flatnonzero(before.lamp == g), np.flatnonzero(now.lamp == k)
     if len(a) != len(b):
         return False
-    known, here = before.parameters[a].copy(), now.parameters[b].copy()
+    old, new = before.parameters[a].copy(), now.parameters[b].copy()
     luminaires = before.kind[a] == PHOTOMETRIC
-    starts = known[luminaires, TABLE].astype(int), here[luminaires, TABLE].astype(int)
-    known[luminaires, TABLE] = here[luminaires, TABLE] = 0
+    starts = old[luminaires, TABLE].astype(int), new[luminaires, TABLE].astype(int)
+    old[luminaires, TABLE] = new[luminaires, TABLE] = 0
     return (
         np.array_equal(before.kind[a], now.kind[b])
-        and np.array_equal(known, here)
+        and np.array_equal(old, new)
         and np.array_equal(before.flux[a], now.flux[b])
         and all(
             np.array_equal(_table(before.tables, i), _table(now.tables, j)) for i, j in {*zip(*starts, strict=True)}

@@ -87,5 +87,5 @@ def lamps_of(names: Sequence[str], flux: np.ndarray) -> Lamps:
         kept = list(total)  # one more lamp either way
     order = [name for name in total if name in kept]
     sources = {name: order.index(name) if name in kept else len(order) for name in total}
-    others = (OTHERS,) if len(order) < len(total) else ()
-    return Lamps((*order, *others) or ("no lamp",), sources)
+    pooled = (OTHERS,) if len(order) < len(total) else ()
+    return Lamps((*order, *pooled) or ("no lamp",), sources)

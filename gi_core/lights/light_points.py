@@ -68,9 +68,9 @@ def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: 
     """Return faces, points [m] and the area [m2] that each point stands for, by the shares of some faces."""
     cdf = np.cumsum(share / share.sum())
     cdf[-1:] = 1.0
-    some = area._replace(cdf=cdf, corners=area.corners[rows])
-    found = points_on_lamps(seed, (count - 1).bit_length(), 0, np.arange(count)[None], some)
-    return rows[found.face[0]], found.point[0], 1.0 / (count * found.density[0])
+    subset = area._replace(cdf=cdf, corners=area.corners[rows])
+    drawn = points_on_lamps(seed, (count - 1).bit_length(), 0, np.arange(count)[None], subset)
+    return rows[drawn.face[0]], drawn.point[0], 1.0 / (count * drawn.density[0])
 
 
 def _to_sky(seed: int, up: np.ndarray) -> np.ndarray:

@@ -98,16 +98,16 @@ def tables_of(lights: tuple[Light, ...]) -> tuple[np.ndarray, list[int]]:
 
     Lights that share their intensity share a table.
     """
-    parts, known, starts, size = [np.zeros(0)], dict[int, int](), [], 0
+    parts, start_of, starts, size = [np.zeros(0)], dict[int, int](), [], 0
     for light in lights:
         if not isinstance(light, PhotometricLight):
             starts.append(-1)
             continue
-        if id(light.intensity) not in known:
-            known[id(light.intensity)] = size
+        if id(light.intensity) not in start_of:
+            start_of[id(light.intensity)] = size
             parts.append(_table(light))
             size += len(parts[-1])
-        starts.append(known[id(light.intensity)])
+        starts.append(start_of[id(light.intensity)])
     return np.concatenate(parts), starts
 
 

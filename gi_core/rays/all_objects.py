@@ -23,12 +23,15 @@ def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directio
 
     Used by pictures and by the reference. Rays are tested as given, not as stored lines, so bits may differ from paths.
     """
-    n, given = len(origins), (accelerator.scenes, accelerator.boxes, accelerator.first_face, at)
+    n = len(origins)
     origins, directions, limits = as_rays(origins, directions, limits)
     distances, faces = np.empty(n, np.float32), np.empty(n, np.int32)
 
     def work(_, a, b):
-        _nearest_of_all(*given, new_ray(), origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b])
+        _nearest_of_all(
+            accelerator.scenes, accelerator.boxes, accelerator.first_face, at, new_ray(),
+            origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b],
+        )  # fmt: skip
 
     run_ranges(work, n, accelerator.threads, RAY_GRAIN)
     return distances, faces
@@ -36,11 +39,12 @@ def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directio
 
 def occluded_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits) -> np.ndarray:
     """Return (n,) bool: any object blocks the ray within its limit."""
-    blocked, given = np.empty(len(origins), bool), (accelerator.scenes, accelerator.boxes, at)
+    blocked = np.empty(len(origins), bool)
     origins, directions, limits = as_rays(origins, directions, limits)
 
     def work(_, a, b):
-        _occluded_by_any(*given, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
+        rays = origins[a:b], directions[a:b], limits[a:b]
+        _occluded_by_any(accelerator.scenes, accelerator.boxes, at, new_ray(), *rays, blocked[a:b])
 
     run_ranges(work, len(origins), accelerator.threads, RAY_GRAIN)
     return blocked
@@ -88,5 +92,5 @@ def to_object(at, o, box, origin, direction, limit):
 def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.ndarray):
     """Return origins and directions (n, 3) float32 in object o's space, from the world."""
     back, none = at.rotation[o].T[None], np.zeros((1, 3))
-    found = (to_world_at(back, none, np.asarray(a, np.float64)) for a in (origins - at.position[o], directions))
-    return tuple(a.astype(np.float32) for a in found)
+    turned = (to_world_at(back, none, np.asarray(a, np.float64)) for a in (origins - at.position[o], directions))
+    return tuple(a.astype(np.float32) for a in turned)

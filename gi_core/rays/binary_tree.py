@@ -29,9 +29,9 @@ def build(meshes: Meshes, leaf: float = LEAF) -> BinaryTree:
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
+    r, enter, leave, best, best_face = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     if enter > leave:
-        return np.float32(best), np.int32(found)
+        return np.float32(best), np.int32(best_face)
     stack, node, entry = ray.view(np.float64), s.root[o], STACK // 2
     bottom = entry + POINT
     last = bottom  # the point where the ray leaves the node
@@ -55,10 +55,10 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
             stack[last], stack[last + 1], stack[last + 2] = r.x + t * r.dx, r.y + t * r.dy, r.z + t * r.dz
             stack[last + axis] = plane
             stack[last + 3], stack[last + 4] = t, behind
-        best, found = visit(s.cells, o, ~s.child[node], ray, r, best, found)
-        if last == bottom or stack[last + 3] > best or (any_hit and found >= 0):
+        best, best_face = visit(s.cells, o, ~s.child[node], ray, r, best, best_face)
+        if last == bottom or stack[last + 3] > best or (any_hit and best_face >= 0):
             break
         stack[entry], stack[entry + 1], stack[entry + 2] = stack[last], stack[last + 1], stack[last + 2]
         node = np.int64(stack[last + 4])
         last -= POINT
-    return np.float32(best), np.int32(found)
+    return np.float32(best), np.int32(best_face)

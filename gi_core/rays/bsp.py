@@ -26,7 +26,7 @@ def build(meshes: Meshes, leaf: float = LEAF) -> Bsp:
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
+    r, enter, leave, best, best_face = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     stack, node, bottom = ray.view(np.float64), s.root[o], STACK // 2
     top = bottom  # entries of three: distance in, distance out, node
     while enter <= leave:
@@ -47,11 +47,11 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
                 stack[top], stack[top + 1], stack[top + 2] = t, leave, 2 * child + 1 - near
                 top += 3
                 node, leave = near, t
-        best, found = visit(s.cells, o, ~s.child[node], ray, r, best, found)
-        if top == bottom or (any_hit and found >= 0):
+        best, best_face = visit(s.cells, o, ~s.child[node], ray, r, best, best_face)
+        if top == bottom or (any_hit and best_face >= 0):
             break
         top -= 3
         enter, leave, node = stack[top], stack[top + 1], np.int64(stack[top + 2])
         if enter > best:
             break
-    return np.float32(best), np.int32(found)
+    return np.float32(best), np.int32(best_face)

@@ -235,7 +235,7 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     r, origin = test_ray(s.triangles, o, ox, oy, oz, dx, dy, dz), (np.float32(ox), np.float32(oy), np.float32(oz))
     ix, iy, iz = np.float32(r.ix), np.float32(r.iy), np.float32(r.iz)
     near = (0 if ix > 0 else 12, 4 if iy > 0 else 16, 8 if iz > 0 else 20)
-    best, found, node = np.float64(limit), -1, s.root[o]
+    best, best_face, node = np.float64(limit), -1, s.root[o]
     far = np.float32(limit) * WIDER
     bottom = STACK // 2
     top = bottom
@@ -266,9 +266,9 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
             first = ~node >> 4
             for k in range(first, first + (~node & 15)):
                 tested += 1
-                best, found = nearer(corners, k, face[k], r, best, found)
+                best, best_face = nearer(corners, k, face[k], r, best, best_face)
             far = np.float32(best) * WIDER
-            if any_hit and found >= 0:
+            if any_hit and best_face >= 0:
                 break
         while top > bottom:
             top -= 1
@@ -279,4 +279,4 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
         node = np.int64(words[2 * top])
     words[CELLS] += entered
     words[TESTS] += tested
-    return np.float32(best), np.int32(found)
+    return np.float32(best), np.int32(best_face)

@@ -82,7 +82,7 @@ def enter_box(cells, o, ray, ox, oy, oz, dx, dy, dz, limit):
 
 
 @inlined
-def visit(cells, o, cell, ray, r, best, found):
+def visit(cells, o, cell, ray, r, best, best_face):
     """Return distance and face of the nearest hit in a cell, or of the best found yet."""
     words = ray.view(np.int32)
     words[CELLS] += 1
@@ -91,8 +91,8 @@ def visit(cells, o, cell, ray, r, best, found):
         if words[MAILBOX + (k & (MAILBOX_SIZE - 1))] != k:
             words[MAILBOX + (k & (MAILBOX_SIZE - 1))] = k
             words[TESTS] += 1
-            best, found = nearer(cells.triangles.corners, k, k - cells.triangles.first[o], r, best, found)
-    return best, found
+            best, best_face = nearer(cells.triangles.corners, k, k - cells.triangles.first[o], r, best, best_face)
+    return best, best_face
 
 
 def build_tree(meshes: Meshes, leaf: float, ways: int, rule: int = MIDDLE) -> Tree:

@@ -93,9 +93,9 @@ def _span(corners, k, axis, padding, low, step, count):
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
+    r, enter, leave, best, best_face = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     if enter > leave:
-        return np.float32(best), np.int32(found)
+        return np.float32(best), np.int32(best_face)
     low, step, count = s.cells.low, s.step, s.count
     nx, ny, nz = count[o, 0], count[o, 1], count[o, 2]
     lx, ly, lz, ex, ey, ez = low[o, 0] - r.x, low[o, 1] - r.y, low[o, 2] - r.z, step[o, 0], step[o, 1], step[o, 2]
@@ -105,9 +105,9 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     ux, uy, uz = np.int64(r.ix > 0.0), np.int64(r.iy > 0.0), np.int64(r.iz > 0.0)
     tx, ty, tz = (lx + (i + ux) * ex) * r.ix, (ly + (j + uy) * ey) * r.iy, (lz + (k + uz) * ez) * r.iz
     while True:
-        best, found = visit(s.cells, o, s.start[o] + (k * ny + j) * nx + i, ray, r, best, found)
+        best, best_face = visit(s.cells, o, s.start[o] + (k * ny + j) * nx + i, ray, r, best, best_face)
         t = min(tx, min(ty, tz))
-        if t > best or (any_hit and found >= 0):
+        if t > best or (any_hit and best_face >= 0):
             break
         if t == tx:
             i += 2 * ux - 1
@@ -124,4 +124,4 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
             if k < 0 or k >= nz:
                 break
             tz = (lz + (k + uz) * ez) * r.iz
-    return np.float32(best), np.int32(found)
+    return np.float32(best), np.int32(best_face)

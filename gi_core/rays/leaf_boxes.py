@@ -60,11 +60,11 @@ def _of_tree(s: Tree, o: int) -> LeafBoxes:
     """Descend level by level: the children of a node follow each other."""
     node, low, high = np.array([s.root[o]]), s.cells.low[o][None], s.cells.high[o][None]
     ways = 8 if isinstance(s, Octree) else 2
-    found = []
+    leaves = []
     while len(node):
         leaf = s.child[node] < 0
         cell = ~s.child[node[leaf]]
-        found.append((low[leaf], high[leaf], s.cells.first[cell + 1] - s.cells.first[cell]))
+        leaves.append((low[leaf], high[leaf], s.cells.first[cell + 1] - s.cells.first[cell]))
         node, low, high = node[~leaf], low[~leaf], high[~leaf]
         parts = []
         for c in range(ways):
@@ -76,5 +76,5 @@ def _of_tree(s: Tree, o: int) -> LeafBoxes:
                 (a if upper else b)[cut, axis] = at[cut]
             parts.append((s.child[node] + c, a, b))
         node, low, high = (np.concatenate(p) for p in zip(*parts, strict=True))
-    low, high, count = (np.concatenate(p) for p in zip(*found, strict=True))
+    low, high, count = (np.concatenate(p) for p in zip(*leaves, strict=True))
     return LeafBoxes(low, high, count)

@@ -44,7 +44,7 @@ def _push(stack, at, x0, y0, z0, x1, y1, z1, node):
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
+    r, enter, leave, best, best_face = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     low, high, stack = s.cells.low, s.cells.high, ray.view(np.float64)
     # A ray of negative components is mirrored; `mirror` turns the numbers of children back.
     mirror = 0
@@ -95,7 +95,7 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
             top += FRAME
             _push(stack, top, x0, y0, z0, x1, y1, z1, node)
             continue
-        best, found = visit(s.cells, o, ~s.child[node], ray, r, best, found)
-        if any_hit and found >= 0:
+        best, best_face = visit(s.cells, o, ~s.child[node], ray, r, best, best_face)
+        if any_hit and best_face >= 0:
             break
-    return np.float32(best), np.int32(found)
+    return np.float32(best), np.int32(best_face)

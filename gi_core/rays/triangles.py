@@ -87,10 +87,10 @@ def test_ray(triangles, o, ox, oy, oz, dx, dy, dz):
 
 
 @inlined
-def nearer(corners, k, face, r, best, found):
+def nearer(corners, k, face, r, best, best_face):
     """Return distance and face of the nearer one of triangle k, whose number is `face`, and of the best found yet.
 
-    best: float64, at first the limit; found: -1 for none.
+    best: float64, at first the limit; best_face: -1 for none.
     """
     a, b, c = r.axis0, r.axis1, r.axis2
     az, bz, cz = corners[k, c] - r.o2, corners[k, 3 + c] - r.o2, corners[k, 6 + c] - r.o2
@@ -105,11 +105,11 @@ def nearer(corners, k, face, r, best, found):
             t = 0.0 if abs(t) <= ROUNDING * r.padding else t
             if (
                 t >= 0.0
-                and (t < best or (t == best and (found < 0 or face < found)))
+                and (t < best or (t == best and (best_face < 0 or face < best_face)))
                 and _near(corners, k, r, u, v, w, t)
             ):
-                best, found = t, np.int64(face)
-    return best, found
+                best, best_face = t, np.int64(face)
+    return best, best_face
 
 
 @inlined
@@ -186,9 +186,9 @@ def build(meshes: Meshes, leaf: float = LEAF) -> Triangles:
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, best, found, k = test_ray(s, o, ox, oy, oz, dx, dy, dz), np.float64(limit), -1, s.first[o]
-    while k < s.first[o + 1] and not (any_hit and found >= 0):
-        best, found = nearer(s.corners, k, k - s.first[o], r, best, found)
+    r, best, best_face, k = test_ray(s, o, ox, oy, oz, dx, dy, dz), np.float64(limit), -1, s.first[o]
+    while k < s.first[o + 1] and not (any_hit and best_face >= 0):
+        best, best_face = nearer(s.corners, k, k - s.first[o], r, best, best_face)
         k += 1
     ray.view(np.int32)[TESTS] += k - s.first[o]
-    return np.float32(best), np.int32(found)
+    return np.float32(best), np.int32(best_face)

@@ -101,8 +101,8 @@ def check_lamp(where: str, name: str, scene: Scene) -> None:
     """Raise SceneError, with the nearest name, unless a light or an emissive material has a name."""
     if name not in (lamps := lamps_of(scene)):
         nearest = [f"did you mean {shown(lamp)}?" for lamp in get_close_matches(name, lamps, 1)]
-        there = "there is " + (", ".join(sorted(f'"{lamp}"' for lamp in lamps)) or "none")
-        raise SceneError(f"{where}: no lamp is called {shown(name)}; {(nearest or [there])[0]}")
+        choices = "there is " + (", ".join(sorted(f'"{lamp}"' for lamp in lamps)) or "none")
+        raise SceneError(f"{where}: no lamp is called {shown(name)}; {(nearest or [choices])[0]}")
 
 
 def lamps_of(scene: Scene) -> set[str]:
@@ -159,8 +159,8 @@ def check_size(where: str, mesh: Mesh) -> None:
 
 def _check_fields(where: str, record) -> None:
     if type(record) not in FIELDS:
-        known = ", ".join(kind.__name__ for kind in FIELDS)
-        raise SceneError(f"{where} must be a {known}, got a {type(record).__name__}")
+        kinds = ", ".join(kind.__name__ for kind in FIELDS)
+        raise SceneError(f"{where} must be a {kinds}, got a {type(record).__name__}")
     for name, rule in FIELDS[type(record)].items():
         value = getattr(record, name)
         if not (value is None and type(record) is Defaults):

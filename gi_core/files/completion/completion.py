@@ -145,24 +145,24 @@ def column(scene: Scene, index: int) -> Column:
     return Column(float((off @ up).max()), float(length(flat).max()))
 
 
-def place(scene: Scene, index: int, rays: Rays, box: Box, others: list[int], lit: bool) -> tuple[Scene, bool]:
-    """Return the scene with one mobile resting on the floor, clear of `others`; and whether the camera shows it whole.
+def place(scene: Scene, index: int, rays: Rays, box: Box, placed: list[int], lit: bool) -> tuple[Scene, bool]:
+    """Return the scene with one mobile resting on the floor, clear of `placed`; and whether the camera shows it whole.
 
     With a camera the floor is the nearest in its view; without one, where a camera would look.
     """
     mobile, up = scene.mobiles[index], np.array(scene.up)
-    spot = floor_spot(scene, rays, box, column(scene, index), _standing(scene, others), lit)
+    spot = floor_spot(scene, rays, box, column(scene, index), _standing(scene, placed), lit)
     notes = scene.notes
-    if not spot.found:
+    if not spot.has_room:
         notes = (*notes, f'no free floor found for mobile "{mobile.name}": it stands where there is most room; drag it')
     pose = Pose(tuple(float(x) for x in spot.point - bottom_centre(mobile.mesh.vertices, up)))
     return replace(scene, mobiles=_with(scene, index, mobile._replace(pose=pose)), notes=notes), spot.shown
 
 
-def _standing(scene: Scene, others: list[int]) -> list[tuple[np.ndarray, float]]:
+def _standing(scene: Scene, placed: list[int]) -> list[tuple[np.ndarray, float]]:
     """Return the middle (3,) [m] and radius [m] of each mobile that has its place."""
     balls = []
-    for i in others:
+    for i in placed:
         v = to_world(scene.mobiles[i].pose, scene.mobiles[i].mesh.vertices)
         middle = (v.min(axis=0) + v.max(axis=0)) / 2
         balls.append((middle, float(length(v - middle).max())))

@@ -54,8 +54,8 @@ def with_corners_at_crossings(mesh: Mesh, materials: tuple[Material, ...]) -> Me
     has_back = np.array([m.two_sided for m in materials])
     for _ in range(ROUNDS):
         corners, of_sides = weld(mesh.vertices)[mesh.faces], []
-        for side, some in ((1.0, rows), (-1.0, rows[has_back[mesh.face_material[rows]]])):
-            chunks = np.split(some, range(CHUNK, len(some), CHUNK))
+        for side, side_rows in ((1.0, rows), (-1.0, rows[has_back[mesh.face_material[rows]]])):
+            chunks = np.split(side_rows, range(CHUNK, len(side_rows), CHUNK))
             hits = _joined([h for chunk in chunks for h in _hits(mesh, chunk, side, rays, shortest)])
             of_sides.append(_in_front(hits, corners, BESIDE[1] * shortest, side > 0))
         cuts = _joined(of_sides)
@@ -95,7 +95,7 @@ def _with_long_edges(mesh: Mesh, rows: np.ndarray, shortest: float) -> np.ndarra
 
 def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float) -> list[_Hits]:
     """Return the hits of rays just above the faces rows (n,), along each edge both ways; side: -1 for the back."""
-    corners, normals, found = mesh.vertices[mesh.faces[rows]], face_normals(mesh)[0][rows], []
+    corners, normals, hits = mesh.vertices[mesh.faces[rows]], face_normals(mesh)[0][rows], []
     for start, end in permutations(range(3), 2):
         edge = length(corners[:, end] - corners[:, start])
         long = np.flatnonzero(edge > LEAST * shortest)
@@ -108,8 +108,8 @@ def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float
         at = np.flatnonzero(face >= 0)
         facing = dot(rays.surfaces.normals[face[at]], way[at])
         ends = (np.full(len(at), k) for k in (start, end))
-        found.append(_Hits(rows[long[at]], *ends, distance[at] / edge[at], facing, edge[at]))
-    return found
+        hits.append(_Hits(rows[long[at]], *ends, distance[at] / edge[at], facing, edge[at]))
+    return hits
 
 
 def _in_front(hits: _Hits, corners: np.ndarray, least: float, at_ends: bool) -> Cuts:

@@ -41,7 +41,7 @@ class Spot(NamedTuple):
     headroom: float  # [m], inf in the open
     indoors: bool
     shown: bool  # whole, unhidden and of a good size in the camera's picture
-    found: bool  # False: no floor with room enough, this is a guess
+    has_room: bool  # False: no floor with room enough, this is a guess
 
 
 def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), lit: bool = True) -> Spot:
@@ -76,8 +76,8 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
         shown, near = _near_in_view(points, rays, box, column, up, scene.camera)
         score += 8.0 * indoors + 6.0 * shown + near + 1.5 * _common(points, up, box, fits)
     else:
-        there = indoors if indoors.any() else ~np.isfinite(headroom)
-        score += _where_one_looks(points, rays, box, column, up, there) + 1.5 * _common(points, up, box, fits & there)
+        space = indoors if indoors.any() else ~np.isfinite(headroom)
+        score += _where_one_looks(points, rays, box, column, up, space) + 1.5 * _common(points, up, box, fits & space)
     best = int(np.argmax(score))
     return Spot(points[best], float(headroom[best]), bool(indoors[best]), bool(shown[best]), bool(fits[best]))
 
@@ -132,12 +132,12 @@ def _near_in_view(points, rays: Rays, box: Box, column: Column, up, camera) -> t
     return shown, 3 * seen - distance / nearest - aside.clip(0, 3)
 
 
-def _where_one_looks(points, rays: Rays, box: Box, column: Column, up, there) -> np.ndarray:
-    """Return a score (n,): in the room, or under the sky, as `there` (n,) says; central, with much in sight."""
-    off = points - points[there if there.any() else slice(None)].mean(axis=0)
+def _where_one_looks(points, rays: Rays, box: Box, column: Column, up, space) -> np.ndarray:
+    """Return a score (n,): in the room, or under the sky, as `space` (n,) says; central, with much in sight."""
+    off = points - points[space if space.any() else slice(None)].mean(axis=0)
     off -= (off @ up)[:, None] * up
     distance = length(off) / box.size
-    return 3.0 * there + _outlook(points + up * 0.6 * column.height, rays, box) - 1.5 * distance
+    return 3.0 * space + _outlook(points + up * 0.6 * column.height, rays, box) - 1.5 * distance
 
 
 def _common(points, up, box: Box, rows) -> np.ndarray:
@@ -169,7 +169,7 @@ def _candidates(rays: Rays, box: Box, up):
     corners = corners_of(box.low, box.high)
     u, v, h = corners @ east, corners @ north, corners @ up
     grid = (np.arange(GRID) + 0.5) / GRID
-    found = []
+    landings = []
     for share in LEVELS:
         x, y = np.meshgrid(u.min() + grid * np.ptp(u), v.min() + grid * np.ptp(v))
         z = h.min() + share * max(np.ptp(h), 0.01 * box.size)
@@ -181,8 +181,8 @@ def _candidates(rays: Rays, box: Box, up):
         level = (facing > LEVEL_COSINE) | ((facing < -LEVEL_COSINE) & rays.surfaces.two_sided[face[hit]])
         dark = rays.surfaces.emission[face[hit]].max(axis=1) == 0
         rows = hit[level & dark]
-        found.append(start[rows] - t[rows, None] * up)
-    points = np.concatenate(found)
+        landings.append(start[rows] - t[rows, None] * up)
+    points = np.concatenate(landings)
     # The same floor is found from several heights: keep one of each.
     cell = max(box.size, 1e-9) * 1e-3
     first = np.unique(np.round(points / cell).astype(np.int64), axis=0, return_index=True)[1]

@@ -96,12 +96,12 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         n = (n * facing[:, None])[go_on]
         origins = points[go_on] + n * rays.lifts(face[landed][go_on])
         directions = cosine(n, rng)
-    found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
+    hit_points, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
     low, high = rays.low, rays.high
-    if len(found) >= 100:
-        low, high = central_box(found)
-    central = ((found >= low) & (found <= high)).all(axis=1)
-    return Box(low, high, max(float((high - low).max()), 1e-9), found[central], facing[central], side_hits)
+    if len(hit_points) >= 100:
+        low, high = central_box(hit_points)
+    central = ((hit_points >= low) & (hit_points <= high)).all(axis=1)
+    return Box(low, high, max(float((high - low).max()), 1e-9), hit_points[central], facing[central], side_hits)
 
 
 def is_lit(scene: Scene) -> bool:

@@ -84,13 +84,13 @@ class Boundary:
 
     def take(self, where: str, what: str, amount: int = 1) -> None:
         """Add to the scene's amount of `what`, a key of LIMITS. Raises SceneError beyond the limit, adding nothing."""
-        found = self.taken[what] + amount
-        if found > LIMITS[what]:
+        total = self.taken[what] + amount
+        if total > LIMITS[what]:
             raise SceneError(
-                f"{where}: a scene must have no more than {LIMITS[what]:,} {what}, got {found:,}; "
+                f"{where}: a scene must have no more than {LIMITS[what]:,} {what}, got {total:,}; "
                 "simplify it, or write two scenes"
             )
-        self.taken[what] = found
+        self.taken[what] = total
 
 
 def _at_once(path: str, flags: int) -> int:

@@ -135,17 +135,17 @@ class _Reader:
         """Return the materials (F,) of faces: those of an emissive texture where there is one."""
         reference = self.described[index].get("emissiveTexture") if index < len(self.described) else None
         name, transform = _coordinates(reference or {})
-        found = None
+        image = None
         if reference is not None and len(faces) and any(self.materials[index].emission):
             at = reference.get("index")
-            found = self.images.emissive(*self._image(at), self._wrap(at))
-        if found is None:
+            image = self.images.emissive(*self._image(at), self._wrap(at))
+        if image is None:
             return np.full(len(faces), index, np.int64)
         if name in attributes:
             uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
-            return lamps_of_texture(self.materials, index, p[faces], found, uv)
+            return lamps_of_texture(self.materials, index, p[faces], image, uv)
         self.materials.append(self.materials[index]._replace(emission=three(
-            self.images.mean(found.pixels) * self.materials[index].emission
+            self.images.mean(image.pixels) * self.materials[index].emission
         )))  # fmt: skip
         return np.full(len(faces), len(self.materials) - 1, np.int64)
 
@@ -182,16 +182,16 @@ class _Reader:
         colour = texture = uv = None
         if reference is not None:
             name, transform = _coordinates(reference)
-            found = self._texture(reference.get("index"), _cut(described))
-            if found is None:
+            number = self._texture(reference.get("index"), _cut(described))
+            if number is None:
                 factor = factor * MISSING
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
             elif name in attributes:
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
-                texture = np.full(len(faces), found)
+                texture = np.full(len(faces), number)
                 uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
             else:
-                factor = factor * self.images.mean(self.images.textures[found].pixels)
+                factor = factor * self.images.mean(self.images.textures[number].pixels)
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
                 note = "its mesh has no texture coordinates, it shows the mean colour of its texture"
                 note = f'material "{self.materials[index].name}": {note}'
@@ -210,11 +210,11 @@ class _Reader:
             return tuple(placed)
         references = _finish_references(self.described[index])
         for k, (reference, values) in enumerate(zip(references, FINISH_VALUES, strict=True)):
-            found = self._finish_texture(reference, values)
+            number = self._finish_texture(reference, values)
             name, transform = _coordinates(reference or {})
-            if found is not None and name in attributes:
+            if number is not None and name in attributes:
                 uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
-                placed[k] = Placed(np.full(len(faces), found), uv)
+                placed[k] = Placed(np.full(len(faces), number), uv)
         return tuple(placed)
 
     def _finish_texture(self, reference: dict | None, values: str) -> int | None:
@@ -275,9 +275,9 @@ class _Reader:
         tint = tint * ((ior - 1) / (ior + 1)) ** 2
         if "metallicRoughnessTexture" not in pbr and is_diffuse(metallic, roughness, strength):
             return plain
-        found = [self._finish_texture(*of) for of in zip(_finish_references(described), FINISH_VALUES, strict=True)]
-        if any(k is not None for k in found):
-            means = self.images.finish_means(found)
+        numbers = [self._finish_texture(*of) for of in zip(_finish_references(described), FINISH_VALUES, strict=True)]
+        if any(k is not None for k in numbers):
+            means = self.images.finish_means(numbers)
             return plain._replace(varied=VariedFinish(roughness, metallic, three(tint), strength, means, MATTE))
         if is_diffuse(metallic, roughness, strength):
             return plain

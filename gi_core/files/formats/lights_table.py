@@ -53,10 +53,10 @@ def read_light(values: dict, where: str, default_name: str, luminaires: Luminair
 def changed_light(light: Light, table: Table) -> Light:
     """Return a light with the values that a table gives in place of its own. Raises SceneError for a wrong key."""
     keys = light._fields[1:] if not isinstance(light, PhotometricLight) else LIGHTS["panel"]
-    t, given = Table(table.values, table.where, keys), {}
+    t, changes = Table(table.values, table.where, keys), {}
     for key in t.values:
-        given[key] = t.number(key) if key.endswith("degrees") else t.vector(key, 2 if key == "size" else 3)
-    return light._replace(**given)
+        changes[key] = t.number(key) if key.endswith("degrees") else t.vector(key, 2 if key == "size" else 3)
+    return light._replace(**changes)
 
 
 def _spot(t: Table, name: str) -> SpotLight:

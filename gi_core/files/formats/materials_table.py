@@ -80,13 +80,13 @@ def overridden(material: Material, table: Table | None) -> Material:
 def gloss_of(table: Table, material: Material) -> Material:
     """Return the material with the gloss that its table gives: metallic, roughness and ior, as glTF defines them."""
     rules = {**dict.fromkeys(SHARES, SHARE), "ior": INDEX}
-    given = {key: rule.check(f"{table.where}: {key}", table.values[key]) for key, rule in rules.items() if key in table}
-    if given and "roughness" not in given:
-        raise SceneError(f"{table.where}: {next(iter(given))} needs a roughness from 0 to 1; write roughness = 0.3")
-    if not given:
+    gloss = {key: rule.check(f"{table.where}: {key}", table.values[key]) for key, rule in rules.items() if key in table}
+    if gloss and "roughness" not in gloss:
+        raise SceneError(f"{table.where}: {next(iter(gloss))} needs a roughness from 0 to 1; write roughness = 0.3")
+    if not gloss:
         return material
-    ior = given.get("ior", IOR)
-    return metallic_roughness(material, given.get("metallic", 0.0), given["roughness"], ((ior - 1) / (ior + 1)) ** 2)
+    ior = gloss.get("ior", IOR)
+    return metallic_roughness(material, gloss.get("metallic", 0.0), gloss["roughness"], ((ior - 1) / (ior + 1)) ** 2)
 
 
 def brdf_of(table: Table, material: Material) -> Material:
@@ -105,11 +105,11 @@ def brdf_of(table: Table, material: Material) -> Material:
 
 
 def _lobes(table: Table) -> tuple[Lobe, ...]:
-    given = table.values["brdf"]
-    if isinstance(given, str):
-        own = {key: table.values[key] for key in MODELS[given].PARAMETERS if key in table}
-        return (_lobe({"model": given, **own}, table.where),)
-    return tuple(_lobe(part, f"{table.where}: model {k} of brdf") for k, part in enumerate(given, 1))
+    brdf = table.values["brdf"]
+    if isinstance(brdf, str):
+        own = {key: table.values[key] for key in MODELS[brdf].PARAMETERS if key in table}
+        return (_lobe({"model": brdf, **own}, table.where),)
+    return tuple(_lobe(part, f"{table.where}: model {k} of brdf") for k, part in enumerate(brdf, 1))
 
 
 def _lobe(part, where: str) -> Lobe:
@@ -147,11 +147,11 @@ def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) ->
 
 def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, Table], where: str):
     """Return the mesh with every face of one material, named in the scene file or in the mesh file."""
-    found = next((m for m in materials if m.name == name), None)
-    if found is None and name not in tables:
-        known = sorted({*tables, *(m.name for m in materials)})
-        raise SceneError(f'{where}: there is no material "{name}"; {nearest(name, known)}')
-    material = overridden(found or Material(name), tables.get(name))
+    of_mesh = next((m for m in materials if m.name == name), None)
+    if of_mesh is None and name not in tables:
+        names = sorted({*tables, *(m.name for m in materials)})
+        raise SceneError(f'{where}: there is no material "{name}"; {nearest(name, names)}')
+    material = overridden(of_mesh or Material(name), tables.get(name))
     one = np.zeros(len(mesh.faces), np.int32)
     plain = mesh._replace(face_material=one, face_reflectance=None, paint=None, finish=None)
     return plain, [material]

@@ -347,9 +347,9 @@ def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Pai
         uv.append(placed)
         plain = np.repeat(rho[p.material][:, None], 3, axis=1)
         plain[textured] = 1.0
-        given = plain if p.corner_colour is None else np.nan_to_num(p.corner_colour)
+        corner_colour = plain if p.corner_colour is None else np.nan_to_num(p.corner_colour)
         # A texture has a separate limit.
-        colour.append(np.clip(given, 0, np.where(textured, 1.0, MOST_REFLECTANCE)[:, None, None]))
+        colour.append(np.clip(corner_colour, 0, np.where(textured, 1.0, MOST_REFLECTANCE)[:, None, None]))
     return Paint(
         read.textures,
         np.concatenate(texture).astype(np.int32),

@@ -207,15 +207,15 @@ def _corner(text: str, counts: tuple[int, int, int], astray: set[str]) -> tuple[
 def _read_library(obj: Path, name: str, where: str, notes, images: Images, boundary: Boundary) -> dict[str, _Entry]:
     # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
     tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
-    found = next((p for p in map(like_named, tries) if boundary.file(p)), None)
-    if found is None:
+    library = next((p for p in map(like_named, tries) if boundary.file(p)), None)
+    if library is None:
         boundary.take(where, "files")  # a file that was not found counts too
         why = "lies outside the folder of the scene" if os.path.isfile(tries[0]) else "not found"
         notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
     entries, entry = {}, None
     changed: dict[str, list[str]] = {}  # what was done to values that break a rule: materials
-    for number, line in enumerate(_joined(boundary.read(found, where)).split("\n"), 1):
+    for number, line in enumerate(_joined(boundary.read(library, where)).split("\n"), 1):
         words = line.partition("#")[0].split()
         if not words:
             continue
@@ -224,13 +224,13 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
             boundary.take(where, "materials")
             entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
         elif entry is not None and words[0] in COLOURS and len(words) > 1 and words[1] not in ("spectral", "xyz"):
-            _read_colour(entry, words, f"{where}: {found.name}: line {number}", changed)
+            _read_colour(entry, words, f"{where}: {library.name}: line {number}", changed)
         elif entry is not None and words[0] in NUMBERS and len(words) > 1:
             _read_number(entry, words, changed)
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
             entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
         elif entry is not None and words[0] in MAPS and len(words) > 1:
-            _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
+            _read_map(entry, words, images, [library.parent, obj.parent], boundary, notes)
     for entry in entries.values():
         _make_textures(entry, images)
     for what, names in changed.items():
@@ -245,8 +245,8 @@ def _read_colour(entry: _Entry, words: list[str], where: str, changed: dict[str,
     """Read a line `Kd 0.5 0.4 0.3`, or one number for grey, limited to its range. Raises SceneError."""
     word, written, most = words[0], words[1:4], COLOURS[words[0]]
     if not all(map(_is_number, written)):
-        found = shown(" ".join(written))
-        raise SceneError(f"{where}: {word} must be three finite numbers, got {found}; correct the line")
+        value_text = shown(" ".join(written))
+        raise SceneError(f"{where}: {word} must be three finite numbers, got {value_text}; correct the line")
     colour = three(float(x) for x in (written * 3)[:3])
     limited = three(min(max(0.0, x), most) for x in colour)
     if limited != colour:
@@ -283,12 +283,12 @@ def _make_textures(entry: _Entry, images: Images) -> None:
         entry.emissive = images.emissive(glow.name, glow.load, glow.wrap)
         entry.ke = entry.ke if any(entry.ke) else (1.0, 1.0, 1.0)
     rough = entry.pr is not None or "map_Pr" in entry.maps
-    found: list[int | None] = []
+    numbers: list[int | None] = []
     for k, word in enumerate(FINISH_MAPS):
-        given = entry.maps.get(word or "") if rough == (k < 2) else None
+        image = entry.maps.get(word or "") if rough == (k < 2) else None
         values = "linear" if k < 2 else "sRGB"
-        found.append(None if given is None else images.finish(given.name, given.load, given.wrap, values))
-    entry.finish, entry.means = tuple(found), images.finish_means(found)
+        numbers.append(None if image is None else images.finish(image.name, image.load, image.wrap, values))
+    entry.finish, entry.means = tuple(numbers), images.finish_means(numbers)
 
 
 MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
@@ -362,18 +362,18 @@ def _textures_of(entries: list[_Entry], material, placed, uv_ids) -> tuple[Place
     """
     layers = [("map_Kd", [e.texture for e in entries])]
     layers += [(word, [e.finish[k] for e in entries]) for k, word in enumerate(FINISH_MAPS)]
-    colour, *finish = (_placed(entries, word, found, material, placed, uv_ids) for word, found in layers)
+    colour, *finish = (_placed(entries, word, textures, material, placed, uv_ids) for word, textures in layers)
     return colour, tuple(finish)
 
 
-def _placed(entries: list[_Entry], word: str | None, found: list[int | None], material, vt, uv_ids) -> Placed | None:
-    """Return one texture per material, `found`, on each face (F,) with corner coordinates (F, 3, 2), v downwards."""
-    if not len(vt) or all(k is None for k in found):
+def _placed(entries: list[_Entry], word: str | None, textures: list[int | None], material, vt, uv_ids) -> Placed | None:
+    """Return one texture per material, `textures`, on each face (F,) with corner coordinates (F, 3, 2), v downwards."""
+    if not len(vt) or all(k is None for k in textures):
         return None
     plain = _Map("", bytes, ("", ""), (1.0, 1.0), (0.0, 0.0))
     maps = [e.maps.get(word or "", plain) for e in entries]
     scale, offset = np.array([m.scale for m in maps]), np.array([m.offset for m in maps])
-    texture = np.array([-1 if k is None else k for k in found])[material]
+    texture = np.array([-1 if k is None else k for k in textures])[material]
     texture[uv_ids.min(axis=1) < 0] = -1
     rows, uv = np.flatnonzero(texture >= 0), np.zeros((len(material), 3, 2))
     used = material[rows, None]

@@ -245,18 +245,18 @@ def _ies_planes(planes: np.ndarray, values: np.ndarray, where: str) -> tuple[np.
     first, last = planes[0], planes[-1]
     if len(planes) == 1:
         return _around([(0.0, values[0])])
-    known = list(zip(planes.tolist(), values, strict=True))
+    by_plane = list(zip(planes.tolist(), values, strict=True))
     if (first, last) == (0, 360):
         return planes, values
     if (first, last) == (0, 90):
-        known += [(180 - angle, row) for angle, row in known]
-        return _around(known + [(-angle, row) for angle, row in known])
+        by_plane += [(180 - angle, row) for angle, row in by_plane]
+        return _around(by_plane + [(-angle, row) for angle, row in by_plane])
     if (first, last) == (0, 180):
-        return _around(known + [(-angle, row) for angle, row in known])
+        return _around(by_plane + [(-angle, row) for angle, row in by_plane])
     if (first, last) == (90, 270):
-        return _around(known + [(180 - angle, row) for angle, row in known])
+        return _around(by_plane + [(180 - angle, row) for angle, row in by_plane])
     if first == 0 and last > 180 and 360 - last <= 2 * np.diff(planes).max():  # the plane at 360 left out
-        return _around(known)
+        return _around(by_plane)
     raise SceneError(
         f"{where}: horizontal angles must be 0 alone, or go from 0 to 90, 180 or 360, or from 90 to 270, "
         f"got {first:g} to {last:g}"
@@ -332,14 +332,14 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
         raise SceneError(f"{where}: line 4: symmetry {symmetry} needs more C-planes than {planes}")
     scale = factor * lumens / 1000  # the table is in cd per 1,000 lm of the lamps
     values = numbers.table("luminous intensities", count, rows) * scale
-    known = list(zip(angles[np.arange(first, first + count) % planes].tolist(), values, strict=True))
+    by_plane = list(zip(angles[np.arange(first, first + count) % planes].tolist(), values, strict=True))
     if symmetry == 1:
-        known = [(0.0, values[0])]
+        by_plane = [(0.0, values[0])]
     if symmetry in (2, 4):
-        known += [(-angle, row) for angle, row in known]
+        by_plane += [(-angle, row) for angle, row in by_plane]
     if symmetry in (3, 4):
-        known += [(180 - angle, row) for angle, row in known]
-    full = _around(known)
+        by_plane += [(180 - angle, row) for angle, row in by_plane]
+    full = _around(by_plane)
     flux, stated = _flux(gammas, *full, where), lumens * ratio / 100
     notes = numbers.notes
     if stated > 0 and abs(flux / stated - 1) > ELSEWHERE:
@@ -359,12 +359,12 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
 # Both -----------------------------------------------------------------------------------------------
 
 
-def _around(known: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _around(by_plane: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Return planes (P,) from 0 to 360 and their intensity (P, T), of some planes at any angles [degrees].
 
     Between planes intensity is linear, so the plane at 0 that may have to be added changes nothing.
     """
-    by_angle = {round(angle % 360, 9) % 360: row for angle, row in known}
+    by_angle = {round(angle % 360, 9) % 360: row for angle, row in by_plane}
     angles = sorted(by_angle)
     if angles[0] > 0:
         before, after = angles[-1] - 360, angles[0]

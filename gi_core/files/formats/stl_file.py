@@ -30,12 +30,12 @@ def read_stl(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     try:
         # As a scene: to make one mesh of it trimesh copies it, which takes scipy where faces have colours.
         # The resolver serves no file: a PLY names its texture by any path.
-        found = trimesh.load(io.BytesIO(data), "stl", resolver={}, process=False, force="scene").geometry.values()
+        meshes = trimesh.load(io.BytesIO(data), "stl", resolver={}, process=False, force="scene").geometry.values()
     except Exception as error:  # trimesh passes on the errors of its parsers
         # For a file that is neither text nor binary, trimesh guesses the encoding, by a package that may be missing.
         why = "damaged" if isinstance(error, ImportError) else error
         raise SceneError(f"{where}: not a readable STL file: {why}; export it again, as triangles") from None
-    parts = [_part(mesh, where, boundary) for mesh in found if isinstance(mesh, trimesh.Trimesh)]
+    parts = [_part(mesh, where, boundary) for mesh in meshes if isinstance(mesh, trimesh.Trimesh)]
     return FileParts(parts, [Material(path.stem, two_sided=True)], [], None, "z", [])
 
 

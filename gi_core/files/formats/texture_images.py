@@ -119,8 +119,8 @@ class Images:
             picture = self._picture(name, load, NO_FINISH)
             pixels = None if picture is None else picture.pixels
             if picture is not None and values == "alpha":
-                there = picture.alpha is not None and self._fits(name, picture.alpha.size, NO_FINISH)
-                pixels = np.repeat(picture.alpha[..., None], 3, axis=2) if there else None
+                fits = picture.alpha is not None and self._fits(name, picture.alpha.size, NO_FINISH)
+                pixels = np.repeat(picture.alpha[..., None], 3, axis=2) if fits else None
             self._index[key] = None if pixels is None else len(self.finishes)
             if pixels is not None:
                 self.finishes.append(Texture(pixels, wrap, linear=values != "sRGB"))

@@ -21,15 +21,15 @@ _DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{DEEPEST}}}")
 class Table:
     """One table of a scene file; an unknown key is an error."""
 
-    def __init__(self, values, where: str, known: tuple[str, ...] | None):
-        """known: the keys that may occur; None: any."""
+    def __init__(self, values, where: str, keys: tuple[str, ...] | None):
+        """keys: those that may occur; None: any."""
         self.where = where
         if not isinstance(values, dict):
             raise SceneError(f"{where} must be a table of keys, got {shown(values)}")
         self.values = values
         for key in values:
-            if known is not None and key not in known:
-                raise SceneError(f"{where}: unknown key {key!r}; {nearest(key, known)}")
+            if keys is not None and key not in keys:
+                raise SceneError(f"{where}: unknown key {key!r}; {nearest(key, keys)}")
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -101,9 +101,9 @@ class Table:
         """Return a list of `count` vectors of n finite numbers."""
         value = self._get(key, REQUIRED)
         if not isinstance(value, list) or len(value) != count:
-            found = f"a list of {len(value)}" if isinstance(value, list) else shown(value)
+            value_text = f"a list of {len(value)}" if isinstance(value, list) else shown(value)
             want = f"a list with {count} entries of {_word(n)} numbers"
-            raise SceneError(f"{self.where}: {key} must be {want}, got {found}")
+            raise SceneError(f"{self.where}: {key} must be {want}, got {value_text}")
         return [self._vector(f"{key}[{i}]", v, n, None, None) for i, v in enumerate(value)]
 
     def numbers(self, key: str) -> list[float]:
@@ -151,10 +151,10 @@ class Table:
         raise SceneError(f"{self.where}: {key} {rule}, got {shown(value)}")
 
 
-def nearest(word: str, known) -> str:
+def nearest(word: str, words) -> str:
     """Return a hint: the nearest known word, or all of them."""
-    close = difflib.get_close_matches(word, known, 1, 0.5)
-    return f"did you mean {close[0]!r}?" if close else "known here are " + ", ".join(sorted(known))
+    close = difflib.get_close_matches(word, words, 1, 0.5)
+    return f"did you mean {close[0]!r}?" if close else "known here are " + ", ".join(sorted(words))
 
 
 def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
