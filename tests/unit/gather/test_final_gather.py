@@ -160,11 +160,11 @@ def test_final_gather_beats_its_photons_and_whole_paths_replace_it(monkeypatch):
         g = solver.frame_light.static.gathered
         fractions.append(progress.fraction)
         if progress.picture and g.state is None:
-            noises.append(g.noise)
-            off.append(relative_error(g.mean, truth, g.weights).l1)
+            noises.append(g.estimate.noise)
+            off.append(relative_error(g.estimate.irradiance, truth, g.weights).l1)
     assert len(noises) >= 2 and noises == sorted(noises, reverse=True) and noises[-1] <= 1.4 * 0.02
     assert off[0] < 0.5 * photons and off[-1] < 0.25 * photons
-    assert g.enough and g.noise <= 0.02 and fractions[-1] == 1.0
+    assert g.enough and g.estimate.noise <= 0.02 and fractions[-1] == 1.0
     assert fractions == sorted(fractions)
 
 
@@ -200,9 +200,9 @@ def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     for progress in solver.gather_steps():
         g = solver.frame_light.static.gathered
         if progress.picture and g.state is None:
-            early = g.mean
-    points, normals = (a[: len(g.mean)] for a in evaluation_points(solver.surfaces, solver.receivers))
+            early = g.estimate.irradiance
+    points, normals = (a[: len(g.estimate.irradiance)] for a in evaluation_points(solver.surfaces, solver.receivers))
     bare = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up)
     truth, _ = reference_irradiance(bare, points, normals, 2000, 5)
-    first, last = (relative_error(E, truth, g.weights).l1 for E in (early, g.mean))
-    assert g.enough and g.noise <= 0.02 and first > 0.04 and last < 0.03
+    first, last = (relative_error(E, truth, g.weights).l1 for E in (early, g.estimate.irradiance))
+    assert g.enough and g.estimate.noise <= 0.02 and first > 0.04 and last < 0.03
