@@ -259,7 +259,7 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         assert is_that_of_a_new_solver(viewer.session)
         document, _ = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
         assert 'file = "down.ies"' in document.read_text() and str(folder) not in document.read_text()
-        assert saved_scene.read("file.toml").edits[1] == Light("down", viewer.session.edits[1].light, "down.ies")
+        assert saved_scene.read("file.toml").edits[1] == Light("down", viewer.session.edits[1].light, str(file))
 
         # A file that cannot be used leaves one sentence.
         (folder / "bad.ies").write_text("no photometry")
