@@ -203,7 +203,7 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
     )
     light, meshes = SimpleNamespace(snapshot=snapshot, method=None), draw_meshes(solver.surfaces)
     for chosen in ({"compare": "reference"}, {"show": "error"}, {"reference": True}):
-        known = {"light": light, "model": solver.model, "dragging": False, "playing": False}
+        known = {"light": light, "model": solver.model, "motion": SimpleNamespace(is_active=False)}
         session = SimpleNamespace(settings=Settings(**chosen), **known)
         shown = view_content.shown(session)
         assert len(shown.sides) == 1 + ("compare" in chosen) and (shown.errors is None) == ("show" not in chosen)
