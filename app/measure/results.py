@@ -32,8 +32,8 @@ def attempted(name: str, measure: Callable[[], Row]) -> Row | Failure:
     try:
         return measure()
     except Exception as error:
-        told = isinstance(error, SceneError | UsageError | OSError)
-        return Failure(name, " ".join(str(error).split()) if told and str(error) else repr(error))
+        is_sentence = isinstance(error, SceneError | UsageError | OSError)
+        return Failure(name, " ".join(str(error).split()) if is_sentence and str(error) else repr(error))
 
 
 FILE = "results.csv"

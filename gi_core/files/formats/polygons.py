@@ -9,7 +9,7 @@ from gi_core.files.formats.boundary import MOST_AT_VERTEX
 
 
 def without_overlaps(corners: np.ndarray, places: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the corners (F, 3) of triangles, those of polygons whose fans fold over cut anew.
+    """Return the corners (F, 3) of triangles; polygons whose fans fold over are cut by ear clipping.
 
     corners (F, 3) int64: of the fans of polygons, one after the other, each a number of a corner in the file; places
     (C, 3) [m] of corners by that number; counts (P,) of triangles per polygon.
