@@ -133,14 +133,14 @@ class Method:
         among="gi_core.estimators.ESTIMATORS",
     )  # fmt: skip
     photons: int | None = option(
-        None, values.positive_int, "N", "photons to trace, 1e6 is allowed (the scene's, else chosen)", of_scene=True
+        None, values.photons, "N", "photons to trace, 1e6 is allowed (the scene's, else chosen)", of_scene=True
     )
     radius: float | None = option(
         None, values.positive, "M", "radius of discs, largest radius of photon_map [m] (the scene's, else chosen)",
         of_scene=True,
     )  # fmt: skip
     neighbours: int | None = option(
-        None, values.positive_int, "K", "hits per estimate of photon_map (the scene's, else chosen)", of_scene=True
+        None, values.neighbours, "K", "hits per estimate of photon_map (the scene's, else chosen)", of_scene=True
     )
     control: bool = switch(  # artifact control, see gi_core/discs/region.py
         True, "tangent_plane without artifact control: faster; corners are dark, walls leak light"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,9 @@ MOST_ISOLINES = 16
 LEAST_LIGHT_MAP = 16  # pixels per side
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 MOST_EXPOSURE = 64.0  # EV, of either sign; beyond, every picture is black or white
+LEAST, LARGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
+LEAST_ERROR = 0.01  # %
+MOST_LEVEL = 1000.0  # level of a lamp, as in `gi_core.lights.lamps`
 
 
 class LampSetting(NamedTuple):
@@ -55,7 +59,7 @@ def finite(text: str) -> float:
         value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be a number, got {text}") from None
-    _require(math.isfinite(value), "a finite number", text)
+    _require(abs(value) <= LARGEST, f"a number of at most {LARGEST:g}", text)
     return value
 
 
@@ -67,30 +71,45 @@ def exposure(text: str) -> float:
 
 def positive(text: str) -> float:
     value = finite(text)
-    _require(value > 0, "over 0", text)
+    _require(value >= LEAST, f"over 0, from {LEAST:g} to {LARGEST:g}", text)
     return value
 
 
 def not_negative(text: str) -> float:
     value = finite(text)
-    _require(value >= 0, "0 or more", text)
+    _require(value == 0 or value >= LEAST, f"0, or from {LEAST:g} to {LARGEST:g}", text)
     return value
 
 
-def positive_int(text: str) -> int:
-    value = positive(text)
-    _require(value == int(value), "a whole number", text)
-    return int(value)
+def whole(most: int, least: int = 1) -> Callable[[str], int]:
+    """Return the reader of a whole number, which may be written as 1e5."""
+
+    def read(text: str) -> int:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        _require(least <= value <= most and value == int(value), f"a whole number in {least} .. {most}", text)
+        return int(value)
+
+    return read
 
 
-def light_map_pixels(text: str) -> int:
-    try:
-        value = finite(text)
-    except argparse.ArgumentTypeError:
-        value = 0.0
-    fits = LEAST_LIGHT_MAP <= value <= MOST_PIXELS and value == int(value)
-    _require(fits, f"a whole number of pixels in {LEAST_LIGHT_MAP} .. {MOST_PIXELS}", text)
-    return int(value)
+photons = whole(1 << 27)  # whose sums `gi_core.base.fixed_point` holds
+neighbours = whole(100_000)
+frames = whole(100_000)  # over an hour of film
+rate = whole(1000)  # pictures per second: films count milliseconds or more
+workers = whole(256)  # processes of one machine
+points = whole(1_000_000)  # receivers at which errors are measured
+scale = whole(MOST_PIXELS)
+light_map = whole(MOST_PIXELS, LEAST_LIGHT_MAP)
+
+
+def percent(text: str) -> float:
+    """Return an error; paths for less than a hundredth of a percent would take days."""
+    value = finite(text)
+    _require(LEAST_ERROR <= value <= 100, f"in {LEAST_ERROR:g} .. 100 %", text)
+    return value
 
 
 def seed(text: str) -> int:
@@ -115,7 +134,8 @@ def size(text: str) -> tuple[int, int]:
 def value_range(text: str) -> tuple[float, float]:
     low, comma, high = text.partition(",")
     values = (finite(low), finite(high)) if comma else (0.0, 0.0)
-    _require(0 <= values[0] < values[1], "LOW,HIGH with 0 <= LOW < HIGH", text)
+    low_fits = values[0] == 0 or values[0] >= LEAST
+    _require(low_fits and values[0] < values[1] >= LEAST, f"LOW,HIGH with 0 <= LOW < HIGH, 0 or from {LEAST:g}", text)
     return values
 
 
@@ -138,7 +158,8 @@ def lamp(text: str) -> LampSetting:
         values = tuple(not_negative(n) for n in numbers.split(","))
     except argparse.ArgumentTypeError:
         values = ()
-    _require(name and equals and len(values) in (1, 3), "NAME=LEVEL or NAME=r,g,b, numbers 0 or more", text)
+    fits = name and equals and len(values) in (1, 3) and max(values) <= MOST_LEVEL
+    _require(fits, f"NAME=LEVEL or NAME=r,g,b, numbers from 0 to {MOST_LEVEL:g}", text)
     return LampSetting(name, values[0]) if len(values) == 1 else LampSetting(name, 1.0, values)  # type: ignore[arg-type]
 
 

@@ -28,7 +28,7 @@ AHEAD = 4  # tasks per process that are not waited for
 
 def options(add: Callable) -> None:
     """Add --workers and --scheduler."""
-    add("--workers", type=values.positive_int, metavar="N", help="work in N processes of this machine (1)")
+    add("--workers", type=values.workers, metavar="N", help="work in N processes of this machine (1)")
     add("--scheduler", metavar="ADDRESS", help="work on the machines of a dask scheduler, tcp://HOST:8786")
 
 

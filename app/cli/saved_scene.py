@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.cli.writable import replacing, write_whole
+from app.cli.writable import remove_parts, replacing, write_whole
 from app.settings import OPTIONS, TABLE, TOGETHER, LampSetting, MeasuringPlane, Pin, Settings, flag_of, open_scene
 
 if TYPE_CHECKING:
@@ -175,6 +175,7 @@ def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | Non
     made: list[Path] = []
     try:
         names = _names_of_files(Path(os.path.realpath(path)), settings, files, made)
+        remove_parts(Path(os.path.realpath(path)).parent)
         write_whole(path, _text_of(settings, names))
         return [copy for copy in made if copy.is_file()]
     except BaseException:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ def check_writable(option: str, file: Path) -> None:
         raise UsageError(f"{option} must name a file in a folder that exists, got {file}")
     if os.path.isdir(file):
         raise UsageError(f"{option} must name a file, and {file} is a folder; write {file / 'a'}{file.suffix}")
+    remove_parts(file.resolve().parent)
     if os.path.exists(file) and os.access(file, os.W_OK):
         return
     try:
@@ -48,6 +50,26 @@ def check_folder(variable: str, folder: Path) -> None:
         raise UsageError(
             f"the folder {folder} cannot be written ({error.strerror or error}); set {variable} to another folder"
         ) from None
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what killed processes of this machine left of files, see replacing(), where that can be done."""
+    if os.name != "posix":
+        return
+    for path in folder.glob("*.part"):
+        if (of := re.fullmatch(r"[0-9a-f]{8}\.(\d{1,9})\.part", path.name)) and not _runs(int(of[1])):
+            with suppress(OSError):
+                path.unlink()
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # of another user
+        pass
+    return True
 
 
 def _try(file: Path) -> None:

@@ -34,9 +34,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--exposure", dest="of_colours", type=values.exposure, metavar="EV",
         help="of COLOR_0 [stops]; values above 1 are cut off (the highest at which lamps alone are)")  # fmt: skip
     options.seconds(add)
-    add("--error", type=values.positive, metavar="PCT",
+    add("--error", type=values.percent, metavar="PCT",
         help="bake the unbiased reference instead, at this noise relative to the light [%%]")  # fmt: skip
-    add("--light-map", type=values.light_map_pixels, metavar="PIXELS",
+    add("--light-map", type=values.light_map, metavar="PIXELS",
         help="a second UV set, and irradiance over it as an image of about PIXELS per side: FILE.exr")  # fmt: skip
     cluster.options(parser.add_argument_group("machines, for --error").add_argument)
 

@@ -17,7 +17,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser)
     parser.set_defaults(light="photons")
     add = options.measuring(parser)
-    add("--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)")
+    add("--frames", type=values.frames, default=100, metavar="N", help="timed frames (default 100)")
     add("--step", type=values.positive, default=100 * STEP, metavar="PCT",
         help=f"distance of a mobile per frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip
     add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")

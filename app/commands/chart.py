@@ -19,10 +19,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, default=Path("chart"), metavar="DIR",
         help="folder of results.csv, chart.svg, index.html (chart)")  # fmt: skip
     add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
-    add("--frames", type=values.positive_int, metavar="N", help="timed frames per setting, along the path (40)")
-    add(
-        "--points", type=values.positive_int, metavar="N", help="receivers per pose at which errors are measured (1500)"
-    )
+    add("--frames", type=values.frames, metavar="N", help="timed frames per setting, along the path (40)")
+    add("--points", type=values.points, metavar="N", help="receivers per pose at which errors are measured (1500)")
     cluster.options(parser.add_argument_group("machines, which time the frames").add_argument)
 
 

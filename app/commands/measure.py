@@ -19,7 +19,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
     options.plane(add)
-    add("--error", type=values.positive, default=1.0, metavar="PCT",
+    add("--error", type=values.percent, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
     add("--csv", type=Path, metavar="FILE.csv", help="write the table with all points")
 

@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
     options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
-    add("--error", type=values.positive, default=1.0, metavar="PCT",
+    add("--error", type=values.percent, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
     cluster.options(add)
 

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from app.session.film import Still
 
 FALLBACK_PICTURE = "gi-viewer.png"
-STILLS, FILMS = (".png", ".exr"), (".mp4", ".gif", ".webp")
+STILLS, HELD = (".png", ".exr"), (".gif", ".webp")  # HELD: Pillow keeps their pictures in memory until the last
+FILMS = (".mp4", *HELD)
+MOST_HELD = 1 << 28  # pixels of all pictures, 1 GB
+WEBP_SIDE = 16383  # pixels, the most that the format has
 RATE = 25  # pictures per second
 
 
@@ -35,10 +38,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, metavar="FILE",
         help=f"a .png or linear .exr; of --frames also a film: {', '.join(FILMS)} ({FALLBACK_PICTURE}, numbered where"
              " that exists)")  # fmt: skip
-    add("--scale", type=values.positive_int, default=1, metavar="N", help="times the pixels of --size per side (1)")
+    add("--scale", type=values.scale, default=1, metavar="N", help="times the pixels of --size per side (1)")
     options.seconds(add)
-    add("--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
-    add("--rate", type=values.positive_int, default=RATE, metavar="N", help=f"pictures per second of a film ({RATE})")
+    add("--frames", type=values.frames, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
+    add("--rate", type=values.rate, default=RATE, metavar="N", help=f"pictures per second of a film ({RATE})")
     cluster.options(parser.add_argument_group("machines, for --frames").add_argument)
 
 
@@ -123,6 +126,14 @@ def _check(settings: Settings, out: Path, frames: int | None) -> None:
         raise UsageError(f"--out must name a file of {', '.join(STILLS + FILMS)}, got {out}")
     if suffix in FILMS and frames is None:
         raise UsageError(f"--out {out} is a film: give --frames N, or name a .png file")
+    width, height = settings.size
+    if suffix in HELD and frames * width * height > MOST_HELD:
+        raise UsageError(
+            f"--out {out} has at most {MOST_HELD // (width * height)} pictures of {width}x{height}, got --frames "
+            f"{frames}; name an .mp4 file, which has any number"
+        )
+    if suffix == ".webp" and max(settings.size) > WEBP_SIDE:
+        raise UsageError(f"--out {out} has at most {WEBP_SIDE} pixels per side, got {max(settings.size)}")
     if max(settings.size) > values.MOST_PIXELS:
         raise UsageError(
             f"a picture has at most {values.MOST_PIXELS} pixels per side, got {max(settings.size)}; lower --scale"

@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "photons", "radius", "control", "search", "light", "rays", "lamps", "seed")
     add = options.measuring(parser)
     options.budget(add, "")
-    add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest [%%]")
+    add("--error", type=values.percent, metavar="PCT", help="choose the fastest settings with this error at rest [%%]")
     add("--check", action="store_true", help="solve with the choice and measure its error")
 
 

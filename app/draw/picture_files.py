@@ -107,6 +107,7 @@ def _write_mp4(path: Path, pictures: Iterable[np.ndarray], rate: int) -> None:
 
 
 def _write_pillow(path: Path, pictures: Iterable[np.ndarray], rate: int, form: str) -> None:
-    first, *later = (Image.fromarray(p) for p in pictures)
+    later = (Image.fromarray(p) for p in pictures)
+    first = next(later)
     options = {"quality": 90, "method": 4} if form == "WEBP" else {}
     first.save(path, form, save_all=True, append_images=later, duration=round(1000 / rate), loop=0, **options)

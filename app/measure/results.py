@@ -43,19 +43,42 @@ KEY = ("scene", "commit", "processor", "seed", "frames", "asked_points", "lamps"
 class Results:
     """The rows of one folder. Rows of other conditions stay in the file and are not used."""
 
-    def __init__(self, folder: Path, under: dict[str, object], fields: tuple[str, ...]) -> None:
-        """`under`: the conditions, by KEY; `fields`: the columns of a setting. Raises OSError."""
+    def __init__(self, folder: Path, under: dict[str, object], fields: tuple[str, ...], numbers=()) -> None:
+        """`under`: the conditions, by KEY; `fields`: columns of a setting; `numbers`: columns of numbers.
+
+        Raises OSError, UsageError for a damaged file.
+        """
         self.file, self.under, self._fields = folder / FILE, under, fields
         self._under = {k: _text(v) for k, v in under.items()}
         self.every: list[dict] = []
         if self.file.exists():
+            self.every = self._read(numbers)
+
+    def _read(self, numbers: tuple[str, ...]) -> list[dict]:
+        try:
             with open(self.file, newline="", encoding="utf-8") as file:
-                self.every = list(csv.DictReader(file))
+                rows = list(csv.DictReader(file, restkey=""))
+        except (ValueError, csv.Error):  # no UTF-8, a zero byte
+            rows = [{"": ""}]
+        for line, row in enumerate(rows, 2):
+            bad = next((k for k, v in row.items() if not k or v is None), None)
+            if bad is None and self._is_own(row):
+                bad = next((k for k in self._fields if k not in row), None)
+                bad = bad or next((k for k in numbers if not isinstance(_value(row.get(k, "")), int | float)), None)
+            if bad is not None:
+                what = f'the column "{bad}"' if bad else "its cells"
+                rule = "delete the line, or name another folder with --out"
+                raise UsageError(f"{self.file} is damaged in line {line}, in {what}: {rule}")
+        return rows
+
+    def _is_own(self, row: dict) -> bool:
+        """Return whether a row has these conditions."""
+        return all(row.get(k, "") == v for k, v in self._under.items())
 
     @property
     def rows(self) -> list[dict]:
         """Rows of these conditions, with typed values."""
-        return [_typed(r) for r in self.every if all(r.get(k, "") == v for k, v in self._under.items())]
+        return [_typed(r) for r in self.every if self._is_own(r)]
 
     def has(self, setting: dict) -> bool:
         """Return whether a setting has been measured."""

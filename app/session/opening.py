@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 import pickle
-import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -133,9 +132,9 @@ class Opening:
         options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
         with ExitStack() as ends:
             errors, look_errors = (ends.enter_context(tempfile.TemporaryFile("w+")) for _ in range(2))
-            looking = ends.enter_context(killed_at_end(first_look.start(self.settings, surfaces, look_errors)))
+            looking = ends.enter_context(child.killed_at_end(first_look.start(self.settings, surfaces, look_errors)))
             compiler = child.start(compile_ahead.__name__, *options, stderr=errors)
-            ends.enter_context(killed_at_end(compiler))
+            ends.enter_context(child.killed_at_end(compiler))
             threading.Thread(target=self._receive, args=(looking.stdout,), name="first look", daemon=True).start()
             while compiler.poll() is None:
                 self._stop_if_cancelled()
@@ -202,16 +201,6 @@ class Opening:
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:
             raise RuntimeError("cancelled")
-
-
-@contextmanager
-def killed_at_end(process: subprocess.Popen) -> Iterator[subprocess.Popen]:
-    """Kill a process at the end of the block, if it still runs."""
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
 
 
 def _last_line(errors: IO[str], code: int) -> str:

@@ -146,8 +146,9 @@ def runner_params(
 
     params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
     folder = config_folder()
-    params.ini_disable = folder is None
-    params.ini_filename = str((folder or Path()) / ini_name(screen_scale()))
+    ini = (folder or Path()) / ini_name(screen_scale())
+    params.ini_disable = folder is None or ini.is_dir()  # HelloImGui would end the program
+    params.ini_filename = str(ini)
     params.fps_idling.enable_idling = False  # the viewer itself sleeps between frames
     params.fps_idling.remember_enable_idling = False
     params.callbacks.load_additional_fonts = theme.load_fonts

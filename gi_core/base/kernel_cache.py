@@ -72,8 +72,13 @@ def _distrust(folder: Path) -> str:
         return "belongs to another user"
     if status.st_mode & 0o022:
         return "can be written by other users"
-    foreign = next((path for path in folder.rglob("*") if path.lstat().st_uid not in (0, user)), None)
-    return "" if foreign is None else f"holds {foreign.name} of another user"
+    for path in folder.rglob("*"):
+        of = path.lstat()
+        if of.st_uid not in (0, user):
+            return f"holds {path.name} of another user"
+        if status.st_mode & 0o077 and of.st_mode & 0o022 and not path.is_symlink():  # else nobody can reach it
+            return f"holds {path.name}, which other users can write"
+    return ""
 
 
 def _without_cache(folder: Path | str, reason: str) -> str:

@@ -235,9 +235,9 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     model, at, n = b.model, b.model.transforms(poses), b.estimate.photons
     chunk = max(1, n * SCRATCH_SEGMENTS // max(b.store.segments(n), 1))  # paths in white rooms are long
     parts = (current_segments(model, at, b.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk))
-    every = b.estimate.from_scratch(parts, at, direct=not light.knows_direct(b))
     if not n:
-        return np.zeros((len(every.area), 3))
+        return np.zeros((len(model.object_receivers.areas), 3))
+    every = b.estimate.from_scratch(parts, at, direct=not light.knows_direct(b))
     if shown.background is None:
         weights = b.store.weights(light.setting.levels)
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)

@@ -1,4 +1,4 @@
-"""Child processes that compile kernels. They end when the program ends, for whatever reason."""
+"""Child processes: of compilers, first looks and measurements. They end when the program ends, for whatever reason."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 OBJECTS = 100_000  # between collections: numba makes many that live on; a tenth less time than with Python's 700
@@ -21,6 +23,16 @@ def start(module: str, *options: str, **popen) -> subprocess.Popen:
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         **popen,
     )
+
+
+@contextmanager
+def killed_at_end(process: subprocess.Popen) -> Iterator[subprocess.Popen]:
+    """Kill a process at the end of the block, if it still runs."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 def prepare() -> None:

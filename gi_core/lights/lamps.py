@@ -59,7 +59,7 @@ class Lamps(NamedTuple):
 def _checked(level, where: str) -> np.ndarray:
     try:
         values = np.asarray(level, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):  # 10**400
         values = np.empty(0)
     good = values.shape in ((), (3,)) and np.isfinite(values).all() and (values >= 0).all()
     if not (good and (values <= BRIGHTEST).all()):
@@ -82,7 +82,7 @@ def lamps_of(names: Sequence[str], flux: np.ndarray) -> Lamps:
     total: dict[str, float] = {}
     for name, emitted in zip(names, flux, strict=True):
         total[name] = total.get(name, 0.0) + float(emitted.max())
-    kept = sorted(total, key=lambda name: -total[name])[:MOST]
+    kept = sorted(total, key=lambda name: (name == OTHERS, -total[name]))[:MOST]  # a lamp so called joins the others
     if len(total) == MOST + 1:
         kept = list(total)  # one more lamp either way
     order = [name for name in total if name in kept]

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +21,7 @@ from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
 
 TREE = Settings("tree")
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def numbers(spec: dict, ms: float = 2.0) -> dict:
@@ -102,6 +109,47 @@ def test_folder_with_another_sweep_is_refused(tmp_path):
     (tmp_path / "sweep.json").write_text("{}")
     with pytest.raises(UsageError, match="is not a sweep"):
         bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+
+
+@pytest.mark.parametrize("damage", ["no rows", "row cut", "asked", "failed", "Latin-1"])
+def test_a_damaged_sweep_gets_one_sentence(damage, tmp_path):
+    bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+    file = tmp_path / "sweep.json"
+    have = json.loads(file.read_text())
+    first = next(iter(have["rows"].values()))
+    match damage:
+        case "no rows":
+            del have["rows"]
+        case "row cut":
+            del first["frame_ms"]
+        case "asked":
+            del first["asked"]
+        case "failed":
+            have["failed"] = 3
+    file.write_bytes(b"\xff" if damage == "Latin-1" else json.dumps(have).encode())
+    with pytest.raises(UsageError, match="is damaged: delete it|is not a sweep"):
+        bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="lists of children are Linux's")
+def test_a_row_ends_with_the_sweep(tmp_path):
+    """A sweep that SIGTERM ended left a process that went on measuring."""
+    code = "from app.measure.bench.sweep import *\nrun_apart(rows(Settings('tree'), 9000)[-1].spec())"
+    sweep = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+    children, of_row = Path(f"/proc/{sweep.pid}/task/{sweep.pid}/children"), []
+    while not of_row:
+        assert sweep.poll() is None
+        of_row = children.read_text().split()
+        time.sleep(0.05)
+    sweep.terminate()
+    sweep.wait()
+    for _ in range(200):
+        if not any(Path(f"/proc/{pid}").exists() for pid in of_row):
+            return
+        time.sleep(0.05)
+    os.kill(int(of_row[0]), signal.SIGKILL)
+    pytest.fail("the row is still measured")
 
 
 @pytest.mark.parametrize("bad", [["--sweep"], ["--out", "x"]])

@@ -30,7 +30,7 @@ from app.measure.chart.settings import (
 )
 from app.measure.chart.truth import PoseTruth, cases, choose, drawn_gloss, gloss_truth, steady_and_moved
 from app.measure.results import KEY, Results
-from app.settings import LampSetting, Settings, make_solver, open_scene
+from app.settings import LampSetting, Settings, UsageError, make_solver, open_scene
 from gi_core.geometry.error import luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
@@ -251,6 +251,25 @@ def test_the_truth_has_the_levels_of_the_lamps(small):
     walk = Walk([solvers[0].poses], [full], full.rows, full.weights, *[np.ones(len(full.rows), bool)] * 2, 1.0)
     seen = [rival_light(s, walk, 1, 0).irradiance[0] for s in solvers]
     assert np.array_equal(0.25 * seen[0], seen[1])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda t: t[:-9],
+        lambda t: t[:-2] + b",1,2\r\n",
+        lambda t: t + b"\xe9\r\n",
+        lambda t: t.replace(b"1.25", b"fast"),
+    ],
+    ids=["cut", "more", "Latin-1", "no number"],
+)
+def test_a_damaged_table_gets_one_sentence(damage, tmp_path):
+    more = ("photons",), ("frame_ms",)
+    Results(tmp_path, UNDER, *more).add({"photons": 8, "frame_ms": 1.25, "curve": "a"})
+    file = tmp_path / "results.csv"
+    file.write_bytes(damage(file.read_bytes()))
+    with pytest.raises(UsageError, match="results.csv is damaged in line 2, in "):
+        Results(tmp_path, UNDER, *more)
 
 
 def test_rows_of_other_levels_are_not_used(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -330,9 +331,9 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     [
         (["render", "--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
         (["render", "--exposure", "bright"], "argument --exposure: must be a number, got bright"),
-        (["render", "--photons", "many"], "argument --photons: must be a number, got many"),
+        (["render", "--photons", "many"], "argument --photons: must be a whole number in 1 .. 134217728, got many"),
         *(
-            (["bake", "--light-map", n], f"--light-map: must be a whole number of pixels in 16 .. 16384, got {n}")
+            (["bake", "--light-map", n], f"--light-map: must be a whole number in 16 .. 16384, got {n}")
             for n in ("0", "15", "16.5", "99999", "inf", "large")
         ),
     ],
@@ -373,3 +374,32 @@ def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command,
     monkeypatch.setattr(run, "run", too_late)
     assert cli.main([*command, "no such file.glb", f"--{name}", "guess"]) == 2
     assert f"--{name} must be one of " in (line := one_line(capsys.readouterr().err)) and 'got "guess"' in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(f"render --{o}" for o in ("frames 1e12", "rate 1e23", "workers 1e6", "scale 1e9", "photons 1e30")),
+        *(f"render --{o}" for o in ("radius 1e300", "neighbours 1e9", "max-edge 1e-200", "exposure 1e300")),
+        *(f"render --{o}" for o in ("seconds 1e300", "lamp a=1e30", "frames 0", "isolines 1e-320")),
+        *(f"render --{o}" for o in ("pose a=1e300,0,0", "camera 1e200,0,0,0,0,0,40", "illuminance-range 0,5e-324")),
+        "render --luminance-range 1e-300,1e300",
+        *(f"{c} --error {e}" for c in ("reference", "measure", "tune", "bake") for e in ("1e-12", "1e9")),
+        *("bench --frames 1e12", "bench --step 1e300", "chart --frames 1e9", "chart --points 1e12", "--budget 1e300"),
+    ],
+)
+def test_every_number_has_bounds(words, capsys):
+    """1e12 pictures filled the memory; ends of a scale below the least normal number ended in a traceback."""
+    assert cli.main(words.split()) == 2
+    assert f"{words.split()[-2]}: must be " in one_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("command", [cli.VIEW, *cli.COMMANDS.values()])
+def test_no_option_takes_a_number_that_nothing_can_hold(command):
+    """A new option has bounds too."""
+    readers = {a.option_strings[0]: a.type for a in cli._filled(cli.Parser(), command)._actions if a.type}
+    for option, read in readers.items():
+        for text in ("1e30", "1e30,2e30", "a=1e30", f"1x{10**30}", "a=0,0,1e30", "0,0,1e30,1,1,1,40", "0,0,1,1,1e30"):
+            if read is not Path:
+                with pytest.raises((argparse.ArgumentTypeError, ValueError)):
+                    print(option, read(text))

@@ -159,6 +159,15 @@ def test_a_stopped_film_leaves_no_file(tmp_path, room_instead_of_a_file, monkeyp
     [
         ("--out a.mp4", "--out a.mp4 is a film: give --frames N, or name a .png file"),
         ("--out a.jpg", "--out must name a file of .png, .exr, .mp4, .gif, .webp, got a.jpg"),
+        *(
+            (
+                f"--out {f} --frames 400 --size 1000x1000",
+                f"--out {f} has at most 268 pictures of 1000x1000, got --frames 400; "
+                "name an .mp4 file, which has any number",
+            )
+            for f in ("a.gif", "a.webp")
+        ),
+        ("--out a.webp --frames 2 --size 1x16384", "--out a.webp has at most 16383 pixels per side, got 16384"),
         ("--size 16384x9 --scale 2", "a picture has at most 16384 pixels per side, got 32768; lower --scale"),
     ],
 )

@@ -211,7 +211,7 @@ BAD = {
     "scene = 3": "scene must be a text in quotes, got 3",
     'scene = "cornell"\nscne = 1': "unknown key 'scne'",
     'scene = "cornell"\n[settings]\nphotns = 5': "unknown key 'photns'",
-    'scene = "cornell"\n[settings]\nphotons = -5': "photons must be over 0, got -5",
+    'scene = "cornell"\n[settings]\nphotons = -5': "photons must be a whole number in 1 .. 134217728, got -5",
     'scene = "cornell"\n[settings]\ncontrol = 1': "control must be true or false, got 1",
     'scene = "cornell"\n[settings]\nexposure = "bright"': "exposure must be a number, or a list of them, got 'bright'",
     'scene = "cornell"\n[settings]\ntone_map = "grey"': "tone_map must be one of aces, reinhard, clip, got 'grey'",

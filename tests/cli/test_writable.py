@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from app import __main__ as program
+from app.cli import saved_scene
 from app.cli.writable import check_writable, write_whole
-from app.settings import UsageError
+from app.settings import Settings, UsageError
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,6 +25,20 @@ def test_check_writable_leaves_no_trace(tmp_path):
     (tmp_path / "a.png").write_text("old")
     check_writable("--out", tmp_path / "a.png")
     assert (tmp_path / "a.png").read_text() == "old"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_what_a_killed_process_left_is_removed(tmp_path):
+    """Parts of scenes and references stayed for ever; those of a process that runs, and other files, do."""
+    code = "import os, sys, pathlib; from app.cli.writable import replacing\n"
+    code += "with replacing(pathlib.Path(sys.argv[1])) as part: part.touch(); os.kill(os.getpid(), 9)"
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.toml")], cwd=ROOT)
+    (left,) = tmp_path.iterdir()
+    others = {tmp_path / name for name in (f"{0:08x}.{os.getpid()}.part", "a.part", "0000000g.1.part")}
+    for path in others:
+        path.touch()
+    saved_scene.write(tmp_path / "b.toml", Settings())
+    assert left.suffix == ".part" and set(tmp_path.iterdir()) == {*others, tmp_path / "b.toml"}
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")

@@ -439,6 +439,9 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
     monkeypatch.setattr("platformdirs.user_config_dir", lambda *_, ensure_exists, **__: (nowhere / "x").mkdir())
     assert window.config_folder() is None
     assert window.runner_params(support.SETTINGS, *[lambda: None] * 4).ini_disable
+    monkeypatch.setattr(window, "config_folder", lambda: folder)
+    (folder / window.ini_name(window.screen_scale())).mkdir()  # HelloImGui ended the program
+    assert window.runner_params(support.SETTINGS, *[lambda: None] * 4).ini_disable
 
 
 def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):

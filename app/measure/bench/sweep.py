@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
+import os
 import sys
+import tempfile
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from app.settings import STEP, Settings, UsageError
 from gi_core.estimators import DEFAULT, ESTIMATORS
+from gi_core.instruments import child
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -80,27 +82,35 @@ def triangles_key(triangles: int, radius: str) -> str:
     return f"{triangles} triangles, radius {radius}"
 
 
-ROOT = Path(__file__).resolve().parents[3]
 GUESSES = 8  # of the longest edge
 CLOSE = 0.02  # of the number of triangles wanted
 
 
 def run_apart(spec: dict) -> dict:
-    """Measure a row by a separate process. Raises UsageError."""
-    code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from app.measure.bench.sweep import main; sys.exit(main())"
-    done = subprocess.run([sys.executable, "-c", code], input=json.dumps(spec), text=True, capture_output=True)
-    if done.returncode:
-        lines = done.stderr.strip().splitlines()
-        raise UsageError(lines[-1] if lines else f"ended with code {done.returncode}")
-    return json.loads(done.stdout)
+    """Measure a row by a separate process, which ends with this one. Raises UsageError."""
+    with tempfile.TemporaryFile("w+") as said, tempfile.TemporaryFile("w+") as errors:
+        process = child.start(__name__, stdout=said, stderr=errors)
+        with child.killed_at_end(process):
+            process.stdin.write(json.dumps([os.getcwd(), spec]).encode() + b"\n")
+            process.stdin.flush()
+            process.wait()
+        for file in (said, errors):
+            file.seek(0)
+        if process.returncode:
+            lines = errors.read().strip().splitlines()
+            raise UsageError(lines[-1] if lines else f"ended with code {process.returncode}")
+        return json.load(said)
 
 
 def main() -> int:
-    """Measure the row on stdin, print its numbers as JSON; return the exit code."""
+    """Measure the row of the first line of the input, print its numbers as JSON; return the exit code."""
     from gi_core.scene import SceneError
 
+    folder, spec = json.loads(sys.stdin.readline())
+    os.chdir(folder)  # child.start() begins elsewhere
+    child.prepare()
     try:
-        print(json.dumps(measure_row(json.load(sys.stdin))))
+        print(json.dumps(measure_row(spec)))
     except (SceneError, UsageError, OSError, MemoryError) as problem:
         print(" ".join(str(problem).split()) or type(problem).__name__, file=sys.stderr)
         return 1
@@ -213,6 +223,11 @@ def _resumed(file: Path, started: dict) -> dict:
                 f"{file} was measured with {name} {have.get(name)}, now it is {started[name]}: "
                 "give another folder with --out, or delete it"
             )
+    try:
+        [row["asked"] for row in have["rows"].values()]
+        markdown(have)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise UsageError(f"{file} is damaged: delete it, or give another folder with --out") from None
     return have
 
 
@@ -302,3 +317,7 @@ def _stages(have: dict) -> str:
 
 def _failed(sweep: dict) -> str:
     return section("Failed", "\n".join(f"- {key}: {why}" for key, why in sweep["failed"].items()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from app.measure.results import Failure
 
 
+NUMBERS = "radius", "neighbours", "photons", "frame_ms", "frame_p95_ms", "first_frame_ms", "total all"
 FIXED = 60_000  # photons of about the same time as the fixed cost of a row
 
 
@@ -57,7 +58,7 @@ class Run:
             self.points,
             lamps_of(settings),
         )
-        self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields)
+        self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields, NUMBERS)
         self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
         poses = min(self.effort.poses, self.frames)
         self.failures: list[Failure] = []

@@ -109,11 +109,14 @@ def trap(file: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("change", ["mode", "owner", "file"])
+@pytest.mark.parametrize("change", ["mode", "mode of a file", "mode of a subfolder", "owner", "file"])
 def test_foreign_files_are_not_loaded(run, folder, tmp_path, change):
     trapped = trap(tmp_path / "ran")
     if change == "mode":
         folder.chmod(0o777)
+    elif change.startswith("mode of"):  # as of umask 0
+        folder.chmod(0o755)
+        next(folder.rglob("*.nbc") if change == "mode of a file" else folder.glob("*/")).chmod(0o777)
     elif os.geteuid():
         pytest.skip("only root can give files away")
     else:

@@ -76,6 +76,12 @@ def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
+def test_nothing_is_lit_from_scratch_before_the_first_solve(estimator):
+    """tangent_plane had no receivers yet: AttributeError."""
+    solver = Solver(SCENE, estimator=estimator, photons=100, radius=0.06)
+    assert not solver.from_scratch().any() and solver.from_scratch().shape == solver.irradiance.shape
+
+
 def until_picture(steps) -> None:
     next(p for p in steps if p.picture)
 
