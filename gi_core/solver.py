@@ -132,8 +132,8 @@ class Solver:
     def set_lamps(self, levels: Mapping[str, float | Sequence[float]], paths: int | None = None) -> None:
         """Change levels of lamps by name: a factor >= 0, or three for red, green and blue; update irradiance.
 
-        Nothing is traced again, except rays to mobiles; solve_steps() traces photons again where the present ones leave
-        less than a quarter effective. paths: as for move_all(). Raises SceneError for a name that no
+        Nothing is traced again, except rays to mobiles; solve_steps() traces photons again where lamps share them
+        otherwise at these levels (`FirstFrame.share`). paths: as for move_all(). Raises SceneError for a name that no
         lamp has, and for a bad level. A change that any exception breaks off has not been made.
         """
         with self.frame_light.setting.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
@@ -249,7 +249,7 @@ class Solver:
         """
         other, light = copy.copy(self), self.frame_light.twin(fresh)
         other.budget, other._buffers, other.frame_light = FrameBudget(), ScanBuffers(), light
-        other._first_frame = FirstFrame(self.frame.store, other.frame_light, self.scene_size)
+        other._first_frame = self._first_frame.twin(light, self.frame.store)
         if fresh:
             other.frame = Frame(self.poses, self.irradiance, self.irradiance, self.frame.levels, self.frame.store)
         return other

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 
+import numpy as np
+
 from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
@@ -22,8 +24,7 @@ FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
 LATE = 1 << 18  # little compared with so many photons
-FEW = 0.25  # share of photons that count, below which they are traced again
-SPARE = 0.1  # share of photons that stays shared by flux, so that lamps that are off keep some
+FEW = 0.25  # share of photons by flux that count, below which lamps share them by their levels
 RECENT = 3  # backgrounds kept: one per shipped estimator
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
 
@@ -76,19 +77,24 @@ class FirstFrame:
         return any(b.added for b in self._recent)
 
     def share(self, model: Model) -> None:
-        """Begin with new photons where lamps are dimmed so that few of the present ones count.
+        """Take the photons that the levels of lamps ask for: shared by flux, or new ones where few of those count.
 
         model: whose lamps share photons by flux.
         """
-        levels, by_flux = self._light.setting.levels, model.emitters
-        if by_flux.effective(levels) > self._photons.model.emitters.effective(levels):
+        levels = self._light.setting.levels
+        if model.emitters.effective(levels) >= FEW:
             self._photons = self.by_flux  # still traced, and perhaps estimated
-        if self._photons.model.emitters.effective(levels) >= FEW:
             return
-        at = by_flux.shares_of_flux * levels.max(axis=1)
-        model = model.with_shares((1 - SPARE) * at / at.sum() + SPARE * by_flux.shares_of_flux)
-        self._photons = Photons(model, self._photons.seed)
-        self._recent = [b for b in self._recent if b.store is self.by_flux]
+        model = model.with_shares(model.emitters.shares_at(levels))
+        if not np.array_equal(model.emitters.scale, self._photons.model.emitters.scale):
+            self._photons = Photons(model, self._photons.seed)
+            self._recent = [b for b in self._recent if b.store is self.by_flux]
+
+    def twin(self, light: FrameLight, shown: Photons) -> FirstFrame:
+        """Return a builder with the same photons and no background; shown: photons of the frame on show."""
+        other = FirstFrame(self.by_flux, light, self._scene_size)
+        other._photons = shown
+        return other
 
     def _worth(self, shown: Background) -> int:
         """Return the number of new photons that bring as little noise as those of a background."""

@@ -23,6 +23,7 @@ from gi_core.lights.photometric import TABLE, tables_of
 from gi_core.scene.types import Scene
 
 NO_FACE = -1  # start of a path in free space
+SPARE = 0.1  # share of photons that stays shared by flux, so that lamps that are off keep some
 
 
 class Emitters(NamedTuple):
@@ -61,6 +62,16 @@ class Emitters(NamedTuple):
         """Share of each lamp of the flux, (G,), by its largest channel."""
         largest = self.flux.max(axis=1)
         return np.bincount(self.lamp, largest, self.lamps.count) / largest.sum()
+
+    def shares_at(self, levels: np.ndarray) -> np.ndarray:
+        """Return the shares (G,) of the lamps by flux at levels (G, 3), not all 0, in powers of 4.
+
+        SPARE of the photons stay shared by flux. A slider changes the shares only where it crosses a power.
+        """
+        flux = self.shares_of_flux * levels.max(axis=1)
+        power = np.frexp(flux)[1] // 2 * 2  # exact, so that the same levels give the same bits
+        at = np.where(flux > 0, np.ldexp(1.0, power), 0.0)
+        return (1 - SPARE) * at / at.sum() + SPARE * self.shares_of_flux
 
     def shared(self, shares: np.ndarray) -> Emitters:
         """Return emitters whose lamps emit these shares (G,) > 0 of the photons; they sum to 1. Fluxes stay."""

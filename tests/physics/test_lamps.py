@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gi_core.estimators import ESTIMATORS
@@ -113,6 +113,7 @@ def test_halving_all_lamps_halves_light_bit_for_bit():
 
 
 level = st.sampled_from([0.0, 0.25, 1.0, 2.0, (1.0, 0.5, 0.25), 0.3])
+BULB_ALONE = {"lamp": 0.0, "strip": 0.0, "firmament": 0.0}
 dims = st.dictionaries(st.sampled_from(LAMPS), level, min_size=1, max_size=4)
 moves = st.sampled_from([{}, MOVED, {"box": MOVED["box"]}, {"ball": Pose((0.9, 0.9, 0.2))}])
 
@@ -137,6 +138,33 @@ def test_any_history_of_lamps_and_moves_equals_from_scratch(history):
             solver.set_lamps(change)
         assert np.array_equal(solver.irradiance, solver.from_scratch())
         assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
+
+
+@settings(max_examples=12)
+@given(st.lists(dims, min_size=1, max_size=4))
+@example([BULB_ALONE, {"strip": 0.02}])  # photons of the bulb alone are enough, but not those of these levels
+def test_bits_depend_on_the_levels_alone(history):
+    """As where the scene is saved and opened again; photons of a twin have no history either."""
+    scene = room({"bulb": 0.05, "strip": 0.1, "firmament": 0.1})
+    solver = solved(scene, photons=300, light="photons")
+    for change in history:
+        solver.set_lamps(change)
+        solver.solve()
+    levels = dict(zip(solver.lamps.names, solver.levels.tolist(), strict=True))
+    for other in (solved(scene, photons=300, light="photons", lamps=levels), solver.twin(), solver.twin(fresh=True)):
+        other.solve()
+        assert np.array_equal(solver.irradiance, other.irradiance)
+    full = solver.twin()
+    full.set_lamps(dict.fromkeys(LAMPS, 1.0))
+    full.solve()
+    assert np.array_equal(full.irradiance, solved(scene, photons=300, light="photons").irradiance)
+
+
+def test_a_slider_changes_the_shares_of_lamps_at_powers_of_four():
+    emitters = solved(room({"bulb": 0.05})).model.emitters
+    places = [np.array([[1e-3], [1e-3], [1.0], [x]]) * np.ones(3) for x in np.geomspace(1e-3, 1, 200)]
+    assert len({tuple(emitters.shares_at(levels)) for levels in places}) <= 6
+    assert min(emitters.shared(emitters.shares_at(levels)).effective(levels) for levels in places) > 0.6
 
 
 def test_light_of_lamps_adds_up_at_rest_and_in_frames():
