@@ -35,11 +35,10 @@ SHOWS = ("radiance", "irradiance", *FALSE_COLOURS)
 POINTED, CLICKED = "pointed", "clicked"  # the ray under the cursor; that of the last click, which stays
 ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
-SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames per second
 PICTURE_SCALES = (1, 2, 4)
 SECONDS = 20.0  # for gathering light before a picture without a window
-STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
+STEP_PER_FRAME = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
 TOGETHER = "settings"  # the table of a saved scene with the settings that have none of their own
 
 
@@ -193,7 +192,7 @@ class Tracing:
 class Display:
     """How light is drawn."""
 
-    size: tuple[int, int] = option(SIZE, values.size, "WxH", f"pixels ({SIZE[0]}x{SIZE[1]})", kept="", resets=False)
+    size: tuple[int, int] = option((1280, 800), values.size, "WxH", "pixels (1280x800)", kept="", resets=False)
     exposure: float | None = option(  # None: metered once
         None, values.exposure, "EV", "stops; +1 doubles the brightness (the scene's, else metered)", of_scene=True
     )

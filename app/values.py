@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-MOST_PIXELS = 16384  # per side of a picture
+LONGEST_SIDE = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
 LEAST_LIGHT_MAP = 16  # pixels per side
@@ -101,8 +101,8 @@ frames = whole(100_000)  # over an hour of film
 rate = whole(1000)  # pictures per second: films count milliseconds or more
 workers = whole(256)  # processes of one machine
 points = whole(1_000_000)  # receivers at which errors are measured
-scale = whole(MOST_PIXELS)
-light_map = whole(MOST_PIXELS, LEAST_LIGHT_MAP)
+scale = whole(LONGEST_SIDE)
+light_map = whole(LONGEST_SIDE, LEAST_LIGHT_MAP)
 
 
 def percent(text: str) -> float:
@@ -126,8 +126,8 @@ def png(text: str) -> Path:
 
 def size(text: str) -> tuple[int, int]:
     width, cross, height = text.lower().partition("x")
-    fits = cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= MOST_PIXELS >= int(height) > 0
-    _require(fits, f"WIDTHxHEIGHT in pixels, each 1 .. {MOST_PIXELS}", text)
+    fits = cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= LONGEST_SIDE >= int(height) > 0
+    _require(fits, f"WIDTHxHEIGHT in pixels, each 1 .. {LONGEST_SIDE}", text)
     return int(width), int(height)
 
 

@@ -31,7 +31,6 @@ from gi_core.scene.types import DirectionalLight, PlacedLight, Pose, Scene, SkyL
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
-CONCAVE = 1e-3  # height over width of the faces around a receiver; flat surfaces in float32 files reach 1e-5
 FARTHEST_REACH = 1000  # sizes of the static part; at 3000, float32 loses 5 % of the light in corners
 
 
@@ -287,7 +286,8 @@ class Model:
         own, way = self.receiver_sides, self.towards_faces
         height = dot(way, self.object_receivers.normals)
         # The faces around a receiver are about as wide as the root of its area.
-        rises = (own >= 0) & (height > CONCAVE * np.sqrt(self.object_receivers.areas))
+        # height over width of the faces around a receiver: in float32 files of flat surfaces up to 1e-5
+        rises = (own >= 0) & (height > 1e-3 * np.sqrt(self.object_receivers.areas))
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
         out[own[rises]] = True
         return out

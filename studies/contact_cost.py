@@ -17,7 +17,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from app.draw import motion
-from app.settings import STEP, Settings, make_solver, open_moving_scene
+from app.settings import STEP_PER_FRAME, Settings, make_solver, open_moving_scene
 from gi_core.discs.contact.stale_receivers import ContactDiscs
 from gi_core.solver import Solver
 
@@ -36,7 +36,7 @@ def without_contact(solver: Solver) -> Iterator[None]:
 
 def measure(solver: Solver, frames: int) -> dict[str, float]:
     """Return medians: ms and CPU ms per frame with contact and without, receivers in contact on each side."""
-    lap, taken = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, frames), defaultdict(list)
+    lap, taken = motion.walk(motion.paths_of(solver), STEP_PER_FRAME * solver.scene_size, frames), defaultdict(list)
 
     def frame(name: str, k: int) -> None:
         # Contacts of the current poses are cached: a frame elsewhere empties the cache.

@@ -20,10 +20,8 @@ from app import values
 from app.cli.extras import need
 from app.settings import UsageError
 
-LOSSES = 20  # of processes, in which a task may run before it counts as the cause
-PATIENCE = 10  # s until a scheduler must have answered, and a worker joined it
+ANSWER_TIME = 10  # s until a scheduler must have answered, and a worker joined it
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"  # variables of dask's settings
-AHEAD = 4  # tasks per process that are not waited for
 
 
 def options(add: Callable) -> None:
@@ -66,7 +64,7 @@ class Crew:
         waiting: list = []
         for task in tasks:
             waiting.append(self.machines.client.submit(_run, self._data, run, task, pure=False))
-            if len(waiting) >= AHEAD * self.machines.processes:
+            if len(waiting) >= 4 * self.machines.processes:  # 4 tasks per process that are not waited for
                 yield waiting.pop(0).result()
         while waiting:
             yield waiting.pop(0).result()
@@ -95,11 +93,12 @@ def opened(workers: int | None, scheduler: str | None) -> Iterator[Machines | No
     # A process of dask runs any function that reaches its port, imports modules from its temporary directory, and
     # tells its state by HTTP: certificates of this run alone, a directory of mode 700, no pages.
     with tempfile.TemporaryDirectory(prefix="gi-viewer-") as private:
+        # a task is the cause after 20 losses of processes in which it may run
         private_only = {
             "temporary-directory": private,
             "distributed.scheduler.http.routes": [],
             "distributed.worker.http.routes": [],
-            "distributed.scheduler.allowed-failures": LOSSES,
+            "distributed.scheduler.allowed-failures": 20,
         }
         started = {
             "n_workers": workers,
@@ -126,7 +125,10 @@ def _remote(scheduler: str) -> Iterator[Machines]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
 
     async def identify(arguments: dict) -> None:
-        async with asyncio.timeout(PATIENCE), rpc(scheduler, timeout=PATIENCE, connection_args=arguments) as asked:
+        async with (
+            asyncio.timeout(ANSWER_TIME),
+            rpc(scheduler, timeout=ANSWER_TIME, connection_args=arguments) as asked,
+        ):
             await asked.identity(n_workers=0)
 
     try:
@@ -134,16 +136,16 @@ def _remote(scheduler: str) -> Iterator[Machines]:
         if scheduler.startswith("tls://") and arguments["ssl_context"] is None:
             fail(f"tls:// needs certificates: set {TLS}CA_FILE, {TLS}CLIENT__CERT and {TLS}CLIENT__KEY")
         asyncio.run(identify(arguments))  # Client has no deadline for a scheduler that accepts and is silent
-        client = Client(scheduler, timeout=PATIENCE)
+        client = Client(scheduler, timeout=ANSWER_TIME)
     except UsageError:
         raise
     except TimeoutError:
-        fail(f"no dask scheduler answers (not within {PATIENCE} s)")
+        fail(f"no dask scheduler answers (not within {ANSWER_TIME} s)")
     except Exception as error:  # of the address, the network, the certificates: dask raises anything
         fail(f"no dask scheduler answers ({str(error) or type(error).__name__})")
     with client:
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=ANSWER_TIME)
         except TimeoutError:
             fail(f"no worker has joined; start `dask worker {scheduler}` on a machine")
         yield Machines(client, None)

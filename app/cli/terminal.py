@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout
 
 OK, INCOMPLETE, USAGE, SCENE, NO_GL, STOPPED = 0, 1, 2, 3, 4, 130
-UNREAD = 141  # closed pipe: 128 + SIGPIPE, the shell's convention
 
 
 def fail(error: object, code: int) -> int:
@@ -59,7 +58,7 @@ def guarded(run: Callable[[], int]) -> int:
             finally:
                 _flush()
         except BrokenPipeError:  # `gi-viewer info | head`
-            return UNREAD
+            return 141  # a closed pipe: 128 + SIGPIPE, the shell's convention
         except OSError as error:
             return fail(error, USAGE)
 

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
 
 
 ESCAPES = 0.8  # of the photons at their first flight
-BEHIND = 0.5  # the same, absorbed by backs of one-sided faces
 
 
 def warnings_of(solver: Solver) -> dict[str, str]:
@@ -25,7 +24,7 @@ def warnings_of(solver: Solver) -> dict[str, str]:
             f"{100 * chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; close it, or turn "
             "its lights inwards: most photons are wasted and the picture is noisier than necessary"
         )
-    if chosen.behind_first > BEHIND:
+    if chosen.behind_first > 0.5:  # 0.5 of them, absorbed by backs of one-sided faces
         sentences["behind"] = (
             f"{100 * chosen.behind_first:.0f} % of the light first meets backs of one-sided faces, which are black; "
             "turn these faces over, or make their materials two-sided"

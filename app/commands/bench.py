@@ -9,7 +9,7 @@ from app import values
 from app.cli import options
 from app.cli.options import settings_of
 from app.cli.terminal import OK
-from app.settings import STEP, UsageError
+from app.settings import STEP_PER_FRAME, UsageError
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -18,8 +18,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(light="photons")
     add = options.measuring(parser)
     add("--frames", type=values.frames, default=100, metavar="N", help="timed frames (default 100)")
-    add("--step", type=values.positive, default=100 * STEP, metavar="PCT",
-        help=f"distance of a mobile per frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip
+    add("--step", type=values.positive, default=100 * STEP_PER_FRAME, metavar="PCT",
+        help=f"distance of a mobile per frame [%% of the scene size] ({100 * STEP_PER_FRAME:g})")  # fmt: skip
     add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
     add("--sweep", action="store_true", help="measure a table of settings into --out; resumes one that was stopped")
     add(

@@ -134,9 +134,9 @@ def _check(settings: Settings, out: Path, frames: int | None) -> None:
         )
     if suffix == ".webp" and max(settings.size) > WEBP_SIDE:
         raise UsageError(f"--out {out} has at most {WEBP_SIDE} pixels per side, got {max(settings.size)}")
-    if max(settings.size) > values.MOST_PIXELS:
+    if max(settings.size) > values.LONGEST_SIDE:
         raise UsageError(
-            f"a picture has at most {values.MOST_PIXELS} pixels per side, got {max(settings.size)}; lower --scale"
+            f"a picture has at most {values.LONGEST_SIDE} pixels per side, got {max(settings.size)}; lower --scale"
         )
     if suffix == ".exr":
         need("OpenEXR", "writes .exr files")

@@ -30,8 +30,6 @@ from gi_core.solver import Solver
 
 LINEAR, LINEAR_MIPMAPS = 9729, 9987
 CODES = {name: code for code, name in WRAPS.items()}
-TINT = 1e-6  # reflectances this close are one: paint has float32
-CUTOFF = 0.5  # of the alpha of a texture with holes
 UNLIT = "KHR_materials_unlit"
 UP = np.array([0.0, 1.0, 0.0])  # of a glTF file
 
@@ -243,7 +241,7 @@ class _Baking:
         if texture is not None:
             pbr["baseColorTexture"] = {"index": self._texture(texture)}
             if texture.cover is not None:
-                out |= {"alphaMode": "MASK", "alphaCutoff": CUTOFF}
+                out |= {"alphaMode": "MASK", "alphaCutoff": 0.5}  # 0.5 of the alpha of a texture with holes
         return out
 
     def _texture(self, texture: Texture) -> int:
@@ -265,7 +263,8 @@ def _is_painted(mesh: Mesh, faces: np.ndarray, material: Material) -> bool:
     """Return whether the colours of faces (n,) differ from that of their material."""
     flat = None if mesh.face_reflectance is None else mesh.face_reflectance[faces]
     at_corners = None if mesh.paint is None else mesh.paint.corner_colour[faces]
-    return any(c is not None and not np.allclose(c, material.reflectance, atol=TINT) for c in (flat, at_corners))
+    # 1e-6: reflectances this close are one; paint has float32
+    return any(c is not None and not np.allclose(c, material.reflectance, atol=1e-6) for c in (flat, at_corners))
 
 
 def _turn(up: np.ndarray) -> np.ndarray:

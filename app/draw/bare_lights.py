@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gi_core.rays.accelerator import Transforms
     from gi_core.scene.types import Pose
 
-MOST = 16  # highlights per picture, as in surface.frag: those of the strongest lights
+HIGHLIGHTS = 16  # highlights per picture, as in surface.frag: those of the strongest lights
 
 
 class BareLights(NamedTuple):
@@ -26,7 +26,7 @@ class BareLights(NamedTuple):
 
     at: np.ndarray  # (L, 4) float32: position [m], 1; or unit direction towards the light, 0
     value: np.ndarray  # (L, 3) float32: intensity [W/sr] or irradiance of a facing plane [W/m2], at strength 1
-    strength: tuple[np.ndarray | None, ...]  # per object: (D, MOST) float32, 0 in a shadow; None: all 0
+    strength: tuple[np.ndarray | None, ...]  # per object: (D, HIGHLIGHTS) float32, 0 in a shadow; None: all 0
     up: np.ndarray  # (3,) float64 unit
     sky: np.ndarray  # (3,) float64 [W/m2/sr], above the horizon
 
@@ -46,7 +46,7 @@ def bare_lights(
         if len(k) and len(strongest.kind) and mesh.normal is not None:
             light = arriving(model.accelerator, at, points[o], mesh.normal[k] @ at.rotation[o].T, strongest, size)
             far = np.where(strongest.distant, 1.0, light.distance)
-            out = strength[o] = np.zeros((len(mesh.positions), MOST), np.float32)
+            out = strength[o] = np.zeros((len(mesh.positions), HIGHLIGHTS), np.float32)
             out[k, : len(strongest.kind)] = light.strength * far * far
     of_light = np.concatenate([strongest.place, 1.0 - strongest.distant[:, None]], axis=1).astype(np.float32)
     return BareLights(of_light, strongest.value.astype(np.float32), tuple(strength), lights.sky.up, lights.sky.radiance)
@@ -69,10 +69,10 @@ def _size_of(meshes: Sequence[DrawMesh]) -> float:
 
 
 def _strongest(lights: DeltaLights, points: np.ndarray, size: float) -> DeltaLights:
-    """Return the MOST lights that bring most to the middle of the points (n, 3), shadows left out."""
-    if len(lights.kind) <= MOST or not len(points):
+    """Return the HIGHLIGHTS lights that bring most to the middle of the points (n, 3), shadows left out."""
+    if len(lights.kind) <= HIGHLIGHTS or not len(points):
         return lights
     E = unoccluded(points.mean(axis=0)[None], lights, size).strength[0] * luminance(lights.value)
-    rows = np.sort(np.argsort(-E, kind="stable")[:MOST])
+    rows = np.sort(np.argsort(-E, kind="stable")[:HIGHLIGHTS])
     kind, parameters, value, lamp = (a[rows] for a in lights[:4])
     return DeltaLights(kind, parameters, value, lamp, lights.tables)

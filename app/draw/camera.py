@@ -21,7 +21,6 @@ WIDE = np.radians(45.0)  # field of view for which these hold; narrower ones are
 PITCHES = -MAX_PITCH, MAX_PITCH
 PARALLEL = np.radians(2.0)  # field of view of a parallel view: lengths at the scene's ends differ by 3 %
 FARTHEST_PIVOT = 3.0  # of the scene's radius, so that the scene stays findable
-NEAR_SHARE = 1e-3  # of the far plane: 24 bits of depth then resolve 1e-4 of the scene
 DEFAULT_VIEW = (np.radians(30.0), np.radians(22.0))  # yaw, pitch of a scene without a camera
 
 
@@ -78,7 +77,8 @@ class Turntable:
     def projection(self, aspect: float) -> np.ndarray:
         """Return the (4, 4) float64 eye-to-clip matrix; near and far plane enclose the scene's bounds."""
         far = float(np.linalg.norm(self.eye() - self.bounds.centre)) + 1.05 * self.bounds.radius
-        near = max(far - 2.1 * self.bounds.radius, far * NEAR_SHARE)
+        # 1e-3 of the far plane: 24 bits of depth resolve 1e-4 of the scene
+        near = max(far - 2.1 * self.bounds.radius, far * 1e-3)
         t = np.tan(self.fov / 2)
         M = np.zeros((4, 4))
         M[0, 0], M[1, 1] = 1 / (t * aspect), 1 / t

@@ -24,7 +24,7 @@ VIRIDIS = np.array(  # Oklab of five colours of viridis (Smith and van der Walt 
 )
 SEQUENTIAL_STEPS = 32  # of the table, whose colours are interpolated as display values
 SHARE = 0.95  # of the weight of values: within the end of their scale
-UNKNOWN = (0.24, 0.245, 0.255)  # display colour of nan, darker than the map
+UNKNOWN_COLOUR = (0.24, 0.245, 0.255)  # display colour of nan, darker than the map
 
 _CUBE_ROOTS = np.array(
     [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.2914855480]]
@@ -39,12 +39,12 @@ _LINEAR = np.array(
 
 
 def signed_colours(values: np.ndarray) -> np.ndarray:
-    """Return display colours (n, 3) float32 in 0 .. 1 for values (n,), cut off at -1 and 1; nan is UNKNOWN."""
+    """Return display colours (n, 3) float32 in 0 .. 1 for values (n,), cut off at -1 and 1; nan is UNKNOWN_COLOUR."""
     x = np.clip(np.asarray(values, np.float64), -1, 1)[:, None]
     finite = ~np.isnan(x[:, 0])
     zero, end = np.array(ZERO), np.where(x < 0, BELOW, ABOVE)
     rgb = from_oklab(zero + np.abs(np.nan_to_num(x)) * (end - zero))
-    rgb[~finite] = UNKNOWN
+    rgb[~finite] = UNKNOWN_COLOUR
     return rgb.astype(np.float32)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 QUANTILES = 0.02, 0.98  # of the visible surface: shadows in corners and spots at lamps exceed the scale
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale
 MOST_DECADES = 4
-STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
+ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
 LABEL = 0.09  # of the scale: least distance of ticks from its ends, for their labels
 LEAST_TICKS = 4  # intervals of a linear scale, at least
 MOST_LINES = 16  # isolines, as in surface.frag
@@ -52,7 +52,7 @@ class Scale(NamedTuple):
             return [_rounded(k * step) for k in range(ends[0], ends[1] + 1)]
         decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         numbers: list[float] = []
-        for steps in (STEPS[:3], STEPS[:1]):
+        for steps in (ROUND_STEPS[:3], ROUND_STEPS[:1]):
             numbers = [v for k in decades for s in steps if self.low < (v := _rounded(s * 10.0**k)) <= self.high]
             if len(numbers) <= most:
                 break
@@ -72,7 +72,7 @@ class Scale(NamedTuple):
         if self.logarithmic:
             decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
             many = math.log10(self.high / self.low) > 2.5
-            inner = [s * 10.0**k for k in decades for s in ((1.0,) if many else STEPS[:3])]
+            inner = [s * 10.0**k for k in decades for s in ((1.0,) if many else ROUND_STEPS[:3])]
         else:
             step = _step(self.high - self.low)
             inner = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
@@ -172,13 +172,13 @@ def _step(length: float) -> float:
     """Return the largest round number of which LEAST_TICKS fit into a length."""
     most = length / LEAST_TICKS
     power = 10.0 ** math.floor(math.log10(most))
-    return max(s * power for s in STEPS if s * power <= most * (1 + 1e-9))
+    return max(s * power for s in ROUND_STEPS if s * power <= most * (1 + 1e-9))
 
 
 def _round_ends(low: float, high: float) -> tuple[float, float]:
     """Return the next round numbers below and above."""
     down, up = (10.0 ** math.floor(math.log10(x)) for x in (low, high))
     return (
-        max(s * down for s in STEPS if s * down <= low * (1 + 1e-9)),
-        min(s * up for s in STEPS if s * up >= high * (1 - 1e-9)),
+        max(s * down for s in ROUND_STEPS if s * down <= low * (1 + 1e-9)),
+        min(s * up for s in ROUND_STEPS if s * up >= high * (1 - 1e-9)),
     )

@@ -9,9 +9,6 @@ import moderngl
 from app.draw.gl_objects import DrawnObject
 from gi_core.gloss.reflectors import Reflector
 
-LONG_SIDE = 256  # pixels of the small picture
-KEPT = 64  # views whose shares are kept, those that were asked for last
-
 Shares = dict[tuple[int, int], float]  # by object and its reflector: of the view, more than 0
 
 
@@ -41,12 +38,12 @@ class GLCoverage:
         if shares is None:
             shares = self._counted(size, objects, place, cull, omitted)
         self._known[key] = shares  # the latest comes last
-        if len(self._known) > KEPT:
+        if len(self._known) > 64:  # 64 views whose shares are kept, those asked for last
             del self._known[next(iter(self._known))]
         return shares
 
     def _counted(self, size, objects, place, cull, omitted) -> Shares:
-        scale = LONG_SIDE / max(size)
+        scale = 256 / max(size)  # 256 pixels along the long side of the small picture
         width, height = (max(round(scale * n), 1) for n in size)
         ctx = self._ctx
         target = self._target((width, height))

@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 
 from app.draw.tonemap import BACKGROUND, srgb_decode
-from gi_core.gloss.reflectors import INSIDE, PLANAR, PROBE, Reflector
+from gi_core.gloss.reflectors import OMITTED_INSIDE, PLANAR, PROBE, Reflector
 from gi_core.gloss.sharp import TAPS
 
 if TYPE_CHECKING:
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from app.draw.gl_coverage import Shares
 
 PLANE_UNIT, PROBE_UNIT = 2, 3  # texture units
-SIDE = 256  # texels along a face of a probe
+PROBE_TEXELS = 256  # texels along a face of a probe
 BIAS = 1e-4  # of the scene size: the reflected scene begins so far in front of its plane
-PLANES, PLANES_IN_PROBES = 4, 2  # drawn per picture and per face of a probe, those that cover most; the rest: probes
+PLANES_SHOWN, PLANES_IN_PROBES = 4, 2  # per picture and per face of a probe, those that cover most; the rest: probes
 LEAST_SHARE, LEAST_SHARE_IN_PROBES = 0.002, 0.05  # of the view that a drawn plane covers
-NEAR, FAR = 1e-3, 4.0  # of the scene size: clip planes of probes, and the distance of the background
+NEAR_PLANE, BACKDROP = 1e-3, 4.0  # of the scene size: clip planes of probes, and distance of the background
 SEAMLESS = 0x884F  # GL_TEXTURE_CUBE_MAP_SEAMLESS
 
 # Directions and up vectors of the faces of a cube map, in OpenGL's order.
@@ -109,7 +109,7 @@ class GLMirrors:
         object; key: of everything besides light and poses that the images depend on.
         """
         shown = shares(picture)
-        planes = self._through(self._chosen(shown, PLANES, LEAST_SHARE), picture, models, 1.0, (PROBE,))
+        planes = self._through(self._chosen(shown, PLANES_SHOWN, LEAST_SHARE), picture, models, 1.0, (PROBE,))
         needed = {r.probe.number for r in map(self._of.__getitem__, shown) if not _is_by(r, planes)}
         for view, _ in planes.values():
             needed |= {self._of[which].probe.number for which in shares(view)}
@@ -168,19 +168,19 @@ class GLMirrors:
     def _draw_probe(self, number: int, draw: Callable[[View], None], shares, models: Sequence[np.ndarray]) -> None:
         o, probe = self._probes[number]
         if self._face is None:
-            self._face = _Image(self._ctx, (SIDE, SIDE), 1)
+            self._face = _Image(self._ctx, (PROBE_TEXELS, PROBE_TEXELS), 1)
         turn = models[o][:3, :3]
         centre, half = turn @ probe.centre + models[o][:3, 3], np.abs(turn) @ probe.half
         if number not in self._cubes:
-            self._cubes[number] = self._ctx.texture_cube((SIDE, SIDE), 4, dtype="f2")
+            self._cubes[number] = self._ctx.texture_cube((PROBE_TEXELS, PROBE_TEXELS), 4, dtype="f2")
         cube, blurs = self._cubes[number], _blurs(r for r in self._of.values() if r.probe.number == number)
         cube.filter = _filter(blurs)
         self._images = self._planes_in_probes
-        room = self._ctx.buffer(reserve=8 * SIDE * SIDE)
+        room = self._ctx.buffer(reserve=8 * PROBE_TEXELS * PROBE_TEXELS)
         for face, (forward, up) in enumerate(FACES):
-            near = max(INSIDE * float(np.abs(np.array(forward) @ half).max()), NEAR * self.size)
-            through = _quarter_view(centre, forward, up, near, 2 * FAR * self.size)
-            view = View(through, centre, "ccw", (PLANAR,), 2.0, (SIDE, SIDE), number)
+            near = max(OMITTED_INSIDE * float(np.abs(np.array(forward) @ half).max()), NEAR_PLANE * self.size)
+            through = _quarter_view(centre, forward, up, near, 2 * BACKDROP * self.size)
+            view = View(through, centre, "ccw", (PLANAR,), 2.0, (PROBE_TEXELS, PROBE_TEXELS), number)
             chosen = self._chosen(shares(view), PLANES_IN_PROBES, LEAST_SHARE_IN_PROBES)
             self._draw_planes(self._through(chosen, view, models, 2.0, ()), draw, 1)
             self._face.begin()
@@ -253,7 +253,7 @@ class _Image:
         self._drawn.use()
         self._drawn.scissor = area
         r, g, b = srgb_decode(np.array(BACKGROUND))
-        self._drawn.clear(r, g, b, FAR)
+        self._drawn.clear(r, g, b, BACKDROP)
 
     def finish(self, blurred: bool) -> None:
         """Resolve the samples; blurred: make smaller copies."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
-from app.draw.bare_lights import MOST
+from app.draw.bare_lights import HIGHLIGHTS
 from app.draw.diagonals import Turning, other_diagonals
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
@@ -135,7 +135,7 @@ class DrawnObject:
             self._gloss.tangents = ctx.buffer(np.ascontiguousarray(mesh.tangent, np.float32).tobytes())
             self._owned.append(self._gloss.tangents)
         if mesh.reflectors:
-            self._gloss.strengths = ctx.buffer(bytes(4 * MOST * self._vertices), dynamic=True)
+            self._gloss.strengths = ctx.buffer(bytes(4 * HIGHLIGHTS * self._vertices), dynamic=True)
             self._owned.append(self._gloss.strengths)
         self._layers: dict[int, Layer] = {}
         self._layer(0)
@@ -222,10 +222,10 @@ class DrawnObject:
         self._layer(layer).irradiance.write(lit)
 
     def shine(self, strength: np.ndarray | None) -> None:
-        """Upload the strength (D, MOST) float32 of lights without a surface; None: all 0."""
+        """Upload the strength (D, HIGHLIGHTS) float32 of lights without a surface; None: all 0."""
         gloss = self._gloss
         if gloss.strengths is not None and (strength is not None or gloss.has_strength):
-            gloss.strengths.write(np.zeros((self._vertices, MOST), np.float32) if strength is None else strength)
+            gloss.strengths.write(np.zeros((self._vertices, HIGHLIGHTS), np.float32) if strength is None else strength)
             gloss.has_strength = strength is not None
 
     def is_evaluated(self, single_rays: bool) -> bool:

@@ -63,7 +63,6 @@ class GLTextures:
 
 
 LINES = 4096  # texels along a column: as many receivers; OpenGL 3.3 promises 1024, every driver in use 16384
-GAP = 16  # unchanged receivers between changed ones that are uploaded with them: a call costs more
 
 
 class GlossTexture:
@@ -106,7 +105,8 @@ class GlossTexture:
             return
         place = np.full(n, -1)
         place[light.changed] = np.arange(len(light.changed))
-        for run in np.split(rows, np.flatnonzero((np.diff(rows) > GAP) | (np.diff(rows // self.lines) > 0)) + 1):
+        # 16 unchanged receivers between changed ones are uploaded with them: a call costs more
+        for run in np.split(rows, np.flatnonzero((np.diff(rows) > 16) | (np.diff(rows // self.lines) > 0)) + 1):
             self._write(light, place, int(run[0]), int(run[-1]) + 1)
 
     def _write_owners(self, place: np.ndarray) -> None:

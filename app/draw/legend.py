@@ -11,16 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from app.draw.colour_map import UNKNOWN, sequential_colours
+from app.draw.colour_map import UNKNOWN_COLOUR, sequential_colours
 from app.draw.false_colour import LIGHT_FROM, Scale
 from app.draw.units import Units
 
 HEIGHT_EM, WIDTH_EM = 11.0, 1.1  # of the bar
 TICK_EM, BESIDE_EM = 0.3, 0.6  # from the bar to the ends of ticks, and to their labels
 PAD_EM, ROW_EM = 0.7, 1.25
-PLATE, TEXT = (15, 16, 17, 210), (235, 236, 238)
+LEGEND_PLATE, LEGEND_TEXT = (15, 16, 17, 210), (235, 236, 238)
 LIGHT_MARK, DARK_MARK = (255, 255, 255, 255), (0, 0, 0, 255)
-LEAST_EM = 9  # pixels
 COLOUR_STEPS = 64
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom
@@ -78,16 +77,16 @@ def layout(legend: Legend, em: float, width_of: Callable[[str], float], right: f
 def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 with the legend in its lower right corner; unchanged if it is too small."""
     h, w = picture.shape[:2]
-    em = max(h // 50, LEAST_EM)
+    em = max(h // 50, 9)
     font = ImageFont.load_default(em)
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
     at = layout(legend, em, lambda text: draw.textlength(plain(text), font), w - em, h - em)
     if min(at.plate) < 0:
         return picture
-    draw.rounded_rectangle(at.plate, 0.35 * em, PLATE)
+    draw.rounded_rectangle(at.plate, 0.35 * em, LEGEND_PLATE)
     for corner, line in zip(at.captions, legend.lines, strict=True):
-        draw.text(corner, plain(line), TEXT, font)
+        draw.text(corner, plain(line), LEGEND_TEXT, font)
     left, top, right, _ = at.bar
     rows = round(HEIGHT_EM * em)
     places, steps = np.linspace(1, 0, rows), np.linspace(0, 1, len(legend.colours))
@@ -98,11 +97,11 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
         draw.line((left, y, right, y), LIGHT_MARK if position < LIGHT_FROM else DARK_MARK)
     for position, text in legend.ticks:
         y = at.y(position)
-        draw.line((right, y, right + TICK_EM * em, y), TEXT)
-        draw.text((at.labels, y), plain(text), TEXT, font, anchor="lm")
+        draw.line((right, y, right + TICK_EM * em, y), LEGEND_TEXT)
+        draw.text((at.labels, y), plain(text), LEGEND_TEXT, font, anchor="lm")
     if legend.unknown:
-        draw.rectangle(at.swatch, tuple(round(255 * c) for c in UNKNOWN), TEXT)
-        draw.text((at.labels, (at.swatch[1] + at.swatch[3]) / 2), plain(legend.unknown), TEXT, font, anchor="lm")
+        draw.rectangle(at.swatch, tuple(round(255 * c) for c in UNKNOWN_COLOUR), LEGEND_TEXT)
+        draw.text((at.labels, (at.swatch[1] + at.swatch[3]) / 2), plain(legend.unknown), LEGEND_TEXT, font, anchor="lm")
     return np.asarray(image)
 
 

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from app.draw.visible import PictureScene, Strip
     from gi_core.model import Model
 
-LEAST = 1e-3  # share of the flux that makes a side bright
-NEARER = 1e-5  # of the surface's coordinates: a face so little behind it is seen
-
 
 class LightFaces(NamedTuple):
     """Bright sides of the rectangles of luminaires, in the space of the model."""
@@ -46,7 +43,8 @@ class LightFaces(NamedTuple):
         shares = np.stack([1 - u - v, u, v], axis=1)[:, :, None]
         nearest = np.full(len(strip.face), np.inf)
         nearest[hit] = (((world.corners[face] * shares).sum(axis=1) - strip.eye) * d).sum(axis=1)
-        nearest[hit] += NEARER * np.abs(world.corners[face]).max(axis=(1, 2), initial=0.0)
+        # 1e-5 of the surface's coordinates: a face so little behind it is seen
+        nearest[hit] += 1e-5 * np.abs(world.corners[face]).max(axis=(1, 2), initial=0.0)
         which = np.full(len(strip.face), -1)
         for k, (a, b, _, c) in enumerate(self.corners):
             normal, way = np.cross(b - a, c - a), a - strip.eye
@@ -74,7 +72,7 @@ def light_faces(model: Model, levels: np.ndarray) -> LightFaces:
         ahead = share_ahead(light)
         flux = np.array(light.flux) * levels[lamps.get(light.name, 0)]
         for share, places in ((ahead, around), (1 - ahead, around[::-1])):
-            if share > LEAST and flux.any():
+            if share > 1e-3 and flux.any():  # 1e-3 of the flux makes a side bright
                 corners.append(places[None])
                 radiance.append((share * flux / (math.pi * light.size[0] * light.size[1]))[None])
     return LightFaces(np.concatenate(corners), np.concatenate(radiance))

@@ -10,8 +10,8 @@ import numpy as np
 from app.settings import UsageError
 
 PADDING = 4  # texels between charts, filled with the light of the nearest chart
-REACH = 1.0  # texels round a triangle that its light continues in: bilinear filters read there
-CHUNK = 1 << 20  # texels per step
+SEAM = 1.0  # texels round a triangle that its light continues in: bilinear filters read there
+TEXELS = 1 << 20  # texels per step
 
 
 class Unwrapped(NamedTuple):
@@ -74,21 +74,21 @@ def light_map(size: tuple[int, int], parts: Iterable[tuple[Unwrapped, np.ndarray
 
 def _boxes(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the first texel (n, 2) and the numbers of texels (n, 2) of boxes round triangles (n, 3, 2)."""
-    low = np.floor(p.min(axis=1) - REACH).astype(np.int64)
-    return low, np.ceil(p.max(axis=1) + REACH).astype(np.int64) - low + 1
+    low = np.floor(p.min(axis=1) - SEAM).astype(np.int64)
+    return low, np.ceil(p.max(axis=1) + SEAM).astype(np.int64) - low + 1
 
 
 def _chunks(p: np.ndarray) -> Iterable[np.ndarray]:
-    """Yield numbers of triangles (n, 3, 2) whose boxes have about CHUNK texels together; flat ones are left out."""
+    """Yield numbers of triangles (n, 3, 2) whose boxes have about TEXELS texels together; flat ones are left out."""
     e, g = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     solid = np.flatnonzero(np.abs(e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0]) > 1e-9)
     if len(solid):
         sizes = _boxes(p[solid])[1].prod(axis=1)
-        yield from np.split(solid, np.flatnonzero(np.diff(np.cumsum(sizes) // CHUNK)) + 1)
+        yield from np.split(solid, np.flatnonzero(np.diff(np.cumsum(sizes) // TEXELS)) + 1)
 
 
 def _texels(p: np.ndarray, width: int, height: int) -> tuple[np.ndarray, ...]:
-    """Return the texels within REACH of triangles (n, 3, 2): triangle, texel, barycentric weights (k, 3) of the nearest
+    """Return the texels within SEAM of triangles (n, 3, 2): triangle, texel, barycentric weights (k, 3) of the nearest
     point on it, and the squared distance from that."""
     low, size = _boxes(p)
     counts = size.prod(axis=1)
@@ -99,7 +99,7 @@ def _texels(p: np.ndarray, width: int, height: int) -> tuple[np.ndarray, ...]:
     off = (shares[:, :, None] * p[f]).sum(axis=1) - centre
     away = (off * off).sum(axis=1)
     away[away < 1e-18] = 0.0
-    inside = ((centre >= 0) & (centre < (width, height))).all(axis=1) & (away <= REACH * REACH)
+    inside = ((centre >= 0) & (centre < (width, height))).all(axis=1) & (away <= SEAM * SEAM)
     return f[inside], centre[inside, 1] * width + centre[inside, 0], shares[inside], away[inside]
 
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
     from gi_core.geometry.receivers import Receivers
 
-PATCH_SIZE = 0.1  # of the scene size
-
 
 def metered(
     receivers: Receivers,
@@ -54,7 +52,8 @@ def metered(
         receivers.positions, receivers.normals, areas, eye.position, eye.target, eye.vertical_fov_degrees
     )
     weights = weights if weights.sum() > 0 else areas
-    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, PATCH_SIZE * size))
+    # 0.1 of the scene size
+    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, 0.1 * size))
 
 
 def _patches(positions, normals, radiance, weights, size) -> tuple[np.ndarray, np.ndarray]:

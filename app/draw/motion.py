@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 CIRCLE_RADIUS = 0.25  # of the scene size: path of a mobile without one
 CIRCLE_CORNERS = 64
-LENGTH_SAMPLES = 32  # of a path's length, per key-frame interval
 
 
 def paths_of(solver: Solver) -> dict[str, KeyFrames]:
@@ -55,9 +54,8 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
     """Return the times [s] at which the repeated path reaches the distances [m]."""
     if len(path.times) == 1:
         return np.full(len(distances), path.times[0])
-    fine = np.interp(
-        np.arange(0, len(path.times) - 1 + 1e-9, 1 / LENGTH_SAMPLES), np.arange(len(path.times)), path.times
-    )
+    # 32 samples of a path's length per key-frame interval
+    fine = np.interp(np.arange(0, len(path.times) - 1 + 1e-9, 1 / 32), np.arange(len(path.times)), path.times)
     points = np.stack([np.interp(fine, path.times, path.positions[:, k]) for k in range(3)], axis=1)
     gone = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)))])
     length = gone[-1]

@@ -18,8 +18,6 @@ from PIL.PngImagePlugin import PngInfo
 from app.cli.writable import replacing, write_whole
 from gi_core.scene.errors import utf8
 
-KEYWORD_CHARACTERS = 79  # limit of the PNG standard
-
 if TYPE_CHECKING:  # heavy, and PNG needs no layers
     from app.draw.layers import Layers
 
@@ -32,7 +30,7 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[
     path = Path(path).resolve()
     info = PngInfo()
     for key, value in (parameters or {}).items():
-        info.add_text(_latin(key)[:KEYWORD_CHARACTERS], _latin(value))
+        info.add_text(_latin(key)[:79], _latin(value))  # characters: the limit of the PNG standard
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
     write_whole(path, data.getvalue())

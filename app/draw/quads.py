@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.base.vectors import cross, dot
 
-FLAT = 1e-4  # of the diagonal: distance of a corner from the plane of the others; the same for texture coordinates
+OFF_PLANE = 1e-4  # of the diagonal: distance of a corner from the plane of the others; the same for texture coordinates
 
 
 class Quads(NamedTuple):
@@ -58,9 +58,9 @@ def _is_flat(positions: np.ndarray, uv: np.ndarray | None, corners: np.ndarray) 
     normal = cross(u, v)
     area = np.maximum(dot(normal, normal), 1e-300)
     x, y = (dot(cross(w, v), normal) / area)[:, None], (dot(cross(u, w), normal) / area)[:, None]
-    good = np.abs(w - x * u - y * v).max(axis=1) <= FLAT * np.sqrt(dot(c - b, c - b))
+    good = np.abs(w - x * u - y * v).max(axis=1) <= OFF_PLANE * np.sqrt(dot(c - b, c - b))
     if uv is not None:
         a, b, d, c = uv.astype(np.float64)[corners]
         off = np.abs(d - a - x * (b - a) - y * (c - a)).max(axis=1)
-        good &= off <= FLAT * np.abs(c - b).max(axis=1) + 1e-12
+        good &= off <= OFF_PLANE * np.abs(c - b).max(axis=1) + 1e-12
     return good

@@ -38,7 +38,6 @@ UNLIT = "back of a one-sided surface: no light is computed"
 
 EYE = 0.05  # of the scene's size: distance from which a pin is read
 PIXELS = 1 << 20  # per picture height there: the texture is read at a point
-REACH = 1e-3  # of the scene's size: a pin may lie so far off its face
 
 
 class Reading(NamedTuple):
@@ -97,7 +96,7 @@ def read_pin(
         return Pinned(pin, position, None)
     o = 1 + model.names.index(pin.object) if pin.object else 0
     size = model.world.size
-    face = picker.on(o, position, normal, REACH * size)
+    face = picker.on(o, position, normal, 1e-3 * size)  # a pin may lie 1e-3 of the scene's size off its face
     if o:
         position, normal = (f(poses[pin.object], v[None])[0]
                             for f, v in ((to_world, position), (to_world_directions, normal)))  # fmt: skip

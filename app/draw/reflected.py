@@ -23,10 +23,9 @@ from gi_core.gloss.reflectors import Reflector
 from gi_core.lights.light_sampling import Lights
 from gi_core.rays.accelerator import Accelerator, Transforms
 
-BOUNCES = 3  # between sharp surfaces; the last one shows cells
-RAYS = 32  # per ray of the picture at most, at its first rough lobe; further lobes and mirrors have one
+RAYS_PER_PIXEL_RAY = 32  # per ray of the picture at most, at its first rough lobe; further lobes and mirrors have one
 LAMP_RAYS = 16  # as many to lamps there; further rough lobes have one
-NOISE = 0.5  # of a pixel, of 255: more rays than one are for pixels that would have more
+PIXEL_NOISE = 0.5  # of a pixel, of 255: more rays than one are for pixels that would have more
 MOST_RAYS = 1 << 23  # that rough lobes of a picture have beyond the first, a share for each strip
 # Of the R2 sequence, and the golden ratio (Roberts 2018): two numbers choose a direction, the third a part of the lobe.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532, 0.6180339887498949])
@@ -128,7 +127,7 @@ class Mirrors:
         """Return which of the hits (n,) of a strip see sharp faces (k,), and the radiance (k, 3) of their gloss.
 
         under (n, 3): radiance of the hits without it. Each rough lobe has one ray of each kind first. Pixels of more
-        noise than NOISE have as many as bring it there.
+        noise than PIXEL_NOISE have as many as bring it there.
         """
         rows = np.flatnonzero(self._of_face[strip.face[hit]] >= 0)
         rays, height = hit[rows], strip.rows.stop - strip.rows.start
@@ -138,7 +137,7 @@ class Mirrors:
         hits = Hits(strip.face[rays], strip.u[rays], strip.v[rays], directions, eyes, rays + first, 0, False, 1)
         lit = Lit(world, front, back)
         out = self._gloss(lit, hits)
-        if RAYS > 1 and self._has_rough:
+        if RAYS_PER_PIXEL_RAY > 1 and self._has_rough:
             at = rays // len(PIXEL_OFFSETS)
             counts = _rays_wanted(self._shown(under[rows], out), at, height, len(strip.face) // len(PIXEL_OFFSETS))
             counts = _within(counts, int(MOST_RAYS * height / self._height))
@@ -160,7 +159,7 @@ class Mirrors:
             own, rough = hits.at(rows), len(self._reflectors[k].lobe.taps) > 1
             views = self._views(lit.world, own, int(k))
             count = hits.rays if rough and not hits.spread else 1
-            to_lamps = max(count * LAMP_RAYS // RAYS, 1) if rough and self._has_lamps else 0
+            to_lamps = max(count * LAMP_RAYS // RAYS_PER_PIXEL_RAY, 1) if rough and self._has_lamps else 0
             out[rows] = self._of_lobe(lit, own, views, int(k), count, to_lamps)
             if to_lamps:
                 out[rows] += self._of_lamps(lit.world, own, views, count, to_lamps)
@@ -255,7 +254,8 @@ class Mirrors:
         above = self._gloss_seen_in(k)
         if above is not None:
             gloss = seen_radiance(lit.world, *above, *seen, None, hits.eye)[0]
-            sharp = np.flatnonzero(self._of_face[hits.face] >= 0) if bounce < BOUNCES else np.zeros(0, np.int64)
+            # 3 bounces between sharp surfaces; the last one shows cells
+            sharp = np.flatnonzero(self._of_face[hits.face] >= 0) if bounce < 3 else np.zeros(0, np.int64)
             if len(sharp):
                 gloss[sharp] = self._gloss(lit, hits.at(sharp))
             radiance = radiance + gloss
@@ -271,7 +271,7 @@ class Mirrors:
 
 
 def _rays_wanted(shown: np.ndarray, at: np.ndarray, height: int, pixels: int) -> np.ndarray:
-    """Return the number (n,) of rays, a power of two up to RAYS, that samples need for NOISE.
+    """Return the number (n,) of rays, a power of two up to RAYS_PER_PIXEL_RAY, that samples need for PIXEL_NOISE.
 
     shown (n,) float64: the values of n samples, as a tone map shows them. at (n,) int: the pixel of each sample, among
     `pixels` of a strip that is `height` pixels high. The variance of a pixel is a mean over 3 x 3 pixels, because four
@@ -281,9 +281,9 @@ def _rays_wanted(shown: np.ndarray, at: np.ndarray, height: int, pixels: int) ->
     apart = np.maximum(squares - total * total / np.maximum(count, 1), 0.0)
     free = np.maximum(count - 1, 0)
     apart, free = (_around(a.reshape(height, -1)).reshape(-1) for a in (apart, free))
-    wanted = apart / np.maximum(free, 1) / len(PIXEL_OFFSETS) / max(NOISE * NOISE, 1e-9)
-    powers = np.ceil(np.log2(np.clip(wanted, 1.0, RAYS)))
-    return np.minimum(np.exp2(powers), RAYS).astype(np.int64)[at]
+    wanted = apart / np.maximum(free, 1) / len(PIXEL_OFFSETS) / max(PIXEL_NOISE * PIXEL_NOISE, 1e-9)
+    powers = np.ceil(np.log2(np.clip(wanted, 1.0, RAYS_PER_PIXEL_RAY)))
+    return np.minimum(np.exp2(powers), RAYS_PER_PIXEL_RAY).astype(np.int64)[at]
 
 
 def _around(of: np.ndarray) -> np.ndarray:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from app.draw.bare_lights import MOST
+from app.draw.bare_lights import HIGHLIGHTS
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_coverage import GLCoverage, Shares
-from app.draw.gl_mirrors import FAR, GLMirrors, View
+from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.light_faces import LightFaces
@@ -39,7 +39,7 @@ TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
 GLOSS_UNITS = {"cells": 1, "owners": 4}  # texture units; 2 and 3 are reflections
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
-LINEAR, COMPRESSED = 5, 6  # of reflections
+LINEAR_REFLECTION, COMPRESSED = 5, 6  # of reflections
 SHARP, SHARP_TEXTURED = ("SHARP",), ("SHARP", "TEXTURED")  # variants of the shaders
 NO_SCALE = Scale(0.0, 1.0, False)
 
@@ -249,7 +249,7 @@ class Renderer:
                 self._set_up_lights(program)
 
     def _set_up_lights(self, program) -> None:
-        at, value = np.zeros((MOST, 4), np.float32), np.zeros((MOST, 3), np.float32)
+        at, value = np.zeros((HIGHLIGHTS, 4), np.float32), np.zeros((HIGHLIGHTS, 3), np.float32)
         program["lamp_count"] = count = 0 if self._lights is None else len(self._lights.at)
         if self._lights is not None:
             at[:count], value[:count] = self._lights.at, self._lights.value
@@ -264,7 +264,7 @@ class Renderer:
         sky["direction_of"].write(np.linalg.inv(view.view_projection[[0, 1, 3], :3]).T.astype(np.float32).tobytes())
         sky["pixels"], sky["up"] = tuple(map(float, view.size)), tuple(lights.up)
         sky["light"] = tuple(2.0**look.exposure * np.array(look.gains) * lights.sky)
-        sky["compressed"], sky["far"] = view.compressed, FAR
+        sky["compressed"], sky["far"] = view.compressed, BACKDROP
         self.ctx.disable(self.ctx.DEPTH_TEST | self.ctx.CULL_FACE)
         self._sky_screen.render(moderngl.TRIANGLES, vertices=3)
         self.ctx.enable(self.ctx.DEPTH_TEST)
@@ -318,7 +318,7 @@ class Renderer:
         self.ctx.front_face = view.front_face
         mode = AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
         for program in self._programs.of_surfaces:
-            program["tone_map"] = (COMPRESSED if view.compressed else LINEAR) if mirrored else mode
+            program["tone_map"] = (COMPRESSED if view.compressed else LINEAR_REFLECTION) if mirrored else mode
             if "mirrored_view" in program:
                 program["mirrored_view"] = view.gloss
             if "eye_at" in program and view.eye is not None:

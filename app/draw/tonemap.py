@@ -16,7 +16,6 @@ from gi_core.geometry.error import luminance
 MID_GREY = 0.25  # linear, before the tone map: target of the metered median; rooms look dim at 0.18
 MOST_95TH_PERCENTILE = 2.0  # linear; keeps a spot-lit stage from saturating
 ACES_EXPOSURE = 0.6
-LEAST_LIT = 1e-4  # of the mean luminance; darker points do not count
 
 BACKGROUND = (0.145, 0.15, 0.16)  # lighter than a black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, without culling
@@ -76,7 +75,7 @@ def meter(radiance: np.ndarray, weights: np.ndarray | None = None) -> float:
     total = w.sum()
     if not total > 0 or not (L * w).sum() > 0:
         return 0.0
-    lit = (L > LEAST_LIT * (L * w).sum() / total) & (w > 0)
+    lit = (L > 1e-4 * (L * w).sum() / total) & (w > 0)  # points darker than 1e-4 of the mean luminance do not count
     order = np.argsort(L[lit])
     L, share = L[lit][order], np.cumsum(w[lit][order])
     median, high = (L[np.searchsorted(share, q * share[-1])] for q in (0.5, 0.95))
@@ -103,13 +102,13 @@ def view_weights(
     return np.where(inside, areas * facing / np.maximum(distance2, floor), 0.0)
 
 
-MOST = 4.0  # largest gain: stage light of one colour keeps its colour
+MOST_GAIN = 4.0  # largest gain: stage light of one colour keeps its colour
 
 
 def gains_for(flux: np.ndarray) -> Gains:
     """Return gains for lamps of a total flux (3,) [W]; NEUTRAL without light."""
     if not (total := float(luminance(flux))) > 0:
         return NEUTRAL
-    gains = total / np.maximum(flux, total / MOST)
+    gains = total / np.maximum(flux, total / MOST_GAIN)
     red, green, blue = (gains * total / float(luminance(gains * flux))).tolist()
     return red, green, blue

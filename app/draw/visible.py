@@ -19,7 +19,6 @@ from gi_core.scene.types import Texture
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
-MAX_CULLED = 64  # culled faces along a ray
 CULLED_OFFSET = 4e-6  # of the face's coordinates and the distance: step beyond a culled face (float32: 6e-8)
 
 
@@ -183,7 +182,7 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
     n = len(origins)
     face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
     going, o, d = np.arange(n), origins, directions
-    for _ in range(MAX_CULLED):
+    for _ in range(64):  # 64 culled faces along a ray at most
         far = np.full(len(going), np.inf, np.float32)
         t, hit = nearest_in_world(accelerator, at, o, d, far)
         is_hit = hit >= 0

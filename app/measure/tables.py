@@ -85,7 +85,6 @@ figure { margin: 0.8em 0 0; }
 img { max-width: 100%; height: auto; display: block; } .row img { width: 100%; }
 figcaption { font-size: 0.88em; margin: 0.3em 0 1em; }
 """
-NUMBER = 24  # characters; longer cells are text and may be wrapped
 
 
 def document(title: str, parts: Iterable[str]) -> str:
@@ -101,7 +100,8 @@ def document(title: str, parts: Iterable[str]) -> str:
 def html_table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequence[tuple[str, int]] = ()) -> str:
     """Return an HTML table that scrolls if it is too wide; over: headings of groups of columns, with their counts."""
     lines = list(lines)
-    words = [k == 0 or any(len(line[k]) > NUMBER for line in lines) for k in range(len(head))]
+    # cells longer than 24 characters are text and may be wrapped
+    words = [k == 0 or any(len(line[k]) > 24 for line in lines) for k in range(len(head))]
 
     def cells(kind: str, texts: Sequence[str]) -> str:
         marked = zip([' class="text"' if is_text else "" for is_text in words], texts, strict=True)

@@ -14,10 +14,7 @@ from gi_core.tuning import error_model, setting_trials
 from gi_core.tuning.error_model import ErrorModel, TunedChoice
 
 TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
-TRIAL_NEIGHBOURS = 80
-TRIAL_POSES = 2  # along the path
-FRAMES_PER_COUNT = 3  # timed frames per number of paths
-MOST_PHOTONS = 4_000_000
+MOST_TUNED_PHOTONS = 4_000_000
 
 
 class Tuned(NamedTuple):
@@ -48,7 +45,7 @@ def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error
     if error is None:
         choice = error_model.within_time(interpolated, budget, solver.photons)
     else:
-        choice = error_model.within_error(interpolated, error, budget, MOST_PHOTONS)
+        choice = error_model.within_error(interpolated, error, budget, MOST_TUNED_PHOTONS)
     return Tuned(choice, tuple(fits), exponents, paths, tuple(interpolated))
 
 
@@ -82,7 +79,7 @@ def compared(tuned: Tuned, budget: float) -> list[tuple[float, bool]]:
 def candidates(solver: Solver) -> list[dict]:
     """Return the settings to try, as fields of Setting."""
     radii = [r * solver.setting.radius for r in TRIAL_RADII]
-    tried: dict[str | None, list] = {"radius": radii, "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
+    tried: dict[str | None, list] = {"radius": radii, "neighbours": [80], None: [None]}
     return [
         {"estimator": name} | ({kind.smoothing: value} if kind.smoothing else {})
         for name, kind in ESTIMATORS.items()
@@ -92,7 +89,7 @@ def candidates(solver: Solver) -> list[dict]:
 
 def _paths(solver: Solver, frames: list, budget: float) -> int | None:
     """Return the paths per mobile vertex that fit a frame of `budget` [s], after frames of two path counts."""
-    for k, few in enumerate((None, 4) * FRAMES_PER_COUNT):
+    for k, few in enumerate((None, 4) * 3):  # 3 timed frames per number of paths
         solver.move_all(frames[k // 2 % len(frames)], None, few)  # each at another pose than the last of its count
     return solver.size_within(budget)[1]
 
@@ -113,4 +110,4 @@ def judged(solver: Solver, progress: Callable[[float], None]) -> tuple[Solver, l
 
 def _frames(solver: Solver) -> list:
     """Return the poses of the trials."""
-    return spread(paths_of(solver), TRIAL_POSES + 2)[1:-1]
+    return spread(paths_of(solver), 4)[1:-1]  # two poses, without the ends of the path

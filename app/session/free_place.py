@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 RING_DIRECTIONS = 12  # directions about the point
-RING_GROWTH = 1.25  # ratio of the radii of neighbouring rings
 FOOT = 0.05  # of the object's height: it may stand so deep in the floor, which need not be level
 
 
@@ -65,7 +64,7 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     free = _reach(session, poses, poses, np.broadcast_to(start, ways.shape), ways)
     radii = [max((length + width) / 4, GAP * size)]
     while radii[-1] < size:
-        radii.append(RING_GROWTH * radii[-1])
+        radii.append(1.25 * radii[-1])
     rings = [start + r * ways[free > r] for r in radii]
     above = np.concatenate((start[None], *rings))
     foot = np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]) / 2 @ np.stack([length * east, width * north])
@@ -97,8 +96,6 @@ def _boxes_of_others(session: OpenScene, poses: Mapping[str, Pose], name: str) -
     return lows, highs
 
 
-LOWERING_RAYS = 4096  # downwards from vertices
-SUNK = 0.1  # of the object's height: it may begin so deep in the floor
 AWAY = 1e3  # of the scene's box: where the object itself is out of the rays' way
 GAP = 1e-5  # of the scene's box between object and floor: their faces must not coincide
 
@@ -112,8 +109,8 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
     heights = points @ up
     size = float(np.ptp(model.surfaces.vertices[0], axis=0).max()) if len(model.surfaces.vertices[0]) else 1.0
     # The lowest vertices decide on level ground, the others on steps.
-    points = points[np.argsort(heights, kind="stable")[:LOWERING_RAYS]]
-    lift = SUNK * max(float(np.ptp(heights)), GAP * size)
+    points = points[np.argsort(heights, kind="stable")[:4096]]  # 4096 rays downwards from vertices
+    lift = 0.1 * max(float(np.ptp(heights)), GAP * size)  # it may begin 0.1 of its height deep in the floor
     pose = poses[name]
     gone = pose._replace(position=three(np.array(pose.position) + AWAY * size * up))
     start = np.ascontiguousarray(points + lift * up, np.float32)
@@ -126,7 +123,6 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
     return pose._replace(position=three(np.array(pose.position) - drop * up))
 
 
-ASIDE = 0.05  # of the box of the objects, between it and the copy's
 FARTHEST = 4  # place tried along each way
 MARGIN = 0.05  # of that box, per side: the copy may stand so deep in others, as it does in the floor
 
@@ -150,7 +146,8 @@ def _aside(size: np.ndarray, up: tuple[float, float, float], right: np.ndarray) 
 
     Of places equally near, the first one is that farthest along `right` (3,).
     """
-    a, b = np.diag(size * (1 + ASIDE))[sorted(range(3), key=lambda k: abs(up[k]))[:2]]
+    # 0.05 of the box of the objects lies between it and the copy's
+    a, b = np.diag(size * 1.05)[sorted(range(3), key=lambda k: abs(up[k]))[:2]]
     ways = range(-FARTHEST, FARTHEST + 1)
     near = sorted(((i, j) for i, j in product(ways, ways) if (i, j) != (0, 0)), key=lambda p: abs(p[0]) + abs(p[1]))
     rings = groupby(near, key=lambda p: abs(p[0]) + abs(p[1]))

@@ -166,12 +166,9 @@ LUMENS = {BULB: 800.0, SPOT: 500.0, PANEL: 3600.0}  # of common LED lamps
 CONE = 15.0, 30.0  # degrees from the axis of a new spot
 SUNLIGHT, SKYLIGHT = 50_000.0, 10_000.0  # [lx] on a facing plane, and under an overcast sky
 SUN_DIRECTION = 0.5, 0.6  # towards east and north per length downwards
-SIDE = 0.22  # of a new panel, of the height of the room
 DROP = {BULB: 0.15, SPOT: 0.02, PANEL: 0.01}  # of that height, below the ceiling
 OPEN_HEIGHT = 0.4  # of the scene's size: height of a new lamp without a ceiling
-OFF_FACES = 1e-3  # of the scene's size: gap between faces and the panel that replaces them
 LUMENS_PER_WATT = 179.0  # of white light of equal energy
-MOST_EDGES = 200  # tried as sides of a rectangle
 
 
 class Room(NamedTuple):
@@ -207,7 +204,8 @@ def new_light(kind: str, room: Room) -> Values:
         solid = solid_angle(math.cos(math.radians(inner)), math.cos(math.radians(outer)))
         cone = ("inner_degrees", inner), ("outer_degrees", outer)
         return (("type", "spot"), at, ("direction", down), ("intensity", (_digits(flux / solid),) * 3), *cone)
-    side = _digits(SIDE * (room.height if math.isfinite(room.height) else OPEN_HEIGHT * room.size))
+    # 0.22 of the height of the room
+    side = _digits(0.22 * (room.height if math.isfinite(room.height) else OPEN_HEIGHT * room.size))
     return (("type", "panel"), at, ("direction", down), ("c0", rounded(east)), ("flux", (flux,) * 3),
             ("size", (side, side)))  # fmt: skip
 
@@ -251,7 +249,8 @@ def panel_of_faces(scene: Scene, name: str, size: float) -> Values | None:
     flux = math.pi * (area[:, None] * emission).sum(axis=0)
     n, points, edges = unit(normal), corners.reshape(-1, 3), np.roll(corners, -1, axis=1) - corners
     across, along, low, high = _rectangle(points, edges.reshape(-1, 3), n)
-    middle = (low + high) / 2 @ np.stack([across, along, n]) + n * ((high - low)[2] / 2 + OFF_FACES * size)
+    # a gap of 1e-3 of the scene's size between faces and the panel that replaces them
+    middle = (low + high) / 2 @ np.stack([across, along, n]) + n * ((high - low)[2] / 2 + 1e-3 * size)
     return (("type", "panel"), ("position", rounded(middle)), ("direction", rounded(n)), ("c0", rounded(across)),
             ("flux", three(flux)), ("size", (_digits(high[0] - low[0]), _digits(high[1] - low[1]))))  # fmt: skip
 
@@ -264,7 +263,7 @@ def _rectangle(points: np.ndarray, edges: np.ndarray, n: np.ndarray) -> tuple[np
     flat = edges - (edges @ n)[:, None] * n
     flat = flat[np.linalg.norm(flat, axis=1) > 1e-9]
     best, rectangle = math.inf, (unit(flat[0]),) * 4
-    for edge in flat[:MOST_EDGES]:
+    for edge in flat[:200]:  # 200 edges are tried as sides of a rectangle
         a = unit(edge)
         b = np.cross(a, n)
         at = points @ np.stack([a, b, n]).T

@@ -10,7 +10,6 @@ from typing import NamedTuple
 from gi_core.base.memory import sentence
 from gi_core.scene.errors import one_line
 
-MOST_ENTRIES = 200
 INFO, WARNING, ERROR = "info", "warning", "error"
 
 
@@ -22,7 +21,7 @@ class LogEntry(NamedTuple):
 
 class Log:
     def __init__(self) -> None:
-        self.entries: deque[LogEntry] = deque(maxlen=MOST_ENTRIES)
+        self.entries: deque[LogEntry] = deque(maxlen=200)
 
     def __call__(self, text: str, level: str = INFO) -> None:
         line = one_line(text)

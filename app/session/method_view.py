@@ -185,7 +185,7 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
 
 BACKGROUND, CHANGED, ANEW, BY_PATHS = range(4)  # of receivers, see `recomputed`
 SAMPLE = 120  # photons drawn, and as many again of those that mobiles cut
-MOST_PHOTONS = 200_000  # that are searched for a receiver
+MOST_SEARCHED_PHOTONS = 200_000  # that are searched for a receiver
 
 
 class MethodParts(NamedTuple):
@@ -214,7 +214,7 @@ def method_view(solver: Solver, parts: MethodParts) -> MethodView:
     if not frame.photons:
         return view
     if parts.paths or parts.receiver >= 0:
-        searched = min(frame.photons, MOST_PHOTONS)
+        searched = min(frame.photons, MOST_SEARCHED_PHOTONS)
         changed = _change(solver, searched)
         paths = changed.removed_suffixes.paths
         view = view._replace(paths=_sample(solver, paths, changed) if parts.paths else None)

@@ -30,7 +30,6 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.scene.types import Light
 
 
-LEAST_LAMP = 0.03  # of the scene's size: box of a light without a size
 GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
 
 
@@ -129,7 +128,7 @@ class OpenScene:
 
         light, mesh = self.lights.get(lamp), self.scene.static
         if isinstance(light, PlacedLight):
-            least = LEAST_LAMP * self.chosen.scene_size
+            least = 0.03 * self.chosen.scene_size  # 0.03 of the scene's size: box of a light without a size
             side = max(least, *light.size) if isinstance(light, PhotometricLight) else least
             return np.array(light.position) - side / 2, np.array(light.position) + side / 2
         shining = [m.name == lamp.name and max(m.emission) > 0 for m in self.scene.materials]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 
     from gi_core.files.edits import Edit
 
-BUDGET = 0.008  # s per frame for refinement
+LIGHT_TIME = 0.008  # s per frame for refinement
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
 OF_LAMPS = [field.name for field in fields(Lighting)]  # settings of the panel whose changes are steps of undo
 SETTLE = 0.15  # s without change after which the value of a held slider counts
@@ -128,7 +128,7 @@ class Session(OpenScene):
 
     # Once a frame -----------------------------------------------------------------------------------
 
-    def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET, still: bool = True) -> None:
+    def tick(self, seconds: float, editing: bool = False, budget: float = LIGHT_TIME, still: bool = True) -> None:
         """Do the work of one frame.
 
         seconds: since the last frame; editing: a slider is held; budget: for refinement [s]; still: the camera rests.
@@ -245,7 +245,7 @@ class Session(OpenScene):
         was = old.of_solver
         changed = {name: value for name, value in new.of_solver.items() if value != was[name]}
         try:
-            if changed and not self.light.configure(changed, BUDGET):
+            if changed and not self.light.configure(changed, LIGHT_TIME):
                 return  # busy: again in the next frame
         except Exception as problem:
             self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})

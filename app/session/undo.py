@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-DEPTH = 200
-
 Step = tuple[dict[Any, Any], dict[Any, Any]]  # values before and after
 
 
@@ -29,7 +27,7 @@ class History:
         before = {key: value for key, value in before.items() if after.get(key, value) != value}
         if not before:
             return
-        self._done = [*self._done[-DEPTH + 1 :], (before, {key: after[key] for key in before})]
+        self._done = [*self._done[-199:], (before, {key: after[key] for key in before})]  # 200 steps at most
         self._undone.clear()
 
     def undo(self) -> dict[Any, Any]:

@@ -23,7 +23,6 @@ K = imgui.Key
 FLY_KEYS = (K.d, K.a), (K.e, K.q), (K.w, K.s)  # right, up, forward, each with its opposite
 FLY_SPEED, FLY_FASTER = 0.6, 4.0  # of the lit radius per second; times that with Shift
 FLIGHT_SECONDS = 0.35  # of a camera animation
-MARGIN = 1.6  # of the distance at which an object just fits
 ORBIT, PAN, LOOK = "orbit", "pan", "look"  # motions by the mouse, methods of Turntable
 
 
@@ -127,7 +126,8 @@ class CameraControl:
         s, camera, bounds, margin = self.session, self.view.camera, self._lit, 1.0
         box = s.box_of(names) if names else s.box_of_lamp(lamp) if lamp is not None else None
         if box is not None:
-            bounds, margin = Bounds(three(box[0]), three(box[1])), MARGIN
+            # 1.6 of the distance at which an object just fits
+            bounds, margin = Bounds(three(box[0]), three(box[1])), 1.6
         distance = margin * bounds.radius / math.sin(camera.fov / 2)
         self.fly_to(replace(camera, pivot=three(bounds.centre), distance=distance))
 

@@ -35,9 +35,8 @@ MODES = {
 }
 TURN_SPEED = 360.0  # degrees per picture height
 HEADROOM = 0.5  # of the scene's diagonal: least height of the drag box
-GRAZING = 1e-4  # |cos| of ray and plane; below it the hit lies outside any scene
-FLAT = 0.1  # sine of ray and plane; below it a slide follows the image plane: 180 pixels threw a drawer by 23 m
-STEEP = 0.25  # sine of view and vertical; below it a vertical drag is measured in the picture
+PARALLEL_COSINE = 1e-4  # |cos| of ray and plane; below it the hit lies outside any scene
+LEAST_SLOPE = 0.1  # sine of ray and plane; below it a slide follows the image plane: 180 pixels threw a drawer by 23 m
 
 
 class Grab(NamedTuple):
@@ -89,7 +88,7 @@ def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Po
 def on_plane(origin, direction, point, normal) -> np.ndarray | None:
     """Return the hit (3,) of a ray on a plane; None for a grazing ray or a plane behind the origin."""
     cosine = float(direction @ normal)
-    if abs(cosine) < GRAZING:
+    if abs(cosine) < PARALLEL_COSINE:
         return None
     t = float((point - origin) @ normal) / cosine
     return origin + t * direction if t > 0 else None
@@ -102,7 +101,7 @@ def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.
     level = direction - (direction @ up) * up
     foot = origin + float((grab.point - origin) @ up) * up  # below or above the eye, at the point's height
     length = float(np.linalg.norm(level))
-    if length < GRAZING:
+    if length < PARALLEL_COSINE:
         return foot
     level = level / length
     low, high = _room(grab, bounds)
@@ -122,10 +121,10 @@ def _distance(height: float, depth: float, slope: float) -> float:
     """Return the horizontal distance [m] at which a ray meets a horizontal plane.
 
     height, depth: of the grabbed point over the eye and from it [m]; slope: sine of the ray over the horizontal. A ray
-    flatter than FLAT, and than that to the point, goes on by its angle times the distance there.
+    flatter than LEAST_SLOPE, and than that to the point, goes on by its angle times the distance there.
     """
     side = np.sign(height) or -1.0
-    angle, flat = np.arcsin(side * slope), np.arcsin(min(FLAT, abs(height) / max(depth, 1e-300), 1.0))
+    angle, flat = np.arcsin(side * slope), np.arcsin(min(LEAST_SLOPE, abs(height) / max(depth, 1e-300), 1.0))
     if angle > flat:
         return float(abs(height) / np.tan(angle))
     limit = abs(height) / np.tan(flat) if flat > 0 else depth
@@ -138,7 +137,7 @@ def _raise(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.
     _, upward, forward = grab.camera.basis()
     normal = forward - (forward @ up) * up
     steep = float(np.linalg.norm(normal))
-    if steep >= STEEP:
+    if steep >= 0.25:  # below a sine of 0.25 of view and vertical, a vertical drag is measured in the picture
         hit = on_plane(*grab.camera.ray(u, v, aspect), grab.point, normal / steep)
         if hit is not None:
             return grab.point + float((hit - grab.point) @ up) * up

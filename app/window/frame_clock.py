@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from app.session.session import BUDGET
+from app.session.session import LIGHT_TIME
 
 LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
@@ -58,4 +58,4 @@ class FrameClock:
 
         moving: the camera is. Slow drawing runs on the same cores: half of the time is for light while nothing moves.
         """
-        return BUDGET if moving else min(max(self.seconds - self.light_seconds, BUDGET), LONGEST_WAIT)
+        return LIGHT_TIME if moving else min(max(self.seconds - self.light_seconds, LIGHT_TIME), LONGEST_WAIT)

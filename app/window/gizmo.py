@@ -19,7 +19,6 @@ G = imguizmo.im_guizmo
 MOVE, TURN = "move", "turn"
 MODES = ("", MOVE, TURN)  # in the order of the key
 OPERATIONS = {MOVE: G.OPERATION.translate, TURN: G.OPERATION.rotate}
-LENGTH_EM = 4.0  # of an arrow
 SNAP_STEPS = (1.0, 2.0, 5.0)  # of snapping, per decade
 SNAP_SHARE = 0.01  # of the scene's size: longest step
 SNAP_DEGREES = 15.0
@@ -59,7 +58,7 @@ class Gizmo:
         G.allow_axis_flip(False)
         G.set_drawlist(imgui.get_window_draw_list())
         G.set_rect(*view.origin, *view.size)
-        G.set_gizmo_size_clip_space(2 * LENGTH_EM * imgui.get_font_size() / view.size[0])
+        G.set_gizmo_size_clip_space(8 * imgui.get_font_size() / view.size[0])  # arrows of 4 em
         matrix = _matrix(at)
         camera = view.camera.relative_to(origin)
         eye, projection = _matrix(camera.view()), _matrix(camera.projection(view.aspect))

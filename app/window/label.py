@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from app.draw.marks import PLATE, PLATE_OPACITY, ROUND_EM
 from app.window import theme
 
-PAD_EM = (0.6, 0.3)  # of the plate
+PLATE_PAD_EM = (0.6, 0.3)  # of the plate
 MARGIN_EM = 1.0  # between plates and the edges of the window
 
 
@@ -59,7 +59,7 @@ def draw(text: str, at: Box, colour=theme.TEXT, opacity: float = 1.0) -> None:
 
 def _pads() -> tuple[float, float]:
     em = imgui.get_font_size()
-    return PAD_EM[0] * em, PAD_EM[1] * em
+    return PLATE_PAD_EM[0] * em, PLATE_PAD_EM[1] * em
 
 
 def _room(room: float | None) -> float:

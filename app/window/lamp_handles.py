@@ -22,12 +22,8 @@ if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
 MARK_EM, AIM_EM, RAY_EM = 0.42, 0.34, 0.24  # radii of marks and aims, length of a mark's rays
-REACH_EM = 0.8  # of the mouse
 MARK_RAYS = 8  # of a mark
-HOUSING = 0.03  # of the scene's size: a surface so near a light, such as its shade, does not hide it
-AIM_SHARE = 0.2  # of the scene's size: distance of the aim where the light meets nothing
 LIT_MARK, UNLIT_MARK = (1.0, 0.88, 0.6), (0.55, 0.55, 0.57)
-HIDDEN = 0.35  # opacity of marks behind surfaces
 AIM = "aim"  # beside the modes of a drag
 WORDS = {**drag.MODES, AIM: "shines at the surface under the cursor"}
 
@@ -109,7 +105,8 @@ class LampHandles:
         way = np.array(light.position) - eye
         far = float(np.linalg.norm(way))
         hit = session.picker.pick(eye, way / max(far, 1e-300), session.pose_list, session.settings.cull)
-        return hit is not None and hit.distance < far - HOUSING * session.chosen.scene_size
+        # a surface within 0.03 of the scene's size of a light, such as its shade, does not hide it
+        return hit is not None and hit.distance < far - 0.03 * session.chosen.scene_size
 
     def _find_aim(self, session: Session, view: View, light: Light | None) -> None:
         self._aim = None
@@ -117,12 +114,13 @@ class LampHandles:
             place, d = np.array(light.position), np.array(light.direction, np.float64)
             d /= np.linalg.norm(d)
             hit = session.picker.pick(place, d, session.pose_list, False)
-            target = place + d * AIM_SHARE * session.chosen.scene_size if hit is None else hit.point
+            # where the light meets nothing, the aim is 0.2 of the scene's size away
+            target = place + d * 0.2 * session.chosen.scene_size if hit is None else hit.point
             (self._aim,) = view.on_screen(target[None])
 
     def _nearest(self, mouse) -> tuple[LightId, bool] | None:
         """Return the mark under the cursor; hidden ones count only while they are selected."""
-        reach = REACH_EM * imgui.get_font_size()
+        reach = 0.8 * imgui.get_font_size()  # reach of the mouse: 0.8 em
         if self._aim is not None and math.dist(self._aim, mouse) < reach:
             return self.selected, True
         near = [(math.dist(m.at, mouse), m) for m in self._marks if not m.hidden or m.id == self.selected]
@@ -201,7 +199,7 @@ class LampHandles:
         em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
         chosen = mark.id == self.selected
         pointed = self._under is not None and self._under[0] == mark.id
-        opacity = 1.0 if chosen or pointed or not mark.hidden else HIDDEN
+        opacity = 1.0 if chosen or pointed or not mark.hidden else 0.35  # marks behind surfaces are faint
         edge = imgui.get_color_u32((*(theme.ACCENT if chosen else (0.05, 0.05, 0.06)), opacity))
         fill = imgui.get_color_u32((*(LIT_MARK if is_on else UNLIT_MARK), opacity))
         if chosen:

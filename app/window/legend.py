@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import imgui
 
-from app.draw.colour_map import UNKNOWN, signed_colours
+from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS
 from app.draw.legend import COLOUR_STEPS, TICK_EM, Layout, Legend, layout
 from app.draw.marks import PLATE, PLATE_OPACITY
@@ -43,7 +43,7 @@ def box(legend: Legend, view: View) -> Box:
 def draw(legend: Legend, view: View) -> None:
     """Draw the legend over the picture."""
     em, at, drawing = imgui.get_font_size(), _layout(legend, view), imgui.get_window_draw_list()
-    text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
+    text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM_TEXT, 1.0))
     drawing.add_rect_filled(at.plate[:2], at.plate[2:], imgui.get_color_u32((*PLATE, PLATE_OPACITY)), 0.35 * em)
     for k, (corner, caption) in enumerate(zip(at.captions, legend.lines, strict=True)):
         drawing.add_text(corner, text if k == 0 else dim, caption)
@@ -62,7 +62,7 @@ def draw(legend: Legend, view: View) -> None:
         drawing.add_text((at.labels, y - 0.5 * em), text, words)
     if legend.unknown:
         upper_left, lower_right = at.swatch[:2], at.swatch[2:]
-        drawing.add_rect_filled(upper_left, lower_right, imgui.get_color_u32((*UNKNOWN, 1.0)), 0.2 * em)
+        drawing.add_rect_filled(upper_left, lower_right, imgui.get_color_u32((*UNKNOWN_COLOUR, 1.0)), 0.2 * em)
         drawing.add_rect(upper_left, lower_right, dim, 0.2 * em)
         drawing.add_text((at.labels, at.swatch[1]), dim, legend.unknown)
 

@@ -36,7 +36,7 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the six abo
     "Help": ("help",),
 }  # fmt: skip
 PREFERENCE = "interface size"  # in the window's ini file
-SIZES = (0.8, 1.0, 1.25, 1.5, 2.0)  # of font and layout, besides the screen's own scale
+INTERFACE_SIZES = (0.8, 1.0, 1.25, 1.5, 2.0)  # of font and layout, besides the screen's own scale
 THUMBNAIL_EM = (6.5, 4.06)
 
 
@@ -51,7 +51,7 @@ class Menus:
     def load_preferences(self) -> None:
         with suppress(ValueError):
             size = float(hello_imgui.load_user_pref(PREFERENCE) or 1.0)
-            self._size = size if size in SIZES else 1.0
+            self._size = size if size in INTERFACE_SIZES else 1.0
 
     def save_preferences(self) -> None:
         hello_imgui.save_user_pref(PREFERENCE, f"{self._size:g}")
@@ -110,7 +110,7 @@ class Menus:
 
     def _sizes(self) -> None:
         """Draw the sizes of font and layout."""
-        for size in SIZES:
+        for size in INTERFACE_SIZES:
             if imgui.menu_item(f"{100 * size:.0f} %", "", self._size == size)[0]:
                 self._size = size
 

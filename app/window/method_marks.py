@@ -101,7 +101,7 @@ def _contour(values: np.ndarray, places: np.ndarray, level: float) -> np.ndarray
 
 
 STROKE_COLOURS: dict[int, tuple[float, ...]] = {
-    KEPT: (*theme.DIM, 0.55),
+    KEPT: (*theme.DIM_TEXT, 0.55),
     REMOVED: (*theme.ERROR, 0.95),
     ADDED: (0.45, 0.85, 0.50, 0.95),
 }

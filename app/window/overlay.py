@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 KEY_HINT = "H: help    Tab: panel"
 MESSAGE_SECONDS = {INFO: 3.0, WARNING: 8.0, ERROR: 20.0}  # on show
-TOOLTIP_MESSAGES = 12  # of the log, in the status line's tooltip
 
 
 def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> None:
@@ -45,7 +44,7 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     if hint:
         label.write(hint, *corner, room=room)
     elif reload.progress is not None:
-        label.write(reload.progress[0], *corner, theme.DIM, room=room)
+        label.write(reload.progress[0], *corner, theme.DIM_TEXT, room=room)
 
 
 def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
@@ -58,7 +57,7 @@ def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float
     elif shown.named:
         label.write(shown.sides[0].label, x + em, y + em)
     if shown.coming:
-        label.write(shown.coming, x + w - em, y + em, theme.DIM, right=True)
+        label.write(shown.coming, x + w - em, y + em, theme.DIM_TEXT, right=True)
 
 
 def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
@@ -91,7 +90,7 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
     right = f"{state}    {KEY_HINT}" if state else KEY_HINT
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(right).x
     message = message_at(log, now)
-    colours = {ERROR: theme.ERROR, WARNING: theme.WARNING, INFO: theme.DIM}
+    colours = {ERROR: theme.ERROR, WARNING: theme.WARNING, INFO: theme.DIM_TEXT}
     text, colour = (readout, theme.TEXT) if message is None else (message.text, colours[message.level])
     if imgui.calc_text_size(text).x < room:
         imgui.set_cursor_pos((start.x + room, start.y))
@@ -99,7 +98,8 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
         imgui.set_cursor_pos(start)
     imgui.text_colored((*colour, 1.0), text)
     if imgui.is_window_hovered() and imgui.is_mouse_hovering_rect((x, y), (x + room, y + imgui.get_text_line_height())):
-        lines = "\n".join(e.text for e in list(log.entries)[-TOOLTIP_MESSAGES:])
+        # 12 messages of the log, in the status line's tooltip
+        lines = "\n".join(e.text for e in list(log.entries)[-12:])
         imgui.set_tooltip(lines or "Light under the cursor; messages.")
 
 

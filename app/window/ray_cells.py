@@ -18,13 +18,12 @@ if TYPE_CHECKING:
     from app.window.viewport import Viewport
     from gi_core.rays.leaf_boxes import LeafBoxes
 
-NEAR = 100  # cells drawn around the point
-FULL, EMPTY, OTHER = (1.0, 0.75, 0.2, 0.95), (1.0, 0.75, 0.2, 0.4), (*theme.DIM, 0.45)
+FULL, EMPTY, OTHER = (1.0, 0.75, 0.2, 0.95), (1.0, 0.75, 0.2, 0.4), (*theme.DIM_TEXT, 0.45)
 RAY = (1.0, 1.0, 1.0, 0.9)
 THICK, THIN = 2.0, 1.0  # [points]
 CORNERS = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)], bool)
 EDGES = np.array([(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit])
-NEAREST = 1e-3  # [m] in front of the eye: lines are cut there
+CUT_DISTANCE = 1e-3  # [m] in front of the eye: lines are cut there
 
 
 class RayCells:
@@ -91,7 +90,7 @@ class RayCells:
         on_ray = visited(boxes, eye, direction, length)
         off = np.abs(0.5 * (boxes.low + boxes.high) - end).max(axis=1)
         off[~full | on_ray] = np.inf
-        near = np.argsort(off)[: NEAR if hit is not None else 0]
+        near = np.argsort(off)[: 100 if hit is not None else 0]  # 100 cells around the point
         matrix = camera.projection(view.aspect) @ camera.relative_to(model.origins[0]).view()
         shown = (
             (near[np.isfinite(off[near])], OTHER, THIN),
@@ -117,12 +116,12 @@ def edges(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def on_picture(lines: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return lines (n, 2, 3) in picture coordinates, (m, 2, 2); parts behind the eye are left out."""
     a, b = np.moveaxis(np.concatenate([lines, np.ones((*lines.shape[:2], 1))], axis=2) @ matrix.T, 1, 0)
-    ahead = np.maximum(a[:, 3], b[:, 3]) > NEAREST
+    ahead = np.maximum(a[:, 3], b[:, 3]) > CUT_DISTANCE
     a, b = a[ahead], b[ahead]
     ends = []
     for p, q in ((a, b), (b, a)):
-        behind = p[:, 3] < NEAREST
-        share = np.where(behind, (NEAREST - p[:, 3]) / np.where(behind, q[:, 3] - p[:, 3], 1.0), 0.0)
+        behind = p[:, 3] < CUT_DISTANCE
+        share = np.where(behind, (CUT_DISTANCE - p[:, 3]) / np.where(behind, q[:, 3] - p[:, 3], 1.0), 0.0)
         cut = p + share[:, None] * (q - p)
         ends.append(cut[:, :2] / cut[:, 3:])
     at = np.stack(ends, axis=1)

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from app.window.view import View
     from app.window.viewport import Viewport
 
-GAP_EM = 0.6  # between a pin and its label
-MOST_NUMBERS = 300  # in the picture
-
 
 def draw(viewport: Viewport) -> None:
     """Draw the measuring plane and the pins into the current window."""
@@ -92,7 +89,8 @@ def _labels_of_pins(viewport: Viewport, places: LabelPlaces) -> list[tuple[Point
             texts.append((at, pin.name + value))
     for (x, y), _ in texts:
         places.take([(x - DOT_EM * em, y - DOT_EM * em, x + DOT_EM * em, y + DOT_EM * em)])
-    return [(at, text, places.take(places.beside(at, label.plate(text, w), GAP_EM * em))) for at, text in texts]
+    # 0.6 em between a pin and its label
+    return [(at, text, places.take(places.beside(at, label.plate(text, w), 0.6 * em))) for at, text in texts]
 
 
 def number(value: float) -> str:
@@ -118,5 +116,5 @@ def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces, shapes: 
         size = imgui.calc_text_size(text)
         half, top = size.x / 2 + 0.3 * em, at[1] + 0.35 * em
         box = at[0] - half, top, at[0] + half, top + size.y
-        if len(shapes.labels) < MOST_NUMBERS and places.take([box]) is not None:
+        if len(shapes.labels) < 300 and places.take([box]) is not None:  # 300 numbers in the picture at most
             shapes.labels.append(Label(text, box, opacity))

@@ -20,8 +20,6 @@ from app.settings import Settings
 from app.window import window
 from app.window.viewer import Viewer, is_user_error
 
-SWITCH_SECONDS = 0.001  # interpreter switch interval; Python's default of 5 ms stutters
-
 
 def run(
     settings: Settings,
@@ -41,7 +39,7 @@ def run(
     viewer.exit_when_refined = screenshot is not None and frames is None
     window.prepare()
     interval = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_SECONDS)
+    sys.setswitchinterval(0.001)  # interpreter switch interval; Python's default of 5 ms stutters
     try:
         with interruptible(viewer):
             immapp.run(viewer.params)

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from app.window.view import View
     from app.window.view_content import Shown
 
-FIRST_FIT = 0.1  # s that false colours wait for their first scale; later ones are fitted behind the picture
-
 
 class ScaleFit:
     """`update` once per frame, `forget` with each new session, `close` with the window."""
@@ -64,7 +62,8 @@ class ScaleFit:
                     s.light.snapshot.gloss,
                 )
             )
-        if self._fitting is not None and self._fitting.wait(FIRST_FIT if self.scale is None else 0.0):
+        # false colours wait 0.1 s for their first scale; later ones are fitted behind the picture
+        if self._fitting is not None and self._fitting.wait(0.1 if self.scale is None else 0.0):
             fitting, self._fitting = self._fitting, None
             self.scale = fitting.result().with_lines(s.settings.false_colour_lines)
 

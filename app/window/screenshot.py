@@ -9,7 +9,7 @@ from app.draw.marks import Marks, with_marks
 from app.draw.picture_files import write_png
 from app.draw.renderer import Look, Renderer
 
-SAMPLES_PER_PIXEL = 8
+SAMPLES_OF_A_SCREENSHOT = 8
 
 
 def next_free(folder: Path) -> Path:
@@ -34,10 +34,10 @@ def save(
 
     pixels: of the viewport per point of the marks.
 
-    A picture of 4 times the size has a quarter of SAMPLES_PER_PIXEL, so that it fits into memory.
+    A picture of 4 times the size has a quarter of SAMPLES_OF_A_SCREENSHOT, so that it fits into memory.
     """
     (width, height), samples = renderer.size, renderer.samples_now
-    renderer.resize(scale * width, scale * height, SAMPLES_PER_PIXEL // scale)
+    renderer.resize(scale * width, scale * height, SAMPLES_OF_A_SCREENSHOT // scale)
     try:
         renderer.draw(look)
         picture = renderer.pixels()

@@ -13,7 +13,7 @@ ACCENT = (0.918, 0.655, 0.298)  # lamp light
 GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough for white text
 GRAB_ACTIVE = (0.680, 0.500, 0.250)
 TEXT = (0.870, 0.875, 0.885)
-DIM = (0.580, 0.595, 0.620)
+DIM_TEXT = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
 ERROR = (0.960, 0.450, 0.400)
 FONT_PIXELS = 16.0  # at 96 dots per inch; HelloImGui scales it with the screen
@@ -53,7 +53,7 @@ def set_style() -> None:
     clear = (0.0, 0.0, 0.0, 0.0)
     colours = {
         C.text: TEXT,
-        C.text_disabled: DIM,
+        C.text_disabled: DIM_TEXT,
         C.window_bg: PANEL,
         C.child_bg: clear,
         C.popup_bg: (0.150, 0.154, 0.165),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw.colour_map import UNKNOWN, round_scale, signed_colours
+from app.draw.colour_map import UNKNOWN_COLOUR, round_scale, signed_colours
 from app.settings import ERRORS, REFERENCE
 from gi_core.geometry.error import luminance, signed_error
 from gi_core.scene.pose import three
@@ -27,7 +27,6 @@ RECOMPUTED = ((0.33, 0.34, 0.36), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40,
 RECOMPUTED_NAMES = (
     "from the background", "changed by removed and added segments", "estimated again from all segments", "path traced",
 )  # fmt: skip
-LEAST_SCALE = 0.02  # relative error at the ends of the colour map, at least
 
 
 class Side(NamedTuple):
@@ -110,7 +109,7 @@ def paint(
     if recomputed is not None:
         of_kind = np.array(RECOMPUTED, np.float32)[recomputed]
         back = of_kind[mesh.back]
-        back[mesh.back < 0] = UNKNOWN
+        back[mesh.back < 0] = UNKNOWN_COLOUR
         return of_kind[mesh.front], back
     if errors is None:
         from app.draw.vertex_colours import colours
@@ -122,14 +121,15 @@ def paint(
         return front, back
     of_receivers = signed_colours(signed_error(side.irradiance, errors.reference, errors.areas) / errors.scale)
     back = of_receivers[mesh.back]
-    back[mesh.back < 0] = UNKNOWN
+    back[mesh.back < 0] = UNKNOWN_COLOUR
     return of_receivers[mesh.front], back
 
 
 def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Errors:
     areas, E = session.model.object_receivers.areas, reference.drawn.irradiance
     off = signed_error(estimate.irradiance, E, areas)
-    scale = session.settings.error_range or max(round_scale(off, areas), LEAST_SCALE)
+    # ends of the colour map: a relative error of 0.02 at least
+    scale = session.settings.error_range or max(round_scale(off, areas), 0.02)
     return Errors(E, areas, scale, reference.noise)
 
 

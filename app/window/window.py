@@ -15,8 +15,6 @@ from app.settings import Settings
 
 TITLE = "gi-viewer"
 GL_VERSION = (3, 3)  # macOS has at most 4.1
-PANEL_EM = 22
-NARROW_EM = 45  # of a window; a narrower one starts without the panel
 RENDER_HINT = "`gi-viewer render SCENE --out a.png` needs no window"
 
 
@@ -168,7 +166,7 @@ def runner_params(
     split = hello_imgui.DockingSplit()
     split.initial_dock, split.new_dock = "MainDockSpace", "Side"
     split.direction = imgui.Dir.right
-    split.ratio = min(PANEL_EM * theme.FONT_PIXELS / settings.size[0], 0.5)
+    split.ratio = min(22 * theme.FONT_PIXELS / settings.size[0], 0.5)
     params.docking_params.docking_splits = [split]
     no_tabs = int(imgui.internal.DockNodeFlagsPrivate_.no_tab_bar)
     split.node_flags = params.docking_params.main_dock_space_node_flags = no_tabs
@@ -177,7 +175,8 @@ def runner_params(
     shown.call_begin_end = False  # its zero padding must be set before `begin`
     beside = hello_imgui.DockableWindow("Panel", "Side", panel, can_be_closed_=False)
     beside.remember_is_visible = False
-    beside.is_visible = settings.size[0] >= NARROW_EM * theme.FONT_PIXELS
+    # a window narrower than 45 em starts without the panel
+    beside.is_visible = settings.size[0] >= 45 * theme.FONT_PIXELS
     params.docking_params.dockable_windows = [shown, beside]
     return params
 

@@ -6,7 +6,6 @@ from imgui_bundle import imgui
 
 from app.window import label, theme
 
-GRAB_EM = 0.5  # distance from the line within which it is grabbed
 EDGE_MARGIN = 0.02  # of the width
 WIPE_LINE = (1.0, 1.0, 1.0, 0.85)
 
@@ -19,7 +18,7 @@ class Wipe:
         self.held = False
 
     def is_near(self, x: float, left: float, width: float) -> bool:
-        return abs(x - (left + self.at * width)) <= GRAB_EM * imgui.get_font_size()
+        return abs(x - (left + self.at * width)) <= 0.5 * imgui.get_font_size()  # the line is grabbed within 0.5 em
 
     def handle(self, io, left: float, width: float, hovered: bool) -> bool:
         """Read the mouse of this frame; return whether the line takes it."""

@@ -13,9 +13,9 @@ from gi_core.base.jit import kernel
 
 DIMENSIONS = 6
 MASK = np.uint64(0xFFFFFFFF)
-BITS = 32
+WORD_BITS = 32
 _ONE = np.uint64(1)
-_TO_UNIT = 2.0**-32
+_WORD_TO_UNIT = 2.0**-32
 # Degree of the primitive polynomial, its inner coefficients, first direction numbers: dimensions 2, 3, 4, 5.
 _JOE_KUO = ((2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)), (4, 1, (1, 1, 3, 3)))
 _TABULATED = 2  # first dimension that is read from the table
@@ -24,12 +24,12 @@ _TABULATED = 2  # first dimension that is read from the table
 def _columns(degree: int, inner: int, first: tuple[int, ...]) -> np.ndarray:
     """Return the generator matrix of one dimension, (32,) uint32: a column per bit of the index, bits reversed."""
     m = list(first)
-    for k in range(degree, BITS):
+    for k in range(degree, WORD_BITS):
         m.append(m[k - degree] ^ (m[k - degree] << degree))
         for j in range(1, degree):
             if inner >> (degree - 1 - j) & 1:
                 m[k] ^= m[k - j] << j
-    return np.array([int(f"{v << (BITS - 1 - k):032b}"[::-1], 2) for k, v in enumerate(m)], np.uint32)
+    return np.array([int(f"{v << (WORD_BITS - 1 - k):032b}"[::-1], 2) for k, v in enumerate(m)], np.uint32)
 
 
 def _table() -> np.ndarray:
@@ -64,7 +64,7 @@ def coordinate(i, dimension):
 @kernel
 def unit(x, key):
     """Return the float64 in [0, 1) of a coordinate with bits reversed, scrambled by a key of 64 random bits."""
-    return float(_reversed(_hashed_upwards(x, key & MASK)) ^ (key >> np.uint64(BITS))) * _TO_UNIT
+    return float(_reversed(_hashed_upwards(x, key & MASK)) ^ (key >> np.uint64(WORD_BITS))) * _WORD_TO_UNIT
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-LONGEST = 60  # characters of a quoted value
+LONGEST_QUOTATION = 60  # characters of a quoted value
 
 
 def shown(value) -> str:
@@ -11,4 +11,4 @@ def shown(value) -> str:
         text = repr(value)
     except ValueError:  # more digits than Python converts
         text = "a number of thousands of digits"
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return text if len(text) <= LONGEST_QUOTATION else text[: LONGEST_QUOTATION - 3] + "..."

@@ -12,7 +12,7 @@ import numpy as np
 from gi_core.base import owen_sobol, random_numbers
 from gi_core.base.jit import kernel
 
-LARGEST = 12  # m of the largest set
+LARGEST_SET = 12  # m of the largest set
 PAIRS_APART = 1 << 16  # offset of dimensions that separates the scrambling keys from the shuffling keys
 
 

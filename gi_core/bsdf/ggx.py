@@ -23,21 +23,20 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import cosine_hemisphere
 
 SMOOTH = 1e-3  # alpha below it: a perfect mirror
-NODES = 33  # of the table of albedos, in alpha and in cos; 2^k + 1
-NEWTON = 4  # steps to a cosine: its error is below 1e-6
+ENTRIES = 33  # of the table of albedos, in alpha and in cos; 2^k + 1
 
 
 @cache
 def albedos() -> np.ndarray:
-    """Return the albedos of facets that reflect once, (4, NODES, NODES) float64.
+    """Return the albedos of facets that reflect once, (4, ENTRIES, ENTRIES) float64.
 
-    Rows: alpha = k / (NODES - 1). Columns: cos of i = k / (NODES - 1). Plane 0: the mean A of G2 / G1 over visible half
-    vectors, the albedo for F = 1; plane 1: the mean B of (1 - i.h)^5 G2 / G1, so that E = F0 A + (F90 - F0) B. Planes
-    2, 3: the integrals of 2 cos A and 2 cos B from 0 to that cosine; the last column is the mean over directions.
+    Rows: alpha = k / (ENTRIES - 1). Columns: cos of i = k / (ENTRIES - 1). Plane 0: the mean A of G2 / G1 over visible
+    half vectors, the albedo for F = 1; plane 1: the mean B of (1 - i.h)^5 G2 / G1, so that E = F0 A + (F90 - F0) B.
+    Planes 2, 3: integrals of 2 cos A and 2 cos B from 0 to that cosine; the last column is the mean over directions.
     """
-    steps, count = np.arange(NODES) / (NODES - 1), 64
+    steps, count = np.arange(ENTRIES) / (ENTRIES - 1), 64
     u, v = ((a + 0.5).reshape(-1) / count for a in np.meshgrid(np.arange(count), np.arange(count)))
-    out = np.zeros((4, NODES, NODES))
+    out = np.zeros((4, ENTRIES, ENTRIES))
     for k, alpha in enumerate(np.maximum(steps, SMOOTH)):
         for j, cos in enumerate(np.maximum(steps, 1e-3)):
             sine = math.sqrt(1 - cos * cos)
@@ -105,8 +104,8 @@ def largest(lobe):
 @kernel
 def _once(table, plane, lobe, j):
     """Return E of the largest channel at node j of the cosine: of planes `plane` and `plane` + 1 of albedos()."""
-    a = min(max(lobe[4], 0.0), 1.0) * (NODES - 1)
-    k = min(int(a), NODES - 2)
+    a = min(max(lobe[4], 0.0), 1.0) * (ENTRIES - 1)
+    k = min(int(a), ENTRIES - 2)
     s, f0 = a - k, largest(lobe)
     straight = (1.0 - s) * table[plane, k, j] + s * table[plane, k + 1, j]
     grazing = (1.0 - s) * table[plane + 1, k, j] + s * table[plane + 1, k + 1, j]
@@ -117,9 +116,9 @@ def _once(table, plane, lobe, j):
 def passed(table, lobe, cos):
     """Return 1 - E(cos), the share that passes to the base; cos < 0: 1 - E_mean."""
     if cos < 0.0:
-        return 1.0 - _once(table, 2, lobe, NODES - 1)
-    c = min(cos, 1.0) * (NODES - 1)
-    j = min(int(c), NODES - 2)
+        return 1.0 - _once(table, 2, lobe, ENTRIES - 1)
+    c = min(cos, 1.0) * (ENTRIES - 1)
+    j = min(int(c), ENTRIES - 2)
     t = c - j
     return 1.0 - (1.0 - t) * _once(table, 0, lobe, j) - t * _once(table, 0, lobe, j + 1)
 
@@ -127,19 +126,19 @@ def passed(table, lobe, cos):
 @kernel
 def _base_cosine(table, lobe, mean, u):
     """Return a cosine of density 2 cos (1 - E(cos)) / mean for u in [0, 1); mean: 1 - E_mean."""
-    wanted, j, step = u * mean, 0, (NODES - 1) // 2
+    wanted, j, step = u * mean, 0, (ENTRIES - 1) // 2
     while step > 0:
-        c = (j + step) / (NODES - 1)
+        c = (j + step) / (ENTRIES - 1)
         if c * c - _once(table, 2, lobe, j + step) <= wanted:
             j += step
         step //= 2
-    low, high = j / (NODES - 1), (j + 1) / (NODES - 1)
+    low, high = j / (ENTRIES - 1), (j + 1) / (ENTRIES - 1)
     wanted -= low * low - _once(table, 2, lobe, j)
     p = 1.0 - _once(table, 0, lobe, j)
     slope = (1.0 - _once(table, 0, lobe, j + 1) - p) / (high - low)
     whole = high * high - _once(table, 2, lobe, j + 1) - low * low + _once(table, 2, lobe, j)
     c = math.sqrt(low * low + (high * high - low * low) * min(max(wanted / max(whole, 1e-300), 0.0), 1.0))
-    for _ in range(NEWTON):
+    for _ in range(4):  # 4 steps of Newton's method to a cosine: its error is below 1e-6
         more = c * c - low * low
         off = (p - slope * low) * more + slope * 2.0 / 3.0 * (c * c * c - low * low * low) - wanted
         c = min(max(c - off / max(2.0 * c * (p + slope * (c - low)), 1e-12), low), high)
@@ -285,4 +284,4 @@ def base_albedo(lobe: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
 
 
 def _mean(plane: int, lobe: np.ndarray) -> np.ndarray:
-    return np.interp(np.nan_to_num(lobe[:, 4]), np.arange(NODES) / (NODES - 1), albedos()[plane, :, -1])
+    return np.interp(np.nan_to_num(lobe[:, 4]), np.arange(ENTRIES) / (ENTRIES - 1), albedos()[plane, :, -1])

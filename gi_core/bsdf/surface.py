@@ -22,8 +22,7 @@ from gi_core.base.vec import cross, dot, rotate, weighted
 from gi_core.bsdf import ggx, table
 from gi_core.bsdf.table import Tables
 
-GRAZING = 1e-6  # least cosine of i: a ray that is float32 may arrive from just below the plane of its face
-DRAWS = 2048  # directions drawn for the hemispherical albedo of a table
+ALBEDO_DRAWS = 2048  # directions drawn for the hemispherical albedo of a table
 
 
 class Diffuse(NamedTuple):
@@ -74,12 +73,12 @@ def build_bsdfs(reflectance: np.ndarray, lobe: np.ndarray, tables: Tables, tange
 
 
 def table_albedo(tables: Tables, k: int) -> np.ndarray:
-    """Return the hemispherical albedo (3,) of a table, by DRAWS directions: within 1 %."""
+    """Return the hemispherical albedo (3,) of a table, by ALBEDO_DRAWS directions: within 1 %."""
     total = np.zeros(3)
-    for u, v, *draw in np.random.default_rng(0).random((DRAWS, 5)):
+    for u, v, *draw in np.random.default_rng(0).random((ALBEDO_DRAWS, 5)):
         i = cosine_hemisphere(u, v)
         total += table.albedo(tables, k, *i) * np.array(table.sample(tables, k, *i, *draw)[3:])
-    return total / DRAWS
+    return total / ALBEDO_DRAWS
 
 
 # Queries of kernels: numba chooses by the type of `bsdfs` ----------------------------------------------------
@@ -178,7 +177,8 @@ def _basis_of(n):
 @kernel
 def _arriving(d, a, b, n):
     """Return i in a frame, above the surface."""
-    x, y, z = dot(d, a), dot(d, b), max(dot(d, n), GRAZING)
+    # a float32 ray may arrive from just below the plane of its face
+    x, y, z = dot(d, a), dot(d, b), max(dot(d, n), 1e-6)
     size = math.sqrt(x * x + y * y + z * z)
     return x / size, y / size, z / size
 

@@ -12,7 +12,6 @@ import numpy as np
 from gi_core.bsdf.models import MODELS, Lobe
 from gi_core.bsdf.table import Table
 
-TOLERANCE = 0.005  # of an albedo, from interpolation: so much above 1 is scaled without a word
 CHECKED = math.radians(89.0)  # incidence beyond it is scaled without a word: models diverge there
 
 
@@ -92,7 +91,7 @@ def _limited(lobes: Sequence[Lobe], theta: np.ndarray, total: np.ndarray, room: 
     """Return a sentence where the albedo exceeds the room beside kd by more than the tolerance, else ""."""
     angles = np.append(theta[theta < CHECKED], CHECKED)
     albedos = np.interp(angles, theta, total)
-    over = albedos > room + TOLERANCE
+    over = albedos > room + 0.005  # interpolation errs by 0.005 of an albedo: so much above 1 is scaled without a word
     if not over.any():
         return ""
     first, last, worst = np.degrees((angles[over][0], angles[over][-1], angles[np.argmax(albedos)]))

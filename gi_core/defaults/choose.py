@@ -45,26 +45,15 @@ PILOT_PHOTONS, PILOT_PART = 4096, 64  # and photons per part
 PILOT_VERTICES = 1 << 20  # enough of them end the pilot: paths in white rooms are long
 PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must be independent of it
 RADIUS_SHARE = 0.025  # of the scene's size: largest candidate radius
-RADII = 6  # candidates, each 1 / sqrt(2) of the previous one
-LEAST_SPACINGS = 0.5  # radius over the distance between receivers
 LEAST_NOISE = 0.02  # relative l1: photons are not increased for less noise
 MOST_SECONDS = 6.0  # of tracing and estimating: the rest of ten seconds after launch
 MOST_PHOTONS = 2_000_000  # 180 MB of paths in a closed room
 FEWEST_PHOTONS = 10_000
 NEIGHBOURS = 50
-LIT_PLACES = 2000  # lit places sampled
-DENSITY_HITS = 8  # nearest hits of a density estimate
-TURNED = 0.3  # of the scene's size: distance that a difference of 1 between normals counts as
-FEWEST = 100  # hits needed for a prediction
+FEWEST_HITS = 100  # hits needed for a prediction
 SOBOL = 0.82  # noise of the Sobol sequence over that of independent photons: 0.74 to 0.90 in six scenes
-OFF = 0.4  # of the light on uneven ground: 0.2 to 0.8 in six scenes
-DIRECTIONS = 8  # around a lit place
-OBSTACLE_HEIGHT = 0.05  # of the radius above the ground: lower obstacles hide little of a disc
+RIM_DIRECTIONS = 8  # around a lit place
 RIM = 0.7  # of the radius: half of a disc's area lies inside
-BELOW = 0.3  # of the radius below the disc: lower ground is another surface
-DISCS = 1 << 14  # receivers sampled
-LINES = 1 << 14  # segments sampled
-SPREAD = 0.6180339887498949  # golden ratio - 1: its multiples modulo 1 are evenly spread
 
 # Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see default-settings.md.
 # Measure again when kernels change much. Precision is not needed: noise follows the root of the time.
@@ -118,7 +107,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
     predicted, noise_per_photon = None, 0.0
-    if len(pilot.hits) >= FEWEST:
+    if len(pilot.hits) >= FEWEST_HITS:
         lit = places(model, pilot, low, high, size)
         if radius is None or photons is None:
             predicted = _best(model, pilot, lit, size, radius)
@@ -142,8 +131,8 @@ def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Predic
     if radius:
         return _predict(model, pilot, lit, radius)
     largest = RADIUS_SHARE * size
-    least = min(largest, LEAST_SPACINGS * lit.spacing)
-    radii = [largest * 0.5 ** (k / 2) for k in range(RADII)]
+    least = min(largest, 0.5 * lit.spacing)  # least radius: 0.5 of the distance between receivers
+    radii = [largest * 0.5 ** (k / 2) for k in range(6)]  # 6 candidates, each 1 / sqrt(2) of the previous one
     tried = [_predict(model, pilot, lit, _round(r)) for r in radii if r >= least]
     return min(tried, key=lambda f: f.error)
 
@@ -177,7 +166,7 @@ def _pilot(model: Model) -> tuple[Pilot, tuple[float, float]]:
 
 
 def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if len(hits) >= FEWEST:
+    if len(hits) >= FEWEST_HITS:
         return central_box(hits)
     vertices = model.surfaces.vertices[0]
     return box(vertices) if len(vertices) else (np.zeros(3), np.ones(3))
@@ -221,13 +210,14 @@ def pilot_of(model: Model, paths: PathVertices) -> Pilot:
 def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: float) -> Places:
     """Return lit places in the box; only those in view of the scene's camera, if these are enough."""
     inside = ((pilot.hits >= low) & (pilot.hits <= high)).all(axis=1)
-    rows = np.flatnonzero(inside if inside.sum() >= FEWEST else np.ones(len(inside), bool))
+    rows = np.flatnonzero(inside if inside.sum() >= FEWEST_HITS else np.ones(len(inside), bool))
     seen = rows[_seen(model, pilot.hits[rows], pilot.normals[rows])]
-    rows = seen if len(seen) >= FEWEST else rows
-    rows = rows[np.linspace(0, len(rows) - 1, min(LIT_PLACES, len(rows))).astype(np.int64)]
+    rows = seen if len(seen) >= FEWEST_HITS else rows
+    rows = rows[np.linspace(0, len(rows) - 1, min(2000, len(rows))).astype(np.int64)]  # 2000 lit places sampled
     # Distances include normals, so hits on the other side of a board count as far away.
-    apart = np.concatenate([pilot.hits, TURNED * size * pilot.normals], axis=1)
-    k = min(DENSITY_HITS, len(apart) - 1)
+    # a difference of 1 between normals counts as 0.3 of the scene's size
+    apart = np.concatenate([pilot.hits, 0.3 * size * pilot.normals], axis=1)
+    k = min(8, len(apart) - 1)  # 8 nearest hits of a density estimate
     reach, _ = nearest(apart, apart[rows], k + 1)  # the nearest is the hit itself
     density = k / (math.pi * np.maximum(reach, 1e-6 * size) ** 2 * pilot.photons)
     static = model.surfaces.receiver_range(0)
@@ -266,7 +256,7 @@ def photons_for(lit: Places, radius: float, wanted: float) -> float:
 
 def bias(model: Model, lit: Places, radius: float) -> float:
     """Return the relative l1 bias, which no number of photons removes; radius [m]."""
-    return OFF * uneven(model, lit, radius)
+    return 0.4 * uneven(model, lit, radius)  # 0.4 of the light on uneven ground: 0.2 to 0.8 in six scenes
 
 
 def uneven(model: Model, lit: Places, radius: float) -> float:
@@ -276,13 +266,15 @@ def uneven(model: Model, lit: Places, radius: float) -> float:
     u = np.cross(n, axis)
     u /= np.sqrt((u * u).sum(axis=1))[:, None]
     v = np.cross(n, u)
-    angle = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    angle = 2 * math.pi * np.arange(RIM_DIRECTIONS) / RIM_DIRECTIONS
     out = np.cos(angle)[:, None, None] * u + np.sin(angle)[:, None, None] * v
-    start = np.broadcast_to(lit.positions + OBSTACLE_HEIGHT * radius * n, out.shape)
+    # 0.05 of the radius above the ground: lower obstacles hide little of a disc
+    start = np.broadcast_to(lit.positions + 0.05 * radius * n, out.shape)
     free, _ = _nearest(model, start.reshape(-1, 3), out.reshape(-1, 3), np.full(out[..., 0].size, RIM * radius))
     rim = start + RIM * radius * out
     down = np.broadcast_to(-n, out.shape)
-    _, ground = _nearest(model, rim.reshape(-1, 3), down.reshape(-1, 3), np.full(len(free), BELOW * radius))
+    # 0.3 of the radius below the disc: lower ground is another surface
+    _, ground = _nearest(model, rim.reshape(-1, 3), down.reshape(-1, 3), np.full(len(free), 0.3 * radius))
     return float(((free < np.float32(RIM * radius)) | (ground < 0)).mean())
 
 
@@ -308,7 +300,7 @@ def costs(model: Model, paths: PathVertices, radius: float) -> tuple[float, floa
 def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:
     """Return the cells traversed and the static discs tested per photon, means over the pilot trace; radius [m]."""
     rows = np.flatnonzero(model.backs(0) != BEHIND) + model.surfaces.receiver_range(0).start
-    stands_for = max(1, len(rows) // DISCS)
+    stands_for = max(1, len(rows) // (1 << 14))  # 1 << 14 receivers sampled
     rows = rows[::stands_for]
     photons = len(paths.offsets) - 1
     segments = segments_of(paths, 0, photons)
@@ -319,11 +311,12 @@ def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float
     low, high = (p - half).min(axis=0), (p + half).max(axis=0)
     cell = max(CELL_RADII * radius, float((high - low).max()) / MOST_ALONG)
     keys, discs = _listed((p - half - low) / cell, (p + half - low) / cell)
-    step = max(1, segments.size // LINES)
+    step = max(1, segments.size // (1 << 14))  # 1 << 14 segments sampled
     start, way = _clipped(segments.origin[::step], segments.end[::step], low, high)
     passed = np.where(way.any(axis=1), 1 + np.abs(way).sum(axis=1) / cell, 0)
     # One point per segment: on average the other cells of the segment hold as many discs.
-    at = start + (np.arange(len(start)) * SPREAD % 1)[:, None] * way
+    # golden ratio - 1: its multiples modulo 1 are evenly spread
+    at = start + (np.arange(len(start)) * 0.6180339887498949 % 1)[:, None] * way
     at = _key(np.floor((at - low) / cell).astype(np.int64))
     place = np.searchsorted(keys, at).clip(0, len(keys) - 1)
     discs_listed = np.where(keys[place] == at, discs[place], 0) * stands_for

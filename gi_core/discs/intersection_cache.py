@@ -20,10 +20,8 @@ from gi_core.photons.paths import Segments
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 MOST_PER_PHOTON = 64  # entries per photon: half a GB per million photons. Beyond it, frames search for removed suffixes
-MOST = 1 << 32  # entries: indices have 32 bits
-GUESS = 3  # entries per vertex, assumed before any are known
-ROOM = 4  # entries per segment in the first allocation
-STEP = 1 << 20  # entries merged or moved between two pauses
+ENTRIES_PER_SEGMENT = 4  # entries per segment in the first allocation
+ENTRIES_PER_STEP = 1 << 20  # entries merged or moved between two pauses
 
 
 class _Entries(NamedTuple):
@@ -58,7 +56,8 @@ class IntersectionCache:
     @property
     def bytes_per_vertex(self) -> int:
         """Bytes of the cache per path vertex; an estimate before photons are known."""
-        entries = int(self._first[self._vertices]) / self._vertices if self._vertices else GUESS
+        # 3 entries per vertex, before any are counted
+        entries = int(self._first[self._vertices]) / self._vertices if self._vertices else 3
         return 4 + int(8 * entries) if self.complete else 0
 
     def find(self, segments: Segments, accumulate: Callable[[int, IntersectionLog], None]) -> None:
@@ -66,7 +65,7 @@ class IntersectionCache:
 
         segments: all of consecutive photons, photon-major. Thread safe for disjoint photons.
         """
-        log = IntersectionLog.of(1 + ROOM * segments.size if self.complete else 0)
+        log = IntersectionLog.of(1 + ENTRIES_PER_SEGMENT * segments.size if self.complete else 0)
         accumulate(1, log)
         if not self.complete or not segments.size:
             return
@@ -88,7 +87,8 @@ class IntersectionCache:
         at, end = self._vertices, int(self._first[self._vertices])
         parts = self._parts = sorted(self._parts, key=lambda part: part.photon)
         n = end + sum(len(p.receiver) for p in parts)
-        if n > min(MOST_PER_PHOTON * (self._photons + sum(p.photons for p in parts)), MOST - 1):
+        # 1 << 32 entries: indices have 32 bits
+        if n > min(MOST_PER_PHOTON * (self._photons + sum(p.photons for p in parts)), (1 << 32) - 1):
             self.__init__()
             self.complete = False
             return
@@ -103,8 +103,8 @@ class IntersectionCache:
             self._receiver[entries], self._distance[entries] = p.receiver, p.distance
             at, end = at + len(p.count), entries.stop
             self._photons, self._vertices = self._photons + p.photons, at
-            if end // STEP > merged:
-                merged = end // STEP
+            if end // ENTRIES_PER_STEP > merged:
+                merged = end // ENTRIES_PER_STEP
                 yield
 
     def subtract(self, removed_suffixes: RemovedSuffixes, radius: float, first: int, last: int, sums: Sums) -> int:
@@ -118,8 +118,8 @@ def _grown(array: np.ndarray, used: int, n: int) -> Generator[None, None, np.nda
     if n <= len(array):
         return array
     out = np.empty(max(n, len(array) * 5 // 4), array.dtype)
-    for first in range(0, used, STEP):
-        part = slice(first, min(first + STEP, used))
+    for first in range(0, used, ENTRIES_PER_STEP):
+        part = slice(first, min(first + ENTRIES_PER_STEP, used))
         out[part] = array[part]
         yield
     return out

@@ -26,13 +26,11 @@ from gi_core.model import Model
 
 RAYS = 32  # the polygon of a free disc has 99.4 % of its area; intersections outside it do not count
 PROBES = 8  # directions of the first test; a receiver with none of them blocked keeps the whole disc
-CHUNK = 2048  # receivers per step: some 5 ms
+RECEIVERS_PER_STEP = 2048  # receivers per step: some 5 ms
 EXTENSION = 1e-2  # of the radius: segments end behind their hit, so that discs in the plane of the hit are crossed
 REGION_LIFT = 2e-3  # of the radius: ray origins above the receiver's own flat surface
 NUDGE = 1e-2  # of the way to the mean centroid, or of the radius: ray origins away from edges, which lie in the
 # neighbour's plane, but not through a wall beside a corner that `files/completion/crossings.py` put there
-TANGENT = 0.25  # of the radius: a nearer hit on the own patch means that the disc lies behind it from the start
-NARROW = 0.25  # of the disc: a smaller region is measured again from a little higher
 LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable, they would hold noise alone
 
 TRIED = np.arange(0, RAYS, RAYS // PROBES)  # directions ...
@@ -77,8 +75,8 @@ def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regi
     patch = model.receiver_sides[rows] >> 1
     row = np.full(len(rows), WHOLE, np.int32)
     reach, count = [], 0
-    for first in range(0, len(rows), CHUNK):
-        part = slice(first, first + CHUNK)
+    for first in range(0, len(rows), RECEIVERS_PER_STEP):
+        part = slice(first, first + RECEIVERS_PER_STEP)
         tried = _distances(model, o, points[part], normals[part], patch[part], radius, TRIED)
         hit = np.flatnonzero((tried[..., 0] < np.float32(radius)).any(axis=1))
         yield
@@ -157,7 +155,8 @@ def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: f
     """
     higher = (0.5 * EXTENSION - REGION_LIFT) * radius
     areas = _areas(free)
-    narrow = np.flatnonzero(areas < NARROW * math.pi * radius * radius)
+    # a region smaller than 0.25 of the disc is measured again from a little higher
+    narrow = np.flatnonzero(areas < 0.25 * math.pi * radius * radius)
     if len(narrow):
         raised = points[narrow] + higher * normals[narrow]
         again = _distances(model, o, raised, normals[narrow], patch[narrow], radius, np.arange(RAYS))
@@ -198,7 +197,8 @@ def _near_and_far(distance, face, patch_of, patch, radius, out):
     for j in range(len(face)):
         i, k = j // count, j % count
         own = face[j] >= 0 and patch_of[face[j]] == patch[i]
-        out[i, k, 0] = np.float32(0.0) if own and distance[j] < np.float32(TANGENT) * radius else distance[j]
+        # a hit nearer than 0.25 radii on the own patch means that the disc lies behind it from the start
+        out[i, k, 0] = np.float32(0.0) if own and distance[j] < np.float32(0.25) * radius else distance[j]
         out[i, k, 1] = radius if own else distance[j]
 
 

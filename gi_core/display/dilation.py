@@ -35,12 +35,10 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import rays_to_object
 from gi_core.scene.pose import to_world_at
 
-NEAR = 0.06  # of the scene's size: a narrower space counts as closed
-CHUNK = 2048  # receivers per step: some 10 ms
+RECEIVERS_PER_STEP = 2048  # receivers per step: some 10 ms
 LITTLE = 0.1  # the same inside solid objects, which light enters at corners by the radius of a disc
 WEIGHT = 1e-3  # of an unreached receiver in its triangles; squared where it has no lit neighbour
-SHORT = 1e-3  # of the distance to a neighbour: left out at both ends, where faces meet
-UNKNOWN, OPEN, CLOSED, INSIDE = -1, 0, 1, 2
+UNKNOWN, OPEN, CLOSED, INSIDE_SOLID = -1, 0, 1, 2
 
 
 class Unreached(NamedTuple):
@@ -77,7 +75,7 @@ class Dilation:
     def __init__(self, model: Model, size: float):
         """size [m]: longest side of the box of lit surfaces, from `gi_core.defaults.choose`."""
         s = model.surfaces
-        self._model, self._near = model, NEAR * size
+        self._model, self._near = model, 0.06 * size  # a space narrower than 0.06 of the scene's size counts as closed
         points, self._normals = model.evaluation_points
         self._points = points.astype(np.float32)
         self._neighbours = model.adjacency
@@ -94,7 +92,7 @@ class Dilation:
                 self._place[own] = self._places(o, self._points[own], directions(self._normals[own]))
             # A view: those of the static part follow.
             model.results.keep("places", key, self._place[own], KEPT * s.objects)
-        self._in_mobiles = np.flatnonzero(self._place == INSIDE)
+        self._in_mobiles = np.flatnonzero(self._place == INSIDE_SOLID)
         self._in_mobiles_pairs = self._pairs(self._in_mobiles)
 
     def find_static(self, irradiance: np.ndarray) -> Generator[None, None, Unreached]:
@@ -106,12 +104,12 @@ class Dilation:
         rows = np.flatnonzero(light <= LITTLE * brightest)
         yield
         unknown = rows[self._place[rows] == UNKNOWN]
-        for first in range(0, len(unknown), CHUNK):
-            chunk = unknown[first : first + CHUNK]
+        for first in range(0, len(unknown), RECEIVERS_PER_STEP):
+            chunk = unknown[first : first + RECEIVERS_PER_STEP]
             self._place[chunk] = self._places(0, self._points[chunk], directions(self._normals[chunk]))
             yield
         place = self._place[: len(light)]
-        inside = rows[place[rows] == INSIDE]
+        inside = rows[place[rows] == INSIDE_SOLID]
         closed = self._without_dark_beside(np.flatnonzero(black & (place == CLOSED)), black & (place == OPEN))
         cut_off = self._cut_off(
             np.setdiff1d(np.flatnonzero(black & (place == OPEN)), self._of_black_faces(black)), black
@@ -135,7 +133,8 @@ class Dilation:
         start = self._points[neighbour]
         way = self._points[rows[of]] - start
         far = np.maximum(length(way), np.float32(1e-30))
-        limits = far * np.float32(1 - SHORT)
+        # 1e-3 of the distance to a neighbour is left out at both ends, where faces meet
+        limits = far * np.float32(1 - 1e-3)
         _, face = self._model.accelerator.nearest(0, start, way / far[:, None], limits)
         return np.delete(rows, of[face < 0])
 
@@ -166,7 +165,7 @@ class Dilation:
         """Return the rows of black receivers of mobile o that the static part encloses."""
         own = self._model.surfaces.receiver_range(o)
         light = luminance(irradiance[own])
-        may_be = (light <= BLACK * light.max(initial=0.0)) & (self._place[own] != INSIDE)
+        may_be = (light <= BLACK * light.max(initial=0.0)) & (self._place[own] != INSIDE_SOLID)
         rows = own.start + np.flatnonzero(may_be)
         rows = rows[_is_dark(rows, self._pairs(rows), irradiance, BLACK)]
         if o not in self._in_static or self._in_static[o][0] != pose_bits(at, o):
@@ -189,7 +188,7 @@ class Dilation:
         return rows
 
     def _places(self, o: int, points: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """Return the place (n,) int8 (OPEN, CLOSED or INSIDE) of each of n points, in object o's space.
+        """Return the place (n,) int8 (OPEN, CLOSED or INSIDE_SOLID) of each of n points, in object o's space.
 
         points (n, 3) or (n DIRECTIONS, 3) float32, rays (n DIRECTIONS, 3) float32 unit.
         """
@@ -199,7 +198,7 @@ class Dilation:
         distance, face = self._model.accelerator.nearest(o, origins, rays, limits)
         behind = (face >= 0) & (dot(s.normals[face], rays) > 0) & ~s.two_sided[face]
         inside, near = ((a.reshape(-1, DIRECTIONS).mean(axis=1) > 0.5) for a in (behind, distance < self._near))
-        return np.where(inside, INSIDE, np.where(near, CLOSED, OPEN)).astype(np.int8)
+        return np.where(inside, INSIDE_SOLID, np.where(near, CLOSED, OPEN)).astype(np.int8)
 
     def _pairs(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return all neighbours of the rows, and for each the index into `rows`."""

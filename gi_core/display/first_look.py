@@ -16,8 +16,8 @@ from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
-PATHS = 1 << 18, 1 << 20  # in all: one and four seconds of a core
-LEAST, MOST = 4, 64  # paths per receiver
+LOOK_PATHS = 1 << 18, 1 << 20  # in all: one and four seconds of a core
+LEAST_LOOK_PATHS, MOST_LOOK_PATHS = 4, 64  # paths per receiver
 ROUGH = 0.3  # relative l1 noise of the first photons, above which a first look is drawn in their place
 
 
@@ -59,8 +59,8 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> It
     points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
     areas = model.object_receivers.areas
     dilation, static = Dilation(model, model.world.size), model.surfaces.receiver_range(0).stop
-    for total in PATHS:
-        paths = min(max(total // max(len(points), 1), LEAST), MOST)
+    for total in LOOK_PATHS:
+        paths = min(max(total // max(len(points), 1), LEAST_LOOK_PATHS), MOST_LOOK_PATHS)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
         denoised = finish(denoise(E, error, model.adjacency, seed, model.threads, alike=areas))
         noise, E = denoised.share(areas) * relative_noise(luminance(error), E, areas), denoised.irradiance

@@ -6,8 +6,6 @@ import numpy as np
 
 from gi_core.model import Model
 
-ON_FACE = 1e-4  # of a face's largest coordinate: a probe so near lies on it
-
 
 def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> dict[str, np.ndarray]:
     """Return irradiance (3,) [W/m2] by probe name, from that of all receivers (R, 3).
@@ -23,7 +21,8 @@ def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> di
 def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarray:
     r, s = model.object_receivers, model.surfaces
     positions, normals = r.positions[rows], r.normals[rows]
-    face = model.faces_at(model.static, positions, normals, ON_FACE)
+    # a probe nearer than 1e-4 of a face's largest coordinate lies on it
+    face = model.faces_at(model.static, positions, normals, 1e-4)
     out = np.zeros((len(face), 3))
     for k in np.flatnonzero(face >= 0):
         a, *ends = s.vertices[0][s.faces[0][face[k]]]

@@ -115,14 +115,14 @@ KINDS: dict[str, type[Edit]] = {
     kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze, Light, Darken)
 }
 
-KEPT = 3  # versions of a scene
+VERSIONS = 3  # versions of a scene
 ADDING, TAKING = (Insert, Duplicate, Promote), (Remove, Freeze)  # a mobile
 
 
 class Versions(NamedTuple):
     """A scene, and those after the last of some edits. Others begin at the last version that they share with these."""
 
-    scenes: Mapping[int, Scene]  # by number of edits: 0 and the last KEPT, as each edit of the static part copies it
+    scenes: Mapping[int, Scene]  # by number of edits: 0 and the last VERSIONS, as each edit copies the static part
     edits: tuple[Edit, ...] = ()
 
     @property
@@ -145,7 +145,7 @@ class Versions(NamedTuple):
                 refused = EditError(str(problem))
                 refused.number = number
                 raise refused from None
-        return Versions({k: v for k, v in scenes.items() if k == 0 or k > len(edits) - KEPT}, tuple(edits))
+        return Versions({k: v for k, v in scenes.items() if k == 0 or k > len(edits) - VERSIONS}, tuple(edits))
 
 
 def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> Scene:

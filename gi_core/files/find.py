@@ -9,8 +9,6 @@ from pathlib import Path
 
 from gi_core.scene.errors import SceneError
 
-ALIKE = 0.75  # of 1: least likeness of a mistyped name
-
 
 def shipped_scenes() -> list[str]:
     """Return the names of the scenes that come with the program, sorted."""
@@ -41,6 +39,7 @@ def find_scene(name_or_path: str | Path) -> Path:
     listed = ", ".join(shipped)
     if os.path.isdir(path):
         raise SceneError(f"{name}: a scene is a file, this is a folder; shipped scenes are {listed}")
-    meant = difflib.get_close_matches(path.name, _beside(path), 1, ALIKE) or difflib.get_close_matches(name, shipped, 1)
+    # least likeness of a mistyped name: 0.75 of 1
+    meant = difflib.get_close_matches(path.name, _beside(path), 1, 0.75) or difflib.get_close_matches(name, shipped, 1)
     hint = f"did you mean {meant[0]}? " if meant else ""
     raise SceneError(f"{name}: there is no such scene file; {hint}shipped scenes are {listed}")

@@ -25,7 +25,7 @@ from gi_core.scene.pose import three
 from gi_core.scene.types import Material, Mesh, Mobile, Scene
 
 Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file, tables as such tuples too
-MOST_SCALE = 50.0  # of colours under metal that is taken off: less than 2 % is no colour
+MOST_SCALE_UNDER_METAL = 50.0  # of colours under metal that is taken off: less than 2 % is no colour
 
 
 def mobile_called(scene: Scene, name: str) -> Mobile:
@@ -145,7 +145,7 @@ def _with_other_gloss(scene: Scene, these: np.ndarray, table: Table) -> Scene:
             m = m._replace(reflectance=three(np.minimum(before.base, MOST_REFLECTANCE)))
             scales[k] = np.array(overridden(m, table).reflectance) / np.maximum(means[k], 1e-12)
         materials[k] = overridden(m, table)
-    lost = (scales > MOST_SCALE).any(axis=1)  # metal has left nothing of the colours: the base has one
+    lost = (scales > MOST_SCALE_UNDER_METAL).any(axis=1)  # metal has left nothing of the colours: the base has one
     scene = _scaled_faces(scene, these & ~lost & (scales != 1).any(axis=1), scales)
     scene = _recoloured_faces(scene, these & lost, np.array([m.reflectance for m in materials], np.float64))
     return replace(scene, materials=tuple(materials))

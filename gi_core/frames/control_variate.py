@@ -47,7 +47,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.gather.denoise import VARIANCE, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
-from gi_core.lights.mix import GRAIN, mixed, read_out
+from gi_core.lights.mix import MIX_GRAIN, mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
 
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
@@ -242,7 +242,7 @@ def frame_irradiance(
     def read(_, first, last):
         read_out(frame.sums, levels, flux_unit, frame.area, static + first, static + last, out)
 
-    run_ranges(read, len(out) - static, threads, GRAIN)
+    run_ranges(read, len(out) - static, threads, MIX_GRAIN)
     mean_levels = levels.mean(axis=1)
     flux_per_cut = frame.cut.per_photon(mean_levels)
     change = np.zeros((static, 4))  # and its variance

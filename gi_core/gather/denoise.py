@@ -32,9 +32,7 @@ REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a differ
 GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones, at 20, 40 and 80 % of difference
 PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
-POOLED = 40  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
-GRAIN = 1024  # receivers per thread
-PER_STEP = 1 << 18  # values, receivers times columns: 5 ms in office
+DENOISE_GRAIN = 1024  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 
 
@@ -88,7 +86,8 @@ def denoise(
     best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
     if alike is None:
         pooled = saved
-        for _ in range(POOLED):
+        # risks are pooled by 40 means over neighbours: one receiver's estimate is as large as the risk itself
+        for _ in range(40):
             pooled = averaged(near, pooled, lit, threads)
             yield
         best = pooled.argmax(axis=1)
@@ -118,7 +117,7 @@ def averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int
     def work(_, first, last):
         _average(near, columns, lit, first, last, out.reshape(columns.shape))
 
-    run_ranges(work, len(lit), threads, GRAIN)
+    run_ranges(work, len(lit), threads, DENOISE_GRAIN)
     return out
 
 
@@ -187,14 +186,15 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
 
 def _smooth_once(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> Generator[None, None, None]:
     rows = np.flatnonzero(light[:, VARIANCE] > 0)
-    out, at_once = np.empty((len(rows), light.shape[1])), PER_STEP // light.shape[1]
+    # 1 << 18 values per step, receivers times columns: 5 ms in office
+    out, at_once = np.empty((len(rows), light.shape[1])), (1 << 18) // light.shape[1]
     for k in range(0, len(rows), at_once):
         part, to = rows[k : k + at_once], out[k : k + at_once]
 
         def work(_, first, last, part=part, to=to):
             _pass(near, light, reach * reach, part, first, last, to)
 
-        run_ranges(work, len(part), threads, GRAIN)
+        run_ranges(work, len(part), threads, DENOISE_GRAIN)
         yield
     light[rows] = out
     yield

@@ -17,8 +17,6 @@ from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import to_object
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
 
-NEAR = 1e-5  # of the world's size: growth of spheres, so that culling loses no hit
-
 
 class BounceRays:
     """Rays fixed to mobile `own`: origins and unit directions (n, 3) float32 in its object space."""
@@ -42,7 +40,8 @@ class BounceRays:
             return self._cached
         distance, face = (a.copy() for a in self._cached)
         world = self._model.world
-        spheres = world.sphere_centre, world.sphere_radius + NEAR * world.size
+        # spheres grow by 1e-5 of the world's size, so that culling loses no hit
+        spheres = world.sphere_centre, world.sphere_radius + 1e-5 * world.size
         rays = at, self._own, self._origins, self._directions, distance, face
         _nearer(of.scenes, of.boxes, *spheres, of.first_face, new_ray(), *rays)
         return distance, face

@@ -27,9 +27,7 @@ NEAR = 16  # receivers per mean at most; 10 leave a twentieth more error, 20 a t
 LOOKED_AT = 4 * NEAR  # receivers along the mesh, of which NEAR are taken
 SAME_WAY = 0.9  # least cosine between normals
 CHANCE = 4.0  # a neighbour has weight 1/2 where CHANCE x Ward's squared error x bounces = 1; 2 to 8 are as good
-GRAIN = 512  # receivers per thread
 LEAST, MOST, LEVELS = 0.5, 4.0, 4  # bounces of a receiver over the mean, and levels of these per doubling
-HALVINGS = 40  # in the search for that mean
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a full turn, between successive directions
 
 
@@ -94,7 +92,7 @@ def bounce_shares(areas: np.ndarray) -> np.ndarray:
     """
     wanted = np.log2(np.maximum(areas / max(areas.mean(), 1e-300), 1e-30)) / 1.5
     low, high = -100.0, 100.0  # of the number that is added to all exponents
-    for _ in range(HALVINGS):
+    for _ in range(40):  # 40 halvings in the search for that mean
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _rounded(wanted + middle).mean() <= 1.0 else (low, middle)
     return _rounded(wanted + low)
@@ -140,7 +138,8 @@ def average_neighbours(
 ) -> np.ndarray:
     """Return means (n, 3) of light (n, 3) from bounces (n,) int64 of receivers; close (n,): closeness()."""
     out = np.empty_like(light)
-    run_ranges(lambda _, a, b: _mean(*near, close, bounces, light, a, b, out), len(light), threads, GRAIN)
+    # 512 receivers per thread
+    run_ranges(lambda _, a, b: _mean(*near, close, bounces, light, a, b, out), len(light), threads, 512)
     return out
 
 

@@ -27,7 +27,6 @@ ROOM = 64  # rays that are added at a time: columns of SUMS lines of scratch mem
 # First columns of these lines: irradiance of three channels, weight times direction in the frame of the normal, weight.
 # Unsigned, as LLVM vectorises no loop that checks for negative indices.
 RED, GREEN, BLUE, X, Y, Z, WEIGHT = (np.uint64(line * ROOM) for line in range(SUMS))
-GRAIN = 64  # receivers per thread
 
 
 class DirectLight(NamedTuple):
@@ -94,7 +93,7 @@ class PathLight(NamedTuple):
                 if a < b:
                     _write(rows[a:b], d, self.bounced, place[a:b], resting, Scratch.of(d.candidates), out[a:b])
 
-        run_ranges(work, len(rows), threads, GRAIN)
+        run_ranges(work, len(rows), threads, 64)  # 64 receivers per thread
 
 
 def for_cells(of: Candidates) -> Candidates:

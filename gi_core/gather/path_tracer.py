@@ -32,7 +32,6 @@ from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
-GRAIN = 1 << 10  # paths per thread: steps of 10 ms hold some 5,000 paths per core
 
 # Dimensions after those of path_ends.py; scattering needs a pair.
 PART, SCATTER_U, SCATTER_V = 5, 6, 7
@@ -108,7 +107,8 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
             ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(), off)
             tracer.follow(ends, total[s])
 
-    run_ranges(work, len(path), model.threads, GRAIN)
+    # 1 << 10 paths per thread: steps of 10 ms hold some 5,000 paths per core
+    run_ranges(work, len(path), model.threads, 1 << 10)
     return total
 
 

@@ -240,7 +240,7 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
     share = np.maximum(weights * scatter, 1e-300) ** (2 / 3)
     needed = (np.sqrt(2 / np.pi) * (weights * scatter / np.sqrt(share)).sum() / (AIM * light)) ** 2 * share
     m = np.round(np.log2(np.maximum(needed / rounds, 1)))
-    return np.minimum(m, strata.LARGEST).astype(np.int8)
+    return np.minimum(m, strata.LARGEST_SET).astype(np.int8)
 
 
 @kernel

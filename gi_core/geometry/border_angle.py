@@ -14,8 +14,6 @@ from gi_core.base.grouping import group_of
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 
-LEAST_SHARE = 0.01  # of a full turn: lower bound of the divisor at tips of slivers
-
 
 def border_receivers(surfaces: Surfaces, count: int) -> np.ndarray:
     """Return (R,) bool: the receiver is an end of an edge with a single face.
@@ -49,7 +47,8 @@ def covered_share(surfaces: Surfaces, receivers: Receivers) -> np.ndarray:
             cross = np.cross(u, v)
             angle = np.arctan2(np.sqrt((cross * cross).sum(axis=1)), (u * v).sum(axis=1))
             alpha += np.bincount(at, angle, len(alpha))
-    share = np.clip(alpha / (2 * math.pi), LEAST_SHARE, 1.0)
+    # 0.01 of a full turn: lower bound of the divisor at tips of slivers
+    share = np.clip(alpha / (2 * math.pi), 0.01, 1.0)
     return np.where(border_receivers(surfaces, len(share)), share, 1.0)
 
 

@@ -14,11 +14,9 @@ from gi_core.base.random_numbers import independent
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, dot
 
-ROUNDING = 1e-6  # of a distance: on regular meshes many receivers lie at the limit
 SCATTERED = 16  # neighbours at most; 12 leave a hundredth more error in changes of light, 24 a hundredth less
 LOOKED_AT = 256  # receivers along the mesh, of which these are drawn
 SAME_WAY = 0.9  # least cosine between normals
-GRAIN = 4096  # receivers per thread
 
 
 class Neighbours(NamedTuple):
@@ -48,9 +46,11 @@ def scattered_neighbours(
 
     near: along edges; positions [m] and normals (n, 3). Creases end the surrounding, as does a turn of the surface.
     """
-    n, farthest = len(positions), (reach * (1.0 + ROUNDING)) ** 2
+    # rounding by 1e-6: on regular meshes many receivers lie at the limit
+    n, farthest = len(positions), (reach * (1.0 + 1e-6)) ** 2
     room, count = np.empty((n, SCATTERED), np.int32), np.zeros(n, np.int64)
-    run_ranges(lambda _, a, b: _scatter(*near, positions, normals, farthest, a, b, room, count), n, threads, GRAIN)
+    # 4096 receivers per thread
+    run_ranges(lambda _, a, b: _scatter(*near, positions, normals, farthest, a, b, room, count), n, threads, 4096)
     return Neighbours(np.concatenate([[0], np.cumsum(count)]), room[np.arange(SCATTERED) < count[:, None]])
 
 

@@ -17,8 +17,7 @@ from gi_core.base.vectors import cross, dot, length
 from gi_core.scene.types import Mesh
 
 CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
-STEPS = 3  # faces at one edge that a face is compared with
-WELD = 1e-6  # of the extent of what lies around: nearer vertices are merged (float32 files repeat them)
+FACES_COMPARED = 3  # faces at one edge that a face is compared with
 
 
 class Receivers(NamedTuple):
@@ -107,7 +106,8 @@ def weld(vertices: np.ndarray) -> np.ndarray:
     away = np.abs(around).max(axis=1)
     inner = max(float(np.quantile(away, 0.1)), 1e-24)
     shell = np.maximum(np.ceil(np.log2(np.maximum(away / inner, 1.0)) / 3), 1.0)
-    cell = WELD * 2 * inner * 8.0 ** (shell - 1)
+    # vertices nearer than 1e-6 of the extent of what lies around are merged (float32 files repeat them)
+    cell = 1e-6 * 2 * inner * 8.0 ** (shell - 1)
     return group_of((shell.astype(np.int64), *np.round(around / cell[:, None]).astype(np.int64).T))
 
 
@@ -124,12 +124,12 @@ def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
 def _smooth_pairs(order, start, end, normals, least):
     """Return the corners (m, 2) that meet on one smooth side. Edge 3 f + c runs from that corner of face f to its next;
     in `order`, edges with the same two ends are adjacent; an edge of more than two faces joins only smooth pairs."""
-    pairs = np.empty((2 * STEPS * len(order), 2), np.int64)
+    pairs = np.empty((2 * FACES_COMPARED * len(order), 2), np.int64)
     count = 0
     for k in range(len(order)):
         i = order[k]
         low, high = min(start[i], end[i]), max(start[i], end[i])
-        for j in order[k + 1 : k + 1 + STEPS]:
+        for j in order[k + 1 : k + 1 + FACES_COMPARED]:
             if min(start[j], end[j]) != low or max(start[j], end[j]) != high:
                 break
             f, g = i // 3, j // 3

@@ -19,7 +19,7 @@ from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Gloss, Mesh, Paint, Scene
 
-MOST_SCALE = 2.0  # of paint under gloss: where facets add more than the base has, its texture does not show
+MOST_SCALE_UNDER_GLOSS = 2.0  # of paint under gloss: where facets add more than the base has, its texture does not show
 
 
 class Surfaces(NamedTuple):
@@ -150,9 +150,9 @@ def _repainted(paint: Paint | None, mean: np.ndarray, wanted: np.ndarray) -> Pai
     """Return paint of mean colours `wanted` (F, 3) in place of `mean`: scaled, or plain where most is added to it."""
     if paint is None:
         return None
-    paint = _without(paint, wanted.max(axis=1) > MOST_SCALE * mean.max(axis=1), wanted)
-    scale = np.clip(wanted / np.maximum(mean, 1e-12), 0, MOST_SCALE)
-    scale[wanted.max(axis=1) > MOST_SCALE * mean.max(axis=1)] = 1.0
+    paint = _without(paint, wanted.max(axis=1) > MOST_SCALE_UNDER_GLOSS * mean.max(axis=1), wanted)
+    scale = np.clip(wanted / np.maximum(mean, 1e-12), 0, MOST_SCALE_UNDER_GLOSS)
+    scale[wanted.max(axis=1) > MOST_SCALE_UNDER_GLOSS * mean.max(axis=1)] = 1.0
     return paint._replace(corner_colour=paint.corner_colour * scale[:, None].astype(np.float32))
 
 

@@ -17,8 +17,6 @@ WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below
 TEXTURE_SAMPLES = 1_500_000  # over all triangles, within FINENESS: a tenth of a second on two cores
 FINENESS = 16, 64  # samples along the longest edge of a triangle: the error of the mean is half a percent, or a tenth
 MOST_TAPS = 8  # samples along a pixel's footprint where a surface is seen at a grazing angle
-GRAIN = 64  # triangles per thread
-CLAMPED_SIZE = 32  # texels: least size of clamped mipmaps, whose edges would blur into the image
 REFLECTANCE = np.minimum(LINEAR, MOST_REFLECTANCE)
 
 
@@ -73,7 +71,8 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray, most: float) ->
     fineness = np.clip(np.sqrt(TEXTURE_SAMPLES / len(uv)), *FINENESS)
     last = len(chain) - 1
     if "clamp" in texture.wrap:
-        last = max(k for k, c in enumerate(chain) if k == 0 or min(c.shape[:2]) >= CLAMPED_SIZE)
+        # 32 texels: least size of clamped mipmaps, whose edges would blur into the image
+        last = max(k for k, c in enumerate(chain) if k == 0 or min(c.shape[:2]) >= 32)
     level = np.clip(np.ceil(np.log2(np.maximum(longest / fineness, 1.0))), 0, last).astype(np.int64)
     samples = np.clip(np.ceil(longest / 2.0**level), 1, np.ceil(fineness)).astype(np.int64)
     out = np.empty((len(uv), 3))
@@ -86,7 +85,7 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray, most: float) ->
         def work(_, first, last, pixels=pixels, triangles=triangles):
             return _under(pixels, table, u, v, *(a[first:last] for a in triangles))
 
-        out[rows] = np.concatenate(run_ranges(work, len(rows), available_cores(), GRAIN))
+        out[rows] = np.concatenate(run_ranges(work, len(rows), available_cores(), 64))  # 64 triangles per thread
     return out
 
 

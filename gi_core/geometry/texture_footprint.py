@@ -9,7 +9,7 @@ import numpy as np
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import cross, difference, dot, weighted
 
-GRAZING = 1e-30  # parallel rays do not intersect the plane
+PARALLEL = 1e-30  # parallel rays do not intersect the plane
 
 
 class Footprints(NamedTuple):
@@ -49,8 +49,8 @@ def _footprints(corners, uv, face, u, v, eye, directions, steps, place, across, 
         forward = dot(directions[i], steps[i, 2])
         d = directions[i, 0] / forward, directions[i, 1] / forward, directions[i, 2] / forward
         depth, steepness = dot(q, steps[i, 2]), dot(n, d)
-        if abs(steepness) < GRAZING:
-            steepness = GRAZING
+        if abs(steepness) < PARALLEL:
+            steepness = PARALLEL
         for s in range(2):
             # Offset to the intersection of the neighbouring ray.
             slant = dot(n, steps[i, s]) / steepness

@@ -37,8 +37,8 @@ from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 
-GRAIN = 256  # receivers per thread
-MOST_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, gloss-cells.md
+CELL_GRAIN = 256  # receivers per thread
+MOST_GLOSS_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, gloss-cells.md
 
 
 class StaticCells(NamedTuple):
@@ -82,7 +82,7 @@ class GlossCells:
         def work(_, begin, end):
             turn(even, normals[begin:end], out[begin:end])
 
-        run_ranges(work, len(out), self.discs.model.threads, GRAIN)
+        run_ranges(work, len(out), self.discs.model.threads, CELL_GRAIN)
         out[self._place, :, :3] = 0.0
         return out
 
@@ -106,7 +106,7 @@ class GlossCells:
         if self._intake.begins_anew(store, weights):
             self._lit_by = 0
             self._static.photons[:] = 0
-        count, model = min(len(paths.offsets) - 1, MOST_PHOTONS), self.discs.model
+        count, model = min(len(paths.offsets) - 1, MOST_GLOSS_PHOTONS), self.discs.model
         while self.photons < count:
             last = self._intake.end_of_part(count)
             self._deposit([(1, segments_of(paths, self.photons, last))], model.static, self._static.photons)
@@ -165,7 +165,7 @@ class GlossCells:
         def work(_, begin, end):
             frame_cells(reached, begin, end, self.discs.normals_of(o), static, scale, Scratch.new(), out)
 
-        run_ranges(work, len(reached.rows), self.discs.model.threads, GRAIN)
+        run_ranges(work, len(reached.rows), self.discs.model.threads, CELL_GRAIN)
 
     def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
         return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]
@@ -189,7 +189,7 @@ class GlossCells:
         def work(_, begin, end):
             deposit(reached, begin, end, self.discs.normals_of(0), sums)
 
-        run_ranges(work, len(reached.rows), self.discs.model.threads, GRAIN)
+        run_ranges(work, len(reached.rows), self.discs.model.threads, CELL_GRAIN)
 
 
 # Sums of cells become shares of irradiance and mean directions ------------------------------------------------

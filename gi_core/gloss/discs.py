@@ -21,10 +21,9 @@ from gi_core.photons.flux_sums import IntersectionLog, Sums
 from gi_core.photons.paths import Segments, take
 from gi_core.rays.accelerator import Transforms
 
-CELL_RADII = 2.0  # edge of the cells of the search: the discs of a flat surface lie in one layer, gloss-cells.md
-ROOM = 4  # crossings per segment in the first record
-GRAIN = 256  # segments per thread
-PART = 8192  # photons taken in at a time
+CROSSINGS = 4  # crossings per segment in the first record
+SEGMENT_GRAIN = 256  # segments per thread
+PHOTONS_AT_ONCE = 8192  # photons taken in at a time
 FLUX_SHIFT = 12  # bits of flux left out of moments ...
 DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26 rays in 63 bits
 RAY = 8  # numbers of a ray, see _weigh()
@@ -72,7 +71,8 @@ class GlossDiscs:
         positions, normals = (np.ascontiguousarray(a[rows], np.float32) for a in (r.positions, r.normals))
         # The two sides of a face are discs of their own.
         own, back = self.model.receiver_sides[rows], np.full(n, NONE, np.int32)
-        return DiscIndex(Discs(positions, normals, own, back, np.float32(self.radius), region), cell_radii=CELL_RADII)
+        # the discs of a flat surface lie in one layer: cells of 2.0 radii, gloss-cells.md
+        return DiscIndex(Discs(positions, normals, own, back, np.float32(self.radius), region), cell_radii=2.0)
 
     def crossed(self, o: int, parts: Sequence[Segments], at: Transforms) -> list[tuple[int, Crossings]]:
         """Return the crossings of segments with object o's discs at poses, each with the index of its part."""
@@ -82,7 +82,8 @@ class GlossDiscs:
         search = self._searches[o]
 
         def find(segments: Segments) -> Crossings:
-            ready, room = lines(segments, at.rotation[o], at.position[o], model, self.radius), ROOM * segments.size
+            ready = lines(segments, at.rotation[o], at.position[o], model, self.radius)
+            room = CROSSINGS * segments.size
             while True:
                 log = IntersectionLog.of(room)
                 search.accumulate(ready, 1, Sums.zeros(count, model.emitters.lamps.channels)._replace(log=log))
@@ -95,7 +96,7 @@ class GlossDiscs:
             ranges = [(max(first - a, 0), min(last, b) - a) for a, b in itertools.pairwise(ends)]
             return [(k, find(take(parts[k], slice(*r)))) for k, r in enumerate(ranges) if r[0] < r[1]]
 
-        return list(itertools.chain(*run_ranges(work, int(ends[-1]), model.threads, GRAIN)))
+        return list(itertools.chain(*run_ranges(work, int(ends[-1]), model.threads, SEGMENT_GRAIN)))
 
 
 class Intake:
@@ -118,7 +119,7 @@ class Intake:
 
     def end_of_part(self, count: int) -> int:
         """Return the end of the next part of the first `count` photons."""
-        return min(self.photons + PART, count)
+        return min(self.photons + PHOTONS_AT_ONCE, count)
 
 
 class Arrivals(NamedTuple):

@@ -23,7 +23,7 @@ FIELDS = 6  # of a cell, see GlossLight
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
 TURNED = -0.2  # least cosine of an eye: normals of vertices turn some 10 degrees further than visible faces
 SPREAD = 0.5  # of alpha^2 per missing length of a mean direction: 64 cells differ from the list by a fifth less
-POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: gloss-cells.md
+LOBE_POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: gloss-cells.md
 ONE = 1e-3  # missing length of a single ray, as float32 and half floats have it
 
 # Writes the cells (k, CELLS, 6) of receivers (k,), ascending, given their places (k,) in the resting light.
@@ -174,10 +174,10 @@ def _sent(tables, lobe, n, view, rays, j):
     if lobe[4] < 0.0:
         red = green = blue = 0.0
         spread = math.sqrt(2.0 * SPREAD * max(1.0 - length, 0.0))
-        points = POINTS if 1.0 - length > ONE else 1
+        points = LOBE_POINTS if 1.0 - length > ONE else 1
         ax, ay, az, bx, by, bz = basis(w[0], w[1], w[2])
         for k in range(points):
-            turn = 2.0 * math.pi * (k + 0.25) / POINTS
+            turn = 2.0 * math.pi * (k + 0.25) / LOBE_POINTS
             p, q = (spread * math.cos(turn), spread * math.sin(turn)) if points > 1 else (0.0, 0.0)
             v = w[0] + p * ax + q * bx, w[1] + p * ay + q * by, w[2] + p * az + q * bz
             one, two, three = _by_table(tables, -1 - int(lobe[4]), n, view, v)

@@ -14,13 +14,13 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.gloss.discs import GRAIN, GlossDiscs, Intake
+from gi_core.gloss.discs import SEGMENT_GRAIN, GlossDiscs, Intake
 from gi_core.gloss.hemisphere import CELLS, axes_of, cell_towards
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 
-MOST_PHOTONS = 1 << 18
+MOST_LISTED_PHOTONS = 1 << 18
 MOST_RAYS = 1 << 23  # 270 MB; a scene of more takes rays from fewer photons
 PHOTON_BITS, BOUNCE_BITS, CELL_BITS = 18, 19, 6
 RECEIVER_BIT = PHOTON_BITS + BOUNCE_BITS + CELL_BITS  # of a ray's key; receivers have the 20 bits above
@@ -66,7 +66,7 @@ class RayLists:
         """Add the photons of `paths` that are not yet in the lists, in steps; arguments as for GlossCells."""
         if self._intake.begins_anew(store, weights):
             self._rays, self._parts = _joined([]), []
-        count, model = min(len(paths.offsets) - 1, MOST_PHOTONS), self.discs.model
+        count, model = min(len(paths.offsets) - 1, MOST_LISTED_PHOTONS), self.discs.model
         held = len(self._rays.key) + sum(len(p.key) for p in self._parts)
         while self.photons < count and held < MOST_RAYS:
             last = self._intake.end_of_part(count)
@@ -103,11 +103,11 @@ class RayLists:
         rays = _joined([self._found(0, segments, at, self.photons) for segments in parts])
         return _tree(rays, self.discs.count(0))
 
-    def _found(self, o: int, segments: Segments, at: Transforms, photons: int = MOST_PHOTONS) -> _Rays:
+    def _found(self, o: int, segments: Segments, at: Transforms, photons: int = MOST_LISTED_PHOTONS) -> _Rays:
         """Return the rays of segments of the first `photons` photons at object o's receivers."""
         threads, normals, first = self.discs.model.threads, self.discs.normals_of(o), int(self.discs.first[o])
-        if photons < MOST_PHOTONS or (segments.size and segments.photon[-1] >= MOST_PHOTONS):
-            is_counted = segments.photon < min(photons, MOST_PHOTONS)
+        if photons < MOST_LISTED_PHOTONS or (segments.size and segments.photon[-1] >= MOST_LISTED_PHOTONS):
+            is_counted = segments.photon < min(photons, MOST_LISTED_PHOTONS)
             segments = Segments(*(a[is_counted] for a in segments))
         out = []
         for _, c in self.discs.crossed(o, [segments], at):
@@ -117,7 +117,7 @@ class RayLists:
             def write(_, a, b, crossings=c, rays=rays):
                 _write(crossings, self._intake.weights, normals, first, a, b, rays)
 
-            run_ranges(write, n, threads, GRAIN)
+            run_ranges(write, n, threads, SEGMENT_GRAIN)
             out.append(rays)
         return _joined(out)
 

@@ -26,20 +26,11 @@ from gi_core.photons.trace import trace_background
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import nearest_in_world
 
-PLANES = 64  # candidates per scene, the largest first
-PLANE_AREA = 0.001  # of the squared scene size: smaller flat parts look into a probe
+MOST_PLANES = 64  # candidates per scene, the largest first
 FLAT = 1e-4  # of the scene size: departure from a plane
-WELD = 1e-4  # of the scene size: corners so near are one
-PROBES = 6  # of the static part, at most
-LEAST_GAIN = 0.01  # of all rays: what a further place in a room must serve better
-ALIKE = 0.98  # of the most rays: with so many, the place of the largest clearance wins
-AMPLE = 0.05  # of the scene size: clearance that is enough
-COMPACT = 0.25  # of the scene size: larger connected parts look into the probes of rooms
-PLACES = 48  # in rooms that are tried
-PHOTONS, POINTS, RAYS = 2048, 2048, 4  # of a pilot trace, of their hits at most, and rays from each
-SEED = 0x9EF1EC7  # of the pilot
-NEAR = 0.01  # of the scene size: two hits so close are one
-INSIDE = 0.6  # of the box of a part's faces: what is nearer to its place is left out. A ball hides up to 0.58
+MOST_PROBES = 6  # of the static part, at most
+PROBE_PHOTONS, PROBE_POINTS, PROBE_RAYS = 2048, 2048, 4  # of a pilot trace, of their hits at most, and rays from each
+OMITTED_INSIDE = 0.6  # of the box of a part's faces: what is nearer to its place is left out. A ball hides up to 0.58
 BY_CELLS, PLANAR, PROBE = "cells", "planar", "probe"
 
 
@@ -134,7 +125,7 @@ def _all_planes(s: Surfaces, of_face: np.ndarray, size: float) -> tuple[list[Pla
     flat = [part for o in range(s.objects) for part in _planes(s, o, of_face, size)]
     flat.sort(key=lambda part: -part[0])
     plane_of, planes = np.full(len(of_face), -1), []
-    for number, (_, faces, equation) in enumerate(flat[:PLANES]):
+    for number, (_, faces, equation) in enumerate(flat[:MOST_PLANES]):
         plane_of[faces] = number
         planes.append(Plane(number, equation))
     return planes, plane_of
@@ -167,7 +158,8 @@ def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple
         count += not same.any()
     of = plane_of[patch]
     total = np.bincount(of[of >= 0], s.areas[faces[of >= 0]], minlength=count)
-    large = np.flatnonzero(total >= PLANE_AREA * size * size)
+    # flat parts smaller than 0.001 of the squared scene size look into a probe
+    large = np.flatnonzero(total >= 0.001 * size * size)
     return [(float(total[k]), faces[of == k], planes[k]) for k in large]
 
 
@@ -206,19 +198,20 @@ def places(model: Model, o: int, faces: np.ndarray, size: float) -> list[Place]:
         return [_of_mobile(model, o, faces, corners, size)]
     rays, part = _rays_where_light_is(model, faces, size), _parts(corners, size)
     low, high = _boxes(part, corners)
-    middle, is_compact = (low + high) / 2, (high - low).max(axis=1) <= COMPACT * size
+    # connected parts larger than 0.25 of the scene size look into the probes of rooms
+    middle, is_compact = (low + high) / 2, (high - low).max(axis=1) <= 0.25 * size
     out, left = [], np.ones(len(faces), bool)
     for p in np.argsort(-np.bincount(part, s.areas[faces])):
         inside = ((low[p] < middle) & (middle < high[p])).all(axis=1)  # with the hull of what p is the middle of
         own = inside[part]
         mine = own & left
-        if is_compact[p] and len(out) < PROBES - 1 and mine[rays.row].any():
+        if is_compact[p] and len(out) < MOST_PROBES - 1 and mine[rays.row].any():
             place = Place(middle[p], (high[p] - low[p]) / 2, faces[own], faces[mine])
             seen = _serves(model, model.static, place, rays.at(mine[rays.row]), size).mean()
             out.append(place._replace(seen=float(seen)))
             left &= ~mine
     if left.any():
-        out += _in_rooms(model, faces, np.flatnonzero(left), rays.at(left[rays.row]), PROBES - len(out), size)
+        out += _in_rooms(model, faces, np.flatnonzero(left), rays.at(left[rays.row]), MOST_PROBES - len(out), size)
     return out
 
 
@@ -226,7 +219,7 @@ def _of_mobile(model: Model, o: int, faces: np.ndarray, corners: np.ndarray, siz
     """Return the middle of a mobile's sharp faces of corners (n, 3, 3), with its share of rays from all over them."""
     s, at, rng = model.surfaces, model.transforms(model.start_poses()), np.random.default_rng(0)
     R, position, end = at.rotation[o], at.position[o], np.cumsum(s.areas[faces])
-    row = np.minimum(np.searchsorted(end, rng.random(POINTS) * end[-1]), len(end) - 1)
+    row = np.minimum(np.searchsorted(end, rng.random(PROBE_POINTS) * end[-1]), len(end) - 1)
     points = corners[row].mean(axis=1) @ R.T + position
     rays = _rays(model, at, row, points, s.normals[faces[row]] @ R.T, size)
     low, high = (corner[0] for corner in _boxes(np.zeros(len(faces), np.int64), corners))
@@ -247,12 +240,13 @@ def _in_rooms(model: Model, faces: np.ndarray, rows: np.ndarray, rays: Rays, mos
         return [Place(middles.mean(axis=0), np.zeros(3), none, faces[rows])]
     piece = np.unique(s.patch[faces[rows]], return_inverse=True)[1].reshape(-1)
     of_ray = piece[np.searchsorted(rows, rays.row)]
-    tried = np.linspace(0, len(rays.row) - 1, min(PLACES, len(rays.row))).astype(int)
+    tried = np.linspace(0, len(rays.row) - 1, min(48, len(rays.row))).astype(int)  # 48 places in rooms are tried
     half = 0.5 * np.minimum(rays.distance[tried], size)[:, None]
     centres = rays.origins[tried] + half * rays.directions[tried]
     hit = np.isfinite(rays.distance)
     surroundings = np.concatenate([rays.origins, rays.origins[hit] + rays.distance[hit, None] * rays.directions[hit]])
-    clearance = np.minimum(nearest(surroundings, centres)[0], AMPLE * size)
+    # a clearance of 0.05 of the scene size is enough
+    clearance = np.minimum(nearest(surroundings, centres)[0], 0.05 * size)
     every = [Place(c, np.zeros(3), none, none) for c in centres]
     serves = np.stack([_serves(model, model.static, place, rays, size) for place in every])
     weight = np.bincount(of_ray, minlength=piece.max() + 1)
@@ -260,9 +254,10 @@ def _in_rooms(model: Model, faces: np.ndarray, rows: np.ndarray, rays: Rays, mos
     taken, best = [], np.zeros(len(weight))
     while len(taken) < most:
         gain = np.maximum(counts - best, 0.0).sum(axis=1)
-        if taken and gain.max() <= LEAST_GAIN * len(rays.row):
+        if taken and gain.max() <= 0.01 * len(rays.row):  # a further place in a room must serve 0.01 of all rays better
             break
-        taken.append(int(np.argmax(np.where(gain >= ALIKE * gain.max(), clearance, -1.0))))
+        # of places with 0.98 of the most rays, the one of the largest clearance wins
+        taken.append(int(np.argmax(np.where(gain >= 0.98 * gain.max(), clearance, -1.0))))
         best = np.maximum(best, counts[taken[-1]])
     choice = np.argmax(counts[taken], axis=0)
     dark = np.flatnonzero(weight[piece] == 0)  # as the nearest face with light
@@ -280,7 +275,8 @@ def _in_rooms(model: Model, faces: np.ndarray, rows: np.ndarray, rays: Rays, mos
 def _parts(corners: np.ndarray, size: float) -> np.ndarray:
     """Return the connected part (n,) int64 of each face of corners (n, 3, 3)."""
     n = len(corners)
-    cell = np.round(corners.reshape(-1, 3) / (WELD * size)).astype(np.int64)
+    # corners nearer than 1e-4 of the scene size are one
+    cell = np.round(corners.reshape(-1, 3) / (1e-4 * size)).astype(np.int64)
     place = group_of(list(cell.T)).reshape(-1, 3)
     links = np.stack([np.repeat(np.arange(n), 3), n + place.reshape(-1)], axis=1)
     return components(links, n + int(place.max()) + 1)[:n]
@@ -298,21 +294,22 @@ def _boxes(group: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _rays_where_light_is(model: Model, faces: np.ndarray, size: float) -> Rays:
     """Return rays from where photons meet sharp faces (n,) of the static part, on the side that they meet."""
     s = model.surfaces
-    paths = trace_background(model.accelerator, model.world, model.static, model.emitters, SEED, 0, PHOTONS)[0]
+    of, seed = (model.accelerator, model.world, model.static, model.emitters), 0x9EF1EC7
+    paths = trace_background(*of, seed, 0, PROBE_PHOTONS)[0]
     hit = paths.side != NONE
     if len(hit):
         hit[paths.offsets[:-1]] = False  # where they start
     face, back = paths.side[hit] >> 1, paths.side[hit] & 1 > 0
     row = np.minimum(np.searchsorted(faces, face), len(faces) - 1)
     met = np.flatnonzero((faces[row] == face) & (~back | s.two_sided[face]))
-    met = met[np.linspace(0, len(met) - 1, min(POINTS, len(met))).astype(int)]
+    met = met[np.linspace(0, len(met) - 1, min(PROBE_POINTS, len(met))).astype(int)]
     normals = s.normals[face[met]] * np.where(back[met], -1.0, 1.0)[:, None]
     return _rays(model, model.static, row[met], paths.position[hit][met].astype(np.float64), normals, size)
 
 
 def _rays(model: Model, at: Transforms, row: np.ndarray, points: np.ndarray, normals: np.ndarray, size: float) -> Rays:
-    """Return RAYS rays of a cosine distribution from each of points (n, 3) [m], on faces row (n,) of normals (n, 3)."""
-    row, points, normals = (np.repeat(a, RAYS, axis=0) for a in (row, points, normals))
+    """Return PROBE_RAYS rays of a cosine distribution from points (n, 3) [m], on faces row (n,), normals (n, 3)."""
+    row, points, normals = (np.repeat(a, PROBE_RAYS, axis=0) for a in (row, points, normals))
     d = np.random.default_rng(0).normal(size=(len(row), 3))
     d = normals + d / np.maximum(np.sqrt(dot(d, d)), 1e-9)[:, None]
     d /= np.maximum(np.sqrt(dot(d, d)), 1e-9)[:, None]
@@ -334,7 +331,7 @@ def _serves(model: Model, at: Transforms, place: Place, rays: Rays, size: float)
     far = np.where(met, np.sqrt(dot(way, way)), np.inf)
     d = np.where(met[:, None], way / np.maximum(np.where(met, far, 1.0), 1e-9)[:, None], rays.directions)
     with np.errstate(divide="ignore", invalid="ignore"):
-        start = np.nanmin(np.where(d != 0, INSIDE * place.half / np.abs(d), np.inf), axis=1)
+        start = np.nanmin(np.where(d != 0, OMITTED_INSIDE * place.half / np.abs(d), np.inf), axis=1)
     reached = start.copy()
     going = np.arange(len(d))
     for _ in range(4):  # behind faces that are left out
@@ -344,5 +341,6 @@ def _serves(model: Model, at: Transforms, place: Place, rays: Rays, size: float)
         if not len(going):
             break
         reached[going] += OFFSET * size
-    seen = (reached >= far - NEAR * size) & (start <= far) & ~np.isin(rays.face, place.omitted)
+    # hits closer than 0.01 of the scene size are one
+    seen = (reached >= far - 0.01 * size) & (start <= far) & ~np.isin(rays.face, place.omitted)
     return np.where(met, seen, np.isinf(reached))

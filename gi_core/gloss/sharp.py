@@ -19,9 +19,9 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 
 MOST_NOISE = 2.0  # of cells: GGX of alpha 0.153; narrower lobes are also narrower than a cell
-DRAWS = 4096  # rays that measure a lobe: its noise factor within 2 %
+LOBE_DRAWS = 4096  # rays that measure a lobe: its noise factor within 2 %
 TAPS = 16  # rays per pixel in place of a lobe, each with a blurred look into the reflection
-NODES = 17  # of the albedo, in the cosine of the view
+COSINES = 17  # of the albedo, in the cosine of the view
 
 
 class SharpLobe(NamedTuple):
@@ -32,7 +32,7 @@ class SharpLobe(NamedTuple):
     # (n, 3) float64, of rays that stand for the lobe, for a view along the normal: slopes of the half vector along
     # tangent and bitangent, and the square root of the solid angle [sr] that the ray stands for. One ray for a mirror
     taps: np.ndarray
-    albedo: np.ndarray  # (NODES, 3) float64, reflected share of uniform light by the cosine of the view, from 0 to 1
+    albedo: np.ndarray  # (COSINES, 3) float64, reflected share of uniform light by the cosine of the view, from 0 to 1
 
 
 def noise_factor(lobe: np.ndarray, tables: Tables) -> float:
@@ -46,7 +46,7 @@ def noise_factor(lobe: np.ndarray, tables: Tables) -> float:
 
 def hemispherical_albedo(lobe: np.ndarray, tables: Tables) -> np.ndarray:
     """Return the share (3,) of uniform light that a lobe (5,) reflects."""
-    cosines = (np.arange(NODES) + 0.5) / NODES
+    cosines = (np.arange(COSINES) + 0.5) / COSINES
     shares = [_drawn(lobe, tables, cos)[1].mean(axis=0) for cos in cosines]
     return (np.array(shares) * cosines[:, None]).sum(axis=0) / cosines.sum()
 
@@ -78,7 +78,7 @@ def _sharp_lobe(row: bytes, key: _Once) -> SharpLobe | None:
     noise = noise_factor(lobe, tables)
     if returns or noise <= MOST_NOISE:
         return None
-    albedo = np.array([_drawn(lobe, tables, cos)[1].mean(axis=0) for cos in np.linspace(0, 1, NODES)])
+    albedo = np.array([_drawn(lobe, tables, cos)[1].mean(axis=0) for cos in np.linspace(0, 1, COSINES)])
     return SharpLobe(lobe, noise, _taps(lobe, tables), albedo)
 
 
@@ -96,8 +96,8 @@ def _taps(lobe: np.ndarray, tables: Tables) -> np.ndarray:
 
 
 def _drawn(lobe: np.ndarray, tables: Tables, cosine: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return draw_lobe() of DRAWS random rays for one view."""
-    return _rays(lobe, tables, cosine, np.random.default_rng(0).random((DRAWS, 3)))
+    """Return draw_lobe() of LOBE_DRAWS random rays for one view."""
+    return _rays(lobe, tables, cosine, np.random.default_rng(0).random((LOBE_DRAWS, 3)))
 
 
 def _rays(lobe: np.ndarray, tables: Tables, cosine: float, numbers: np.ndarray):

@@ -22,7 +22,7 @@ OPENED = {QUADTREE: 0.0, LIST: -1.0, ALL_RAYS: 1 / 16}  # share of light above w
 # Receivers that lie close together share the cells of one of them, their site: gloss discs are many receivers wide on a
 # fine mesh, so neighbours have nearly the same rays. Irradiance, eye and normal stay those of each receiver.
 SPACING = 0.7  # of the radius of a gloss disc
-TURN = 0.05  # of a normal, per component: flat surfaces share cells, a ball of 2,562 vertices none
+NORMAL_STEP = 0.05  # of a normal, per component: flat surfaces share cells, a ball of 2,562 vertices none
 RADII = 2.0  # radius of gloss discs, times that of irradiance: directions need more rays
 
 
@@ -110,7 +110,7 @@ def sites(model: Model, rows: np.ndarray, radius: float) -> tuple[np.ndarray, np
     """
     r = model.object_receivers
     box = np.floor(r.positions[rows] / (SPACING * radius)).astype(np.int64)
-    turn = np.round(r.normals[rows] / TURN).astype(np.int64)
+    turn = np.round(r.normals[rows] / NORMAL_STEP).astype(np.int64)
     group = group_of([model.receiver_sides[rows].astype(np.int64), *box.T, *turn.T])
     m = int(group.max(initial=-1)) + 1
     count = np.maximum(np.bincount(group, minlength=m), 1)

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-OBJECTS = 100_000  # between collections: numba makes many that live on; a tenth less time than with Python's 700
-
 
 def start(module: str, *options: str, **popen) -> subprocess.Popen:
     """Start `python -m module` with an open pipe as its input; popen: arguments of Popen."""
@@ -39,7 +37,8 @@ def prepare() -> None:
     """Make this process such a child: it ends with its input, and rarely collects garbage."""
     threading.Thread(target=_end_with_input, daemon=True).start()
     gc.freeze()
-    gc.set_threshold(OBJECTS)
+    # 100_000 objects between collections: numba makes many that live on; a tenth less time than with Python's 700
+    gc.set_threshold(100_000)
 
 
 def _end_with_input() -> None:

@@ -6,14 +6,14 @@ import numpy as np
 
 from gi_core.gloss.hemisphere import CELLS, GRAZING
 from gi_core.gloss.light import LEAST_ALPHA, Directions, gloss_radiance, room_for
-from gi_core.gloss.rays import MOST_PHOTONS
+from gi_core.gloss.rays import MOST_LISTED_PHOTONS
 from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST, OPENED, RADII
 from gi_core.photons.paths import segments_of
 from gi_core.solver import Solver
 
 __all__ = [
-    "CELLS", "GRAZING", "LEAST_ALPHA", "LIST", "MOST_PHOTONS", "RADII", "Directions",
+    "CELLS", "GRAZING", "LEAST_ALPHA", "LIST", "MOST_LISTED_PHOTONS", "RADII", "Directions",
     "bounced_once", "radiance_of", "shining_faces", "single_rays",
 ]  # fmt: skip
 

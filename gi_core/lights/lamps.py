@@ -2,7 +2,7 @@
 
 A lamp is a light of the scene file, or all faces of the static part with one emissive material. Lights that share a
 name are one lamp. All sky lights are one lamp, since a path that leaves the scene meets them together. A scene of more
-than MOST lamps keeps those of the largest flux; the others form one more.
+than MOST_LAMPS lamps keeps those of the largest flux; the others form one more.
 
 Arrays of light per lamp have 3 G columns: red, green and blue of each lamp in turn. So an array of one lamp has the
 shape of plain light.
@@ -18,7 +18,7 @@ import numpy as np
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.types import Scene, SkyLight
 
-MOST = 16
+MOST_LAMPS = 16
 OTHERS = "other lamps"
 BRIGHTEST = 1000.0  # times the flux of the scene file
 
@@ -82,8 +82,10 @@ def lamps_of(names: Sequence[str], flux: np.ndarray) -> Lamps:
     total: dict[str, float] = {}
     for name, emitted in zip(names, flux, strict=True):
         total[name] = total.get(name, 0.0) + float(emitted.max())
-    kept = sorted(total, key=lambda name: (name == OTHERS, -total[name]))[:MOST]  # a lamp so called joins the others
-    if len(total) == MOST + 1:
+    kept = sorted(total, key=lambda name: (name == OTHERS, -total[name]))[
+        :MOST_LAMPS
+    ]  # a lamp so called joins the others
+    if len(total) == MOST_LAMPS + 1:
         kept = list(total)  # one more lamp either way
     order = [name for name in total if name in kept]
     sources = {name: order.index(name) if name in kept else len(order) for name in total}

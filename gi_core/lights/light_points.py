@@ -17,8 +17,7 @@ from gi_core.lights.next_event import LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
 
 STREAM = 0x5D17  # separates these random numbers from others of the same seed
-POINTS = 64  # on area lights, and directions to the sky
-LEAST_POINTS = 8  # per lamp with area lights
+LIGHT_POINTS = 64  # on area lights, and directions to the sky
 MOST_DELTA = 64  # delta lights: beyond, photons alone measure changes
 FACE, DELTA, SKY = range(3)
 
@@ -49,16 +48,16 @@ def light_points(lights: Lights, seed: int) -> LightPoints | None:
     parts = [(DELTA, np.arange(len(delta.kind)), delta.place, reach, delta.value, delta.lamp)]
     share = np.diff(area.cdf, prepend=0.0)
     lamps = np.unique(area.lamp[share > 0])
-    count = max(POINTS // max(len(lamps), 1), LEAST_POINTS)
+    count = max(LIGHT_POINTS // max(len(lamps), 1), 8)  # 8 points per lamp with area lights at least
     for lamp in lamps:
         rows = np.flatnonzero((area.lamp == lamp) & (share > 0))
         face, place, each = _on_faces(seed ^ int(lamp), count, area, rows, share[rows])
         reach, lamp_of = np.abs(area.corners[face]).max(axis=1), np.full(count, lamp)
         parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of))
     if sky.radiance.any():
-        towards, each = _to_sky(seed, sky.up), 2 * math.pi / POINTS
-        value, lamp_of = np.tile(sky.radiance * each, (POINTS, 1)), np.full(POINTS, sky.lamp)
-        parts.append((SKY, np.zeros(POINTS, np.int64), towards, np.full(POINTS, np.inf), value, lamp_of))
+        towards, each = _to_sky(seed, sky.up), 2 * math.pi / LIGHT_POINTS
+        value, lamp_of = np.tile(sky.radiance * each, (LIGHT_POINTS, 1)), np.full(LIGHT_POINTS, sky.lamp)
+        parts.append((SKY, np.zeros(LIGHT_POINTS, np.int64), towards, np.full(LIGHT_POINTS, np.inf), value, lamp_of))
     kinds = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
     index, place, reach, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
     return LightPoints(kinds, index, place, reach, value, lamp)
@@ -74,10 +73,10 @@ def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: 
 
 
 def _to_sky(seed: int, up: np.ndarray) -> np.ndarray:
-    """Return unit directions (POINTS, 3) of equal solid angle above the horizon."""
-    key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(POINTS)
+    """Return unit directions (LIGHT_POINTS, 3) of equal solid angle above the horizon."""
+    key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(LIGHT_POINTS)
     turn = 2 * math.pi * np.array([owen_sobol.unit(np.uint64(i), key) for i in k])  # a Hammersley set
-    z = (k + 0.5) / POINTS
+    z = (k + 0.5) / LIGHT_POINTS
     r = np.sqrt(1 - z * z)
     local = zip(r * np.cos(turn), r * np.sin(turn), z, strict=True)
     return np.array([random_numbers.from_frame(*way, *up) for way in local])

@@ -26,7 +26,6 @@ from gi_core.scene.types import Light, PhotometricLight, Scene
 
 RECORD = PhotometricLight
 TABLE = 11  # place of the start in `tables` among the parameters
-MOST_STEPS = 60  # of Newton's method with bisection; some 5 suffice
 
 
 def parameters(light: PhotometricLight, _around, table: int) -> list:
@@ -206,7 +205,7 @@ def _gamma(low, high, first, last, part):
     target = part * all_of_it
     a, b = low, high
     x = low + part * (high - low)
-    for _ in range(MOST_STEPS):
+    for _ in range(60):  # at most 60 steps of Newton's method with bisection; some 5 suffice
         cosine, sin = math.cos(x), math.sin(x)
         over = first * (start - cosine) + slope * (sin - sine - (x - low) * cosine) - target
         if over > 0.0:

@@ -20,7 +20,6 @@ from gi_core.rays.accelerator import Transforms
 # the inside. In a corner the hits of both walls count, as in Jensen's sphere: error -15 % at edges. With one wall alone
 # it is the report's 1 - alpha / 2 pi: -50 %.
 OTHER_SIDE = np.float32(-0.5)
-MAX_CELLS_PER_HIT = 4  # memory bound on cells per hit; cells grow beyond it
 
 
 class Hits(NamedTuple):
@@ -116,7 +115,8 @@ def _cells(extent: np.ndarray, cell: float, n: int) -> tuple[np.ndarray, float]:
     """Return the number of cells along each axis, and their size, grown until memory is bounded."""
     while True:
         shape = np.floor(extent / cell).astype(np.int64) + 1
-        if float(shape[0]) * float(shape[1]) * float(shape[2]) <= MAX_CELLS_PER_HIT * n + 64:
+        # a bound on memory: 4 cells per hit; cells grow beyond it
+        if float(shape[0]) * float(shape[1]) * float(shape[2]) <= 4 * n + 64:
             return shape, float(cell)
         cell *= 1.26
 

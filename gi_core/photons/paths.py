@@ -16,9 +16,6 @@ from gi_core.base.threads import run_ranges
 from gi_core.geometry.sides import NONE
 from gi_core.rays.accelerator import line
 
-WRITE_GRAIN = 4096  # segments per thread ...
-SUFFIX_GRAIN = 512  # ... or suffixes, of one segment or more
-
 
 class PathVertices(NamedTuple):
     """Vertices of the paths of some photons, photon-major."""
@@ -228,7 +225,7 @@ def segments_at(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, 
     def work(_, first, last):
         _write_rows(*paths, photons, vertices, first, last, tuple(out))
 
-    run_ranges(work, len(vertices), threads, WRITE_GRAIN)
+    run_ranges(work, len(vertices), threads, 4096)  # 4096 segments per thread
     return out
 
 
@@ -246,6 +243,6 @@ def segments_behind(
     def work(_, first, last):
         _write_behind(*paths, photons, vertices, rows, first, last, tuple(out))
 
-    run_ranges(work, len(photons), threads, SUFFIX_GRAIN)
+    run_ranges(work, len(photons), threads, 512)  # 512 suffixes, of one segment or more, per thread
     out.low[rows] = low
     return out

@@ -15,8 +15,6 @@ from gi_core.rays.accelerator import RAY_GRAIN, Accelerator, Transforms, as_rays
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
 from gi_core.scene.pose import to_world_at
 
-ENDLESS = 1e30  # [m], in place of an infinite limit
-
 
 def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):
     """Return distance (n,) float32 and global face (n,) int32 over all objects.
@@ -84,7 +82,7 @@ def to_object(at, o, box, origin, direction, limit):
     R, p = at.rotation[o], at.position[o]
     x, y, z = rotate_back(R, (origin[0] - p[0], origin[1] - p[1], origin[2] - p[2]))
     u, v, w = rotate_back(R, (np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2])))
-    t = min(np.float64(limit), ENDLESS)
+    t = min(np.float64(limit), 1e30)  # 1e30 m in place of an infinite limit
     passes = passes_box(x, y, z, x + t * u, y + t * v, z + t * w, box[0], box[1], 0.0)
     return passes, np.float32(x), np.float32(y), np.float32(z), np.float32(u), np.float32(v), np.float32(w)
 

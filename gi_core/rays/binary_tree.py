@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.rays.cells import MIDDLE, Tree, build_tree, enter_box, visit
+from gi_core.rays.cells import HALVED, Tree, build_tree, enter_box, visit
 from gi_core.rays.triangles import STACK, Meshes
 
 LEAF = 8  # triangles that may share a cell
@@ -23,7 +23,7 @@ class BinaryTree(Tree):
 
 def build(meshes: Meshes, leaf: float = LEAF) -> BinaryTree:
     """Return the structure of all objects."""
-    return BinaryTree(*build_tree(meshes, leaf, 2, MIDDLE))
+    return BinaryTree(*build_tree(meshes, leaf, 2, HALVED))
 
 
 @kernel

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.rays.cells import COST, Tree, build_tree, enter_box, visit
+from gi_core.rays.cells import BY_COST, Tree, build_tree, enter_box, visit
 from gi_core.rays.triangles import STACK, Meshes
 
 LEAF = 8  # triangles that may share a cell
@@ -20,7 +20,7 @@ class Bsp(Tree):
 
 def build(meshes: Meshes, leaf: float = LEAF) -> Bsp:
     """Return the structure of all objects."""
-    return Bsp(*build_tree(meshes, leaf, 2, COST))
+    return Bsp(*build_tree(meshes, leaf, 2, BY_COST))
 
 
 @kernel

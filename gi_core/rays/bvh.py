@@ -23,7 +23,7 @@ from gi_core.rays.triangles import (
 )
 
 LEAF = 4  # triangles that may share a leaf
-MOST = 15  # triangles of a leaf: its word has 4 bits for them
+MOST_PER_LEAF = 15  # triangles of a leaf: its word has 4 bits for them
 BINS = 16
 LEAST_EXTENT = 1e-30  # [m] of centres that are binned: float32 has no inverse of less than 3e-39
 DEEPEST = 40  # nodes below this depth are halved by count: 24 levels more hold 16 million leaves

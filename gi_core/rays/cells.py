@@ -26,10 +26,9 @@ from gi_core.rays.triangles import (
 )
 
 MOST_LISTED = 16  # entries per triangle of all cells and undivided nodes: nothing is divided after that
-LEVELS = 20  # of binary nodes beside 1.3 log2 of the triangles; Havran 2000 has 8, for cuts by surface area
 REPEATED = 1.8  # entries of a node's children per entry of the node: with more of them it is not divided
 BINS = 16  # of a node, per axis, between planes whose costs are compared
-MIDDLE, COST = 0, 1  # where a binary node is divided: the middle of its longest axis, or the plane of the least cost
+HALVED, BY_COST = 0, 1  # a binary node is divided at the middle of its longest axis, or at the plane of the least cost
 
 
 class Cells(NamedTuple):
@@ -95,13 +94,14 @@ def visit(cells, o, cell, ray, r, best, best_face):
     return best, best_face
 
 
-def build_tree(meshes: Meshes, leaf: float, ways: int, rule: int = MIDDLE) -> Tree:
+def build_tree(meshes: Meshes, leaf: float, ways: int, rule: int = HALVED) -> Tree:
     """Return the tree of all objects; nodes of more than `leaf` triangles are divided into `ways` (2 or 8) children."""
     triangles = triangles_of(meshes)
     low, high = boxes_of(triangles)
     parts, roots, nodes, cells, entries = [], [], 0, 0, 0
     for o, (a, b) in enumerate(zip(triangles.first[:-1], triangles.first[1:], strict=True)):
-        deepest = 1 + (LEVELS + 1.3 * math.log2(max(b - a, 1))) / math.log2(ways)
+        # 20 levels of binary nodes beside 1.3 log2 of the triangles; Havran 2000 has 8, for cuts by surface area
+        deepest = 1 + (20 + 1.3 * math.log2(max(b - a, 1))) / math.log2(ways)
         child, axis, plane, first, listed = _divide(
             triangles.corners, a, b, triangles.padding[o], low[o], high[o], leaf, int(deepest), ways, rule
         )
@@ -206,7 +206,7 @@ def _divide(corners, a, b, padding, low, high, leaf, deepest, ways, rule):
                 if ways == 2:
                     axis = _longest(own)
                     plane = 0.5 * (own[axis] + own[3 + axis])
-                    if rule == COST:
+                    if rule == BY_COST:
                         axis, plane = _cheapest(corners, items[begin:end], own, bins[0], bins[1])
                 below = _room(below, start + ways * n)
                 for c in range(ways):

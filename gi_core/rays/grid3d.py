@@ -15,7 +15,6 @@ from gi_core.rays.cells import Cells, boxes_of, enter_box, visit
 from gi_core.rays.triangles import Meshes, touches, triangles_of
 
 LEAF = 0.25  # triangles per cell on average
-MOST = 1 << 22  # cells per object
 
 
 class Grid3d(NamedTuple):
@@ -34,7 +33,7 @@ def build(meshes: Meshes, leaf: float = LEAF) -> Grid3d:
     size = np.maximum(high - low, 1e-30)
     count, first, listed = np.ones((len(meshes), 3), np.int64), [np.zeros(1, np.int64)], []
     for o, (a, b) in enumerate(zip(triangles.first[:-1], triangles.first[1:], strict=True)):
-        count[o] = _resolution(size[o], min((b - a) / leaf, MOST))
+        count[o] = _resolution(size[o], min((b - a) / leaf, 1 << 22))  # 1 << 22 cells per object at most
         ends = np.zeros(count[o].prod() + 1, np.int64)
         arguments = triangles.corners, a, b, triangles.padding[o], low[o], size[o] / count[o], count[o]
         _list(*arguments, ends, np.empty(0, np.int32))

@@ -13,7 +13,7 @@ from gi_core.rays.cells import Tree, build_tree, enter_box, visit
 from gi_core.rays.triangles import STACK, Meshes
 
 LEAF = 8  # triangles that may share a cell
-FRAME = 8  # float64 of a node on the stack: three distances in, three out, node, next child
+NODE_FIELDS = 8  # float64 of a node on the stack: three distances in, three out, node, next child
 ENDED = 8.0  # after the last child
 
 
@@ -58,13 +58,13 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     if r.iz < 0.0:
         mirror, z0, z1 = mirror | 1, z1, z0
     bottom = STACK // 2
-    top = bottom - FRAME
+    top = bottom - NODE_FIELDS
     if enter <= leave:
         top = bottom
         _push(stack, top, x0, y0, z0, x1, y1, z1, s.root[o])
     while top >= bottom:
         if stack[top + 7] == ENDED:
-            top -= FRAME
+            top -= NODE_FIELDS
             continue
         x0, y0, z0, x1, y1, z1 = (
             stack[top], stack[top + 1], stack[top + 2], stack[top + 3], stack[top + 4], stack[top + 5]
@@ -92,7 +92,7 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
             continue
         node = np.int64(s.child[node]) + (own ^ mirror)
         if s.child[node] >= 0:
-            top += FRAME
+            top += NODE_FIELDS
             _push(stack, top, x0, y0, z0, x1, y1, z1, node)
             continue
         best, best_face = visit(s.cells, o, ~s.child[node], ray, r, best, best_face)

@@ -16,8 +16,6 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 
-PADDING = 1e-6  # of the largest coordinate of an object: growth of triangles; float32 rounds by 6e-8, float64 by 1e-16
-ROUNDING = 1e-6  # of the padding: a face nearer than this holds the ray's origin, and is hit at distance 0 as by Embree
 LEAST_DIRECTION = 1e-20  # replaces smaller components, so that no inverse is infinite: 1e-14 m off after 1e6 m
 # Words of 4 bytes of a ray's buffer; Embree's own ray has the first 24.
 CELLS, TESTS = 24, 25  # int32 counters: cells entered and triangles tested, since they were last set to 0
@@ -40,7 +38,8 @@ def triangles_of(meshes: Meshes) -> Triangles:
     corners = [np.asarray(v, np.float32)[f].reshape(-1, 9) for v, f in meshes]
     largest = [float(np.abs(c).max(initial=1e-30)) for c in corners]
     first = np.cumsum([0, *map(len, corners)]).astype(np.int64)
-    return Triangles(np.concatenate(corners), first, PADDING * np.array(largest, np.float64))
+    # triangles grow by 1e-6 of the largest coordinate; float32 rounds by 6e-8, float64 by 1e-16
+    return Triangles(np.concatenate(corners), first, 1e-6 * np.array(largest, np.float64))
 
 
 class TestRay(NamedTuple):
@@ -102,7 +101,8 @@ def nearer(corners, k, face, r, best, best_face):
         det = u + v + w
         if det != 0.0:
             t = r.s2 * (u * az + v * bz + w * cz) / det
-            t = 0.0 if abs(t) <= ROUNDING * r.padding else t
+            # a face nearer than 1e-6 of the padding holds the ray's origin, and is hit at distance 0 as by Embree
+            t = 0.0 if abs(t) <= 1e-6 * r.padding else t
             if (
                 t >= 0.0
                 and (t < best or (t == best and (best_face < 0 or face < best_face)))

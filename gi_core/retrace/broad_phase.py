@@ -20,10 +20,9 @@ from gi_core.photons.paths import PathVertices
 from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.two_level import World
 
-SCAN_GRAIN = 1 << 16  # vertices per thread
 LANES = 16  # segments per vector test
 PAD = 1e-3  # of the world's size: covers the rounding of the test; the grid's is one level
-LEVELS = 65_535
+QUANTISATION = 65_535
 
 
 class Grid(NamedTuple):
@@ -49,7 +48,7 @@ def grid_for(world: World, centre: np.ndarray, radius: float) -> Grid:
     Paths start on the static part or within 1.5 `radius` [m] of `centre` (3,), and end at most FAR world sizes away.
     """
     reach = 1.5 * max(radius, 0.5 * world.size) + 1.01 * FAR * world.size
-    return Grid(np.asarray(centre, np.float64) - reach, LEVELS / (2 * reach))
+    return Grid(np.asarray(centre, np.float64) - reach, QUANTISATION / (2 * reach))
 
 
 def same_grid(a: Grid, b: Grid) -> bool:
@@ -106,9 +105,9 @@ def _grown(array: np.ndarray, used: int, room: int) -> np.ndarray:
 def _round(offsets, position, low, per_metre, first, row, x, y, z, photon):
     for i in range(len(offsets) - 1):
         for k in range(offsets[i], offsets[i + 1]):
-            x[row] = np.uint16(min(max((position[k, 0] - low[0]) * per_metre + 0.5, 0.0), float(LEVELS)))
-            y[row] = np.uint16(min(max((position[k, 1] - low[1]) * per_metre + 0.5, 0.0), float(LEVELS)))
-            z[row] = np.uint16(min(max((position[k, 2] - low[2]) * per_metre + 0.5, 0.0), float(LEVELS)))
+            x[row] = np.uint16(min(max((position[k, 0] - low[0]) * per_metre + 0.5, 0.0), float(QUANTISATION)))
+            y[row] = np.uint16(min(max((position[k, 1] - low[1]) * per_metre + 0.5, 0.0), float(QUANTISATION)))
+            z[row] = np.uint16(min(max((position[k, 2] - low[2]) * per_metre + 0.5, 0.0), float(QUANTISATION)))
             photon[row] = first + i
             row += 1
 
@@ -220,5 +219,5 @@ def find_near(
         n = _segments_only(coarse.photon, rows[:n], photons)
         return photons[:n], rows[:n]
 
-    photons, rows = zip(*run_ranges(work, vertices, threads, SCAN_GRAIN), strict=True)
+    photons, rows = zip(*run_ranges(work, vertices, threads, 1 << 16), strict=True)  # 1 << 16 vertices per thread
     return np.concatenate(photons), np.concatenate(rows)

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 from gi_core.base.quotation import shown
 
-__all__ = ["LONGEST", "SceneError", "named", "one_line", "printable", "shown", "utf8"]
+__all__ = ["SENTENCE", "SceneError", "named", "one_line", "printable", "shown", "utf8"]
 _BREAK = re.compile(r"\s*[^\S ]\s*")
 _HALF = re.compile("[\ud800-\udfff]")
-LONGEST = 500  # characters of a sentence
+SENTENCE = 500  # characters of a sentence
 
 
 def utf8(text: str) -> str:
@@ -25,10 +25,10 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text as one printable line of at most LONGEST characters; several spaces stay, they may be of a name."""
+    """Return a text as one printable line of at most SENTENCE characters; several spaces stay: names may have them."""
     line = printable(_BREAK.sub(" ", text.strip()))
-    half = LONGEST // 2  # the place at the front and the rule at the end both stay
-    return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
+    half = SENTENCE // 2  # the place at the front and the rule at the end both stay
+    return line if len(line) <= SENTENCE else f"{line[: half - 5]} ... {line[-half:]}"
 
 
 @contextmanager

@@ -12,8 +12,6 @@ import numpy as np
 
 from gi_core.scene.types import Mesh, PlacedLight, Scene
 
-NEAR = 8  # mesh sizes from the origin: up to there nothing is shifted
-
 
 def origin_of(mesh: Mesh) -> np.ndarray:
     """Return a point (3,) float64 [m] near a mesh that lies far from the origin, else zeros.
@@ -26,7 +24,7 @@ def origin_of(mesh: Mesh) -> np.ndarray:
         return np.zeros(3)
     middle = np.median(used, axis=0)  # a stray vertex at the file's origin does not move it
     size, farthest = 2 * float(np.quantile(np.abs(used - middle).max(axis=1), 0.9)), float(np.abs(middle).max())
-    if not farthest > NEAR * size:
+    if not farthest > 8 * size:  # up to 8 mesh sizes from the origin nothing is shifted
         return np.zeros(3)
     step = max(2.0 ** np.floor(np.log2(size)) if size > 0 else 0.0, float(np.spacing(farthest)))
     return step * np.rint(middle / step)

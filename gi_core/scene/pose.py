@@ -11,13 +11,11 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.rules import LARGEST, is_array
+from gi_core.scene.rules import BIGGEST, is_array
 from gi_core.scene.types import KeyFrames, Pose
 
 # Smaller deviations are corrected: rounded numbers, products of many float32 matrices. Larger ones mean a scale, or
 # numbers of another meaning.
-LENGTH_TOLERANCE = 1e-3  # on |q| - 1: (0.707, 0, 0.707, 0) passes, (0.7, 0, 0.7, 0) does not
-ROUNDING = 1e-15  # a checked pose stays as it is: a saved one opens with the same bits
 RIGID_TOLERANCE = 1e-4  # on R^T R - 1
 
 
@@ -130,18 +128,19 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
     if isinstance(pose, Pose):
         if not is_array(pose.position, (3,)) or not is_array(pose.quaternion, (4,)):
             raise SceneError(
-                f"{where}: a pose is three finite metres and four finite quaternion numbers, none over {LARGEST:g}, "
+                f"{where}: a pose is three finite metres and four finite quaternion numbers, none over {BIGGEST:g}, "
                 f"got {shown(pose)}"
             )
         q = np.asarray(pose.quaternion, np.float64)
         length = float(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]))
-        if abs(length - 1) > LENGTH_TOLERANCE:
+        if abs(length - 1) > 1e-3:  # (0.707, 0, 0.707, 0) passes, (0.7, 0, 0.7, 0) does not
             instead = "1, 0, 0, 0" if length < 1e-9 else ", ".join(f"{c / length + 0.0:.4g}" for c in q)
             raise SceneError(
                 f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.4g}; "
                 f"write [{instead}], and scale the mesh instead if that was meant"
             )
-        return Pose(three(pose.position), four(q if abs(length - 1) < ROUNDING else q / length))
+        # a checked pose stays as it is: a saved one opens with the same bits
+        return Pose(three(pose.position), four(q if abs(length - 1) < 1e-15 else q / length))
     if not is_array(pose, (4, 4)):
         raise SceneError(f"{where}: a pose is a Pose or a finite 4 x 4 matrix, got {shown(pose)}")
     M = np.asarray(pose, np.float64)

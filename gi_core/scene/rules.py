@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.scene.errors import SceneError, shown
 
-LEAST, LARGEST = 1e-15, 1e15  # float32 holds their squares
+TINIEST, BIGGEST = 1e-15, 1e15  # float32 holds their squares
 BELOW_ONE = float(np.nextafter(1, 0))
 
 
@@ -29,12 +29,12 @@ class Rule(NamedTuple):
         return self.make(value)
 
 
-def is_number(value, low: float = -LARGEST, high: float = LARGEST) -> bool:
+def is_number(value, low: float = -BIGGEST, high: float = BIGGEST) -> bool:
     """Return whether a value is a number from `low` to `high`; True and False are none."""
     return isinstance(value, Real) and not isinstance(value, bool) and bool(low <= value <= high)  # type: ignore[operator]
 
 
-def is_array(values, shape: tuple, low: float = -LARGEST, high: float = LARGEST, kinds: str = "iuf") -> bool:
+def is_array(values, shape: tuple, low: float = -BIGGEST, high: float = BIGGEST, kinds: str = "iuf") -> bool:
     """Return whether values are an array of numbers from `low` to `high`; a None in its shape is any length."""
     try:
         array = np.asarray(values)
@@ -46,7 +46,7 @@ def is_array(values, shape: tuple, low: float = -LARGEST, high: float = LARGEST,
 
 def is_direction(values) -> bool:
     """Return whether values are three numbers that can be made a unit vector."""
-    return is_array(values, (3,)) and bool(np.abs(values).max() >= LEAST)
+    return is_array(values, (3,)) and bool(np.abs(values).max() >= TINIEST)
 
 
 def whole(low: int, high: int) -> Rule:
@@ -67,10 +67,14 @@ TEXT = Rule("a text", lambda value: isinstance(value, str))
 FLAG = Rule("true or false", lambda value: isinstance(value, bool | np.bool_), bool)
 FILE = Rule("the name of a file", lambda value: isinstance(value, str | PathLike))
 NUMBER = Rule("a finite number", is_number, float)
-LENGTH = Rule(f"a finite number > 0, from {LEAST:g} to {LARGEST:g}", lambda value: is_number(value, LEAST), float)
-PLACE = Rule(f"three finite numbers of at most {LARGEST:g}", lambda value: is_array(value, (3,)))
-DIRECTION = Rule(f"three numbers that are not all 0, the largest {LEAST:g} to {LARGEST:g}", is_direction)
-STRENGTH = Rule(f"three numbers >= 0 and <= {LARGEST:g}", lambda value: is_array(value, (3,), 0))
+LENGTH = Rule(
+    f"a finite number > 0, from {TINIEST:g} to {BIGGEST:g}",
+    lambda value: is_number(value, TINIEST),
+    float,
+)
+PLACE = Rule(f"three finite numbers of at most {BIGGEST:g}", lambda value: is_array(value, (3,)))
+DIRECTION = Rule(f"three numbers that are not all 0, the largest {TINIEST:g} to {BIGGEST:g}", is_direction)
+STRENGTH = Rule(f"three numbers >= 0 and <= {BIGGEST:g}", lambda value: is_array(value, (3,), 0))
 SHARE = Rule("a number from 0 to 1", lambda value: is_number(value, 0, 1), float)
 SHARES = Rule("three numbers from 0 to 1", lambda value: is_array(value, (3,), 0, 1))
 REFLECTANCE = Rule("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))

@@ -12,10 +12,9 @@ from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import (
     BELOW_ONE,
+    BIGGEST,
     DIRECTION,
     FLAG,
-    LARGEST,
-    LEAST,
     LENGTH,
     NUMBER,
     PLACE,
@@ -24,6 +23,7 @@ from gi_core.scene.rules import (
     SHARES,
     STRENGTH,
     TEXT,
+    TINIEST,
     Rule,
     is_array,
     is_number,
@@ -59,7 +59,7 @@ FLUX_OF = {
     DirectionalLight: "irradiance",
 }  # else radiance
 UNIT = 1.001  # of a component of a unit vector, with rounding
-SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
+EXTENTS = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 LEVEL = Rule("a number >= 0", lambda value: is_number(value, 0), float)
 DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
 CLOSEST, ALONG = 1e-3, 1e-6  # degrees between angles of a table; sine between C0 and the axis
@@ -70,7 +70,7 @@ PLANES = Rule(
 )
 SIZE = Rule(
     "two numbers of metres > 0, or 0 and 0",
-    lambda values: is_array(values, (2,), 0) and (min(values) >= LEAST or max(values) == 0),
+    lambda values: is_array(values, (2,), 0) and (min(values) >= TINIEST or max(values) == 0),
 )
 FIELDS: dict[type, dict[str, Rule]] = {
     Gloss: {"f0": SHARES, "alpha": SHARE, "f90": SHARE},
@@ -150,11 +150,11 @@ def _named(scene: str, kind: str, record) -> str:
 
 
 def check_size(where: str, mesh: Mesh) -> None:
-    """Raise SceneError for a mesh whose faces are smaller or larger than SIZES."""
+    """Raise SceneError for a mesh whose faces are smaller or larger than EXTENTS."""
     low, high = box(np.asarray(mesh.vertices)[np.reshape(mesh.faces, -1)]) if len(mesh.faces) else (0, 1)
     extent = float(np.max(high - low))
-    if not SIZES[0] <= extent <= SIZES[1]:
-        raise SceneError(f"{where} must be {SIZES[0]:g} to {SIZES[1]:g} m large, got {extent:.3g}; write a scale")
+    if not EXTENTS[0] <= extent <= EXTENTS[1]:
+        raise SceneError(f"{where} must be {EXTENTS[0]:g} to {EXTENTS[1]:g} m large, got {extent:.3g}; write a scale")
 
 
 def _check_fields(where: str, record) -> None:
@@ -182,7 +182,7 @@ def _increase(values, most: float) -> bool:
 def _check_photometric(where: str, light: PhotometricLight) -> None:
     shape = len(light.planes_degrees), len(light.gammas_degrees)
     good = isinstance(light.intensity, np.ndarray) and is_array(light.intensity, shape, 0)
-    if not (good and light.intensity.max() >= LEAST):
+    if not (good and light.intensity.max() >= TINIEST):
         raise SceneError(
             f"{where}: intensity must be an array {shape} of numbers >= 0 that are not all 0, "
             f"got {_found(light.intensity)}"
@@ -202,7 +202,7 @@ def _check_mesh(where: str, mesh: Mesh, materials: int) -> None:
             what = f"of {'finite numbers' if 'f' in kinds else 'integers'} from {low:g} to {high:g}"
             raise SceneError(f"{where}: {name} must be an array ({written}) {what}, got {_found(values)}")
 
-    check("vertices", mesh.vertices, (None, 3), -LARGEST, LARGEST)
+    check("vertices", mesh.vertices, (None, 3), -BIGGEST, BIGGEST)
     check("faces", mesh.faces, (None, 3), 0, len(mesh.vertices) - 1, "iu")
     check("face_material", mesh.face_material, count, 0, materials - 1, "iu")
     if mesh.corner_normals is not None:
@@ -211,7 +211,7 @@ def _check_mesh(where: str, mesh: Mesh, materials: int) -> None:
         check("face_reflectance", mesh.face_reflectance, (*count, 3), 0, BELOW_ONE)
     if paint is not None:
         check("face_texture", paint.face_texture, count, -1, len(paint.textures) - 1, "iu")
-        check("corner_uv", paint.corner_uv, (*count, 3, 2), -LARGEST, LARGEST)
+        check("corner_uv", paint.corner_uv, (*count, 3, 2), -BIGGEST, BIGGEST)
         check("corner_colour", paint.corner_colour, (*count, 3, 3), 0, 1)
     check_size(where, mesh)
 

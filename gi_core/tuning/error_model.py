@@ -21,7 +21,7 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.tuning.setting_trials import Trial
 
-FINE = 16  # radii evaluated, from the smallest to the largest tried
+FINE_RADII = 16  # radii evaluated, from the smallest to the largest tried
 LEAST = {
     "noise": 1e-6,
     "moving": 1e-6,
@@ -29,7 +29,7 @@ LEAST = {
     "start": 1e-5,
     "slope": 1e-12,
 }  # lower bounds: smaller values are within noise of 0
-FEWEST = 1024  # photons of a frame
+SMALLEST_FRAME = 1024  # photons of a frame
 EXPONENTS = {"noise": "A", "moving": "M", "bias": "B", "start": "s", "slope": "c"}
 
 
@@ -112,7 +112,7 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def between_radii(models: Sequence[ErrorModel]) -> tuple[list[ErrorModel], dict[str, dict[str, float]]]:
-    """Return models at FINE radii for estimators tried at several radii, the other models as given, and exponents.
+    """Return models at FINE_RADII radii of estimators tried at several radii, the other models as given, and exponents.
 
     exponents: by estimator, as over_radii() returns them.
     """
@@ -127,11 +127,11 @@ def between_radii(models: Sequence[ErrorModel]) -> tuple[list[ErrorModel], dict[
 
 
 def over_radii(models: Sequence[ErrorModel]) -> tuple[list[ErrorModel], dict[str, float]]:
-    """Return models at FINE radii over the range of `models` (one per radius), and the exponents by parameter."""
+    """Return models at FINE_RADII radii over the range of `models` (one per radius), and the exponents by parameter."""
     if len(models) < 2:
         return list(models), {}
     tried = np.log([model.setting.radius for model in models])
-    fine = np.linspace(tried.min(), tried.max(), FINE)
+    fine = np.linspace(tried.min(), tried.max(), FINE_RADII)
     parts, exponents = {}, {}
     for name, letter in EXPONENTS.items():
         values = np.log(np.maximum([getattr(model, name) for model in models], LEAST[name]))
@@ -159,8 +159,8 @@ def within_time(models: Sequence[ErrorModel], seconds: float, photons: int) -> T
 
     def choice_of(model: ErrorModel) -> TunedChoice:
         room = model.photons_within(seconds)
-        frame = min(max(room, FEWEST), photons)
-        return _choice(model, photons if _is_additive(model) else frame, frame, room >= FEWEST)
+        frame = min(max(room, SMALLEST_FRAME), photons)
+        return _choice(model, photons if _is_additive(model) else frame, frame, room >= SMALLEST_FRAME)
 
     return max(map(choice_of, models), key=lambda choice: (choice.met, -choice.moving_error))
 
@@ -174,8 +174,8 @@ def within_error(models: Sequence[ErrorModel], error: float, seconds: float, mos
 
     def choice_of(model: ErrorModel) -> TunedChoice:
         needed = model.photons_for(error)
-        photons = max(math.ceil(min(needed, most)), FEWEST)
-        frame = min(max(model.photons_within(seconds), FEWEST), photons) if _is_additive(model) else photons
+        photons = max(math.ceil(min(needed, most)), SMALLEST_FRAME)
+        frame = min(max(model.photons_within(seconds), SMALLEST_FRAME), photons) if _is_additive(model) else photons
         return _choice(model, photons, frame, needed <= most)
 
     def order(pair: tuple[ErrorModel, TunedChoice]) -> tuple:

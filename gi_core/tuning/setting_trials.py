@@ -19,11 +19,10 @@ from gi_core.photons.subsets import LOWEST
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 
-PHOTONS = 1 << 17  # per trial: about a second
+TRIAL_PHOTONS = 1 << 17  # per trial: about a second
 COUNTS = 5  # numbers of photons per trial: all, one half, ...
 RECEIVERS = 300  # per pose
-NOISE = 0.02  # of the truth, relative l1; it is subtracted
-MOST_PATHS = 2048  # per receiver
+MOST_TRIAL_PATHS = 2048  # per receiver
 
 PosedSample = tuple[dict[str, Pose], ReferenceSample]  # the reference at one set of poses
 
@@ -57,9 +56,10 @@ def reference_samples(
         wanted = inside & (classes["affected"] | classes["mobile"])
         rows = np.flatnonzero(wanted if wanted.any() else inside)
         rows, weights = draw_by_area(rows, receivers.areas, RECEIVERS, [seed, k])
-        most = MOST_PATHS * len(rows)
+        most = MOST_TRIAL_PATHS * len(rows)
         model, at = solver.model, dict(solver.poses)
-        for sample in gather_sample(model, at, rows, weights, 1000 * seed + k, NOISE, most, solver.levels):
+        # 0.02 of the truth, relative l1; it is subtracted
+        for sample in gather_sample(model, at, rows, weights, 1000 * seed + k, 0.02, most, solver.levels):
             progress((k + sample.fraction) / len(frames))
         out.append((dict(solver.poses), sample))
     return out
@@ -72,7 +72,7 @@ def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, 
     paths: per receiver of a mobile, as in Solver.move_all(). setting: fields of Setting.
     """
     twin = solver.twin(fresh=True)
-    twin.configure(photons=min(PHOTONS, solver.photons), subset_only=True, **setting)
+    twin.configure(photons=min(TRIAL_PHOTONS, solver.photons), subset_only=True, **setting)
     additive = ESTIMATORS[twin.setting.estimator].additive
     if additive:
         twin.solve()

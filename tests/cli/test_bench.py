@@ -10,7 +10,7 @@ import pytest
 from app import __main__ as cli
 from app.draw import motion
 from app.measure.bench import measure as command
-from app.settings import STEP, Settings, make_solver, open_scene
+from app.settings import STEP_PER_FRAME, Settings, make_solver, open_scene
 from tests.support.cli_support import FAST, one_line
 
 KEYS = """format scene triangles receivers photons estimator control radius threads processor commit frames frame_ms
@@ -80,7 +80,7 @@ def test_the_tree_bench_has_light_to_move():
     solver.solve()
     for frames in (50, 200):
         cut = []
-        for poses in motion.walk(motion.paths_of(solver), STEP, frames):  # the tree is 1 m in size
+        for poses in motion.walk(motion.paths_of(solver), STEP_PER_FRAME, frames):  # the tree is 1 m in size
             solver.move_all(poses)
             cut.append(solver.frame.changes.photons_cut)
         share = sorted(cut)[frames // 2] / solver.frame.photons

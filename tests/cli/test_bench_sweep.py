@@ -53,7 +53,7 @@ def test_rows_match_the_table():
 
 def test_every_estimator_has_rows(estimator):
     keys = {row.key for row in rows(TREE, 100)}
-    assert {photons_key(n, estimator) for n in bench_sweep.PHOTONS} <= keys
+    assert {photons_key(n, estimator) for n in bench_sweep.COUNTS} <= keys
 
 
 def test_stopped_sweep_resumes_with_missing_rows(tmp_path):

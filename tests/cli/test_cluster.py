@@ -167,14 +167,14 @@ def _divide(one: int, by: int) -> float:
     ],
 )
 def test_bad_clusters_get_a_sentence(words, message, capsys, monkeypatch):
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    monkeypatch.setattr(cluster, "ANSWER_TIME", 0.5)
     assert cli.main(["render", "no such scene.glb", "--frames", "2", *words.split()]) == 2
     assert message in one_line(capsys.readouterr().err)
 
 
 def refusal(address, capsys, monkeypatch) -> str:
     """Return the sentence that render says about --scheduler address."""
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    monkeypatch.setattr(cluster, "ANSWER_TIME", 0.5)
     assert cli.main(["render", "no such scene.glb", "--frames", "2", "--scheduler", address]) == 2
     return one_line(capsys.readouterr().err)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gi_core.files.formats.boundary import DEEPEST, LIMITS, MOST_AT_VERTEX
+from gi_core.files.formats.boundary import LIMITS, MOST_AT_VERTEX, MOST_KEY_PARTS
 from gi_core.files.formats.toml_file import read_scene_file
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
@@ -24,8 +24,8 @@ REFUSED = {
     "mesh_named_by_many_objects": "1,000 objects",
     "polygon_of_repeated_corners": "4,000,000 triangles",
     "file_of_holes": "1,073,741,824 bytes in files",
-    "key_of_many_dots": f"{DEEPEST} parts between dots",
-    "header_of_many_dots": f"{DEEPEST} parts between dots",
+    "key_of_many_dots": f"{MOST_KEY_PARTS} parts between dots",
+    "header_of_many_dots": f"{MOST_KEY_PARTS} parts between dots",
     "lights_of_a_scene_file": "1,000 objects",
     "turns_of_many_mobiles": "100,000 key frames",
 }

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.bsdf.ggx import base_albedo
 from gi_core.files.edits import Insert, edited
-from gi_core.files.formats.classes import ALIKE, MOST, classes
+from gi_core.files.formats.classes import ALIKE, MOST_CLASSES, classes
 from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.load import load_scene
 from gi_core.geometry.mipmap import levels
@@ -74,7 +74,7 @@ def test_large_triangles_have_one_mean_each(tmp_path):
 
 
 def test_classes_reflect_what_their_texels_would(tmp_path):
-    """Sum over faces of area x F0 is that of the texels, and so is the diffuse part; there are MOST classes at most."""
+    """Sum over faces of area x F0 is that of the texels, and so is the diffuse part; there are MOST_CLASSES at most."""
     rng = np.random.default_rng(4)
     metallic = np.kron(rng.random((8, 8)), np.ones((8, 8)))
     pixels = image(np.full((64, 64), 0.3), metallic)
@@ -89,7 +89,7 @@ def test_classes_reflect_what_their_texels_would(tmp_path):
     coated, metal = base_albedo(lobes, np.array([BASE, (0.0, 0.0, 0.0)]))
     base = area @ surfaces.reflectance[glossy] / area.sum()
     assert base == pytest.approx((1 - m) * coated + m * metal, rel=2e-3)
-    assert 2 < sum(k.name == "m" for k in scene.materials) <= MOST
+    assert 2 < sum(k.name == "m" for k in scene.materials) <= MOST_CLASSES
 
 
 @pytest.mark.parametrize("roughness, metallic", [(0.4, 0.0), (0.2, 1.0), (0.6, 0.6), (0.8, 0.0)])
@@ -335,7 +335,7 @@ def test_classes_divide_where_values_vary():
     assert len(np.unique(found)) == 3
     assert all(len(np.unique(found[k : k + 5])) == 1 for k in (0, 5, 10))
     assert (classes(values * ALIKE, np.ones(15)) == 0).all()
-    assert classes(np.random.default_rng(1).random((500, 3)), np.ones(500)).max() == MOST - 1
+    assert classes(np.random.default_rng(1).random((500, 3)), np.ones(500)).max() == MOST_CLASSES - 1
 
 
 def test_copies_of_a_linear_texture_have_its_mean():

@@ -8,7 +8,7 @@ import pytest
 
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
-from gi_core.scene.errors import LONGEST
+from gi_core.scene.errors import SENTENCE
 from tests.support.grammar.cases import KINDS, case, write
 
 
@@ -22,6 +22,6 @@ def test_files_by_grammar(tmp_path, kind):
             load_scene(path, max_edge=float("inf"))
         except SceneError as error:
             text = str(error)
-            assert path.name in text and text.isprintable() and len(text) <= LONGEST, seed
+            assert path.name in text and text.isprintable() and len(text) <= SENTENCE, seed
             # A valid file loads.
             assert case(seed)[2] > 0, text

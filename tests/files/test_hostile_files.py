@@ -20,7 +20,7 @@ from gi_core.files.formats.photometry_file import read_photometry
 from gi_core.files.formats.toml_file import read_scene_file
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
-from gi_core.scene.errors import LONGEST, one_line
+from gi_core.scene.errors import SENTENCE, one_line
 from tests.support.fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings
 from tests.support.mesh_writers import BOX, BOX_FACES, SCENE, write_glb, write_obj, write_scene
 
@@ -38,7 +38,7 @@ def read(path):
             case _:
                 read_mesh_file(path)
     except SceneError as error:
-        assert path.name in str(error) and str(error).isprintable() and len(str(error)) <= LONGEST
+        assert path.name in str(error) and str(error).isprintable() and len(str(error)) <= SENTENCE
         return str(error)
     return None
 
@@ -226,7 +226,7 @@ def test_sentences_and_notes_are_printable_lines(tmp_path):
     assert one_line("a\x1b[2Jb\nc") == r"a\x1b[2Jb c"
     assert one_line(" a  b \n\t c\r\nd ") == "a  b c d"
     long = one_line("front " + "x" * 10_000 + " back")
-    assert len(long) <= LONGEST and long.startswith("front") and long.endswith("back")
+    assert len(long) <= SENTENCE and long.startswith("front") and long.endswith("back")
     file = tmp_path / "scene.toml"
     file.write_text(SCENE.replace('"cube"', r'"\u001b[2J"').replace("position = [0.3, 0.0, 0.3]", "position = 3"))
     assert "\x1b" not in read(file)

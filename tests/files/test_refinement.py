@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.files.completion.pilot import Rays, useful_box
-from gi_core.files.completion.refinement import FINEST, UNSEEN, refined
+from gi_core.files.completion.refinement import FINEST, UNSEEN_FACTOR, refined
 from gi_core.files.completion.sides import one_sided_where_dark
 from gi_core.files.load import load_scene
 from gi_core.geometry.receivers import weld
@@ -68,7 +68,7 @@ def test_finest_where_light_lands_and_the_camera_looks():
     behind = (middle[:, 2] > 2.99) & (np.abs(middle[:, :2] - 1.5) < 0.6).all(axis=1)
     assert edges(mesh, seen).mean() < 0.9 * edges(mesh, behind).mean()
     assert edges(mesh, dark).mean() > 2 * edges(mesh, seen).mean()
-    assert edges(mesh, behind).max() <= UNSEEN * edge * 1.01
+    assert edges(mesh, behind).max() <= UNSEEN_FACTOR * edge * 1.01
 
 
 def test_fine_parts_leave_budget_for_coarse_ones():

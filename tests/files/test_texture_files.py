@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gi_core.files.formats.boundary import LIMITS, MOST_PIXELS, Boundary
+from gi_core.files.formats.boundary import LIMITS, MOST_IMAGE_PIXELS, Boundary
 from gi_core.files.formats.mesh_file import read_mesh_file
 from gi_core.files.formats.texture_images import FORMATS, decode
 from gi_core.files.load import load_scene
@@ -117,8 +117,8 @@ BAD_IMAGES = {
     "missing": (None, "wood.png is missing"),
     "damaged": (png(PIXELS)[:45], "wood.png is not a readable image"),
     "text": (b"hello", "wood.png is not a readable image"),
-    "huge": (huge_png(), f"wood.png declares more than {MOST_PIXELS:,} pixels"),
-    "vast": (huge_png(9000, 9000), f"wood.png declares 9000 x 9000 pixels, more than {MOST_PIXELS:,}"),
+    "huge": (huge_png(), f"wood.png declares more than {MOST_IMAGE_PIXELS:,} pixels"),
+    "vast": (huge_png(9000, 9000), f"wood.png declares 9000 x 9000 pixels, more than {MOST_IMAGE_PIXELS:,}"),
 }
 
 

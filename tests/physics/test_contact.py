@@ -175,7 +175,7 @@ def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
     case = control_scenes.leg(True)
     irradiance = []
     for few in (10_000, 1):
-        monkeypatch.setattr("gi_core.discs.contact.stale_receivers.FEW", few)
+        monkeypatch.setattr("gi_core.discs.contact.stale_receivers.FEW_DISCS", few)
         solver = Solver(case.scene, photons=20_000, radius=case.radius)
         solver.solve()
         irradiance.append(solver.irradiance)

@@ -56,7 +56,7 @@ def small_charts(patch: pytest.MonkeyPatch) -> None:
     )
     patch.setattr(chart_settings, "QUICK", quick)
     patch.setattr(chart_settings, "FULL", full)
-    patch.setattr(page, "SIZE", (60, 40))
+    patch.setattr(page, "SHOT_SIZE", (60, 40))
 
 
 def one_row() -> Iterator[row.AtlasRow]:
@@ -74,14 +74,14 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     values = settings.Settings.__init__.__defaults__
     patch.setattr(settings.Settings.__init__, "__defaults__", (*values[:k], (60, 40), *values[k + 1 :]))
     patch.setattr(settings, "SECONDS", 0.1)
-    patch.setattr("gi_core.tuning.setting_trials.PHOTONS", 8192)
-    patch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 32)
+    patch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 8192)
+    patch.setattr("gi_core.tuning.setting_trials.MOST_TRIAL_PATHS", 32)
     patch.setattr("gi_core.defaults.choose.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))
-    patch.setattr(sweep, "PHOTONS", (1000,))
-    patch.setattr(sweep, "TRIANGLES", (300,))
+    patch.setattr(sweep, "COUNTS", (1000,))
+    patch.setattr(sweep, "SWEPT_TRIANGLES", (300,))
     patch.setattr(sweep.sweep, "__defaults__", (sweep.measure_row,))
     for name, value in TABLES.items():
         patch.setattr(f"app.measure.bench.{name}", value)

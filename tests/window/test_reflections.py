@@ -301,7 +301,7 @@ def test_a_view_has_few_planes_and_the_largest_ones():
         drawing.draw(look_of(shot))
         seen = drawing._mirrors._seen
         equations = {r.plane.number: r.plane.equation for r in shot.meshes[0].reflectors if r.plane is not None}
-        assert len(equations) == 12 and len(seen) == gl_mirrors.PLANES
+        assert len(equations) == 12 and len(seen) == gl_mirrors.PLANES_SHOWN
         hidden = [n for n, e in equations.items() if abs(e[3]) in (1.5, 0.5, 2.1)]
         assert len(hidden) == 6 and not seen & set(hidden)
     finally:

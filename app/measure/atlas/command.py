@@ -98,8 +98,7 @@ CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or 
     ),
     "Structures of rays": (programs.ray_structures,),
 }  # fmt: skip
-SIZE = (420, 280)  # pixels of one side of a picture
-GAP = 6
+SIDE_SIZE = (420, 280)  # pixels of one side of a picture
 
 
 def atlas(out: Path, chapters: dict[str, tuple[Callable, ...]] = CHAPTERS, rays: str | None = None) -> Path:
@@ -148,8 +147,8 @@ def picture(view: View) -> np.ndarray:
         if setting is not None:
             solver.configure(**setting)
             solver.solve()
-            shot = Shot(solver, Settings(scene="atlas", size=SIZE, show="irradiance", exposure=exposure))
+            shot = Shot(solver, Settings(scene="atlas", size=SIDE_SIZE, show="irradiance", exposure=exposure))
             sides.insert(0, shot.take())
             exposure = shot.exposure
-    gap = np.full((SIZE[1], GAP, 3), 255, np.uint8)
+    gap = np.full((SIDE_SIZE[1], 6, 3), 255, np.uint8)  # pixels between the two sides
     return np.concatenate([sides[0], *(part for side in sides[1:] for part in (gap, side))], axis=1)

@@ -23,9 +23,8 @@ from gi_core.scene.types import Gloss
 from gi_core.solver import Solver
 
 F0 = 0.04
-NODES, SECTORS = 1000, 128  # of an integral over polar angle and azimuth
-FAR = 1e5  # [m], of an eye
-LARGE = 0.2  # [m]: many rays, for means
+POLAR_NODES, SECTORS = 1000, 128  # of an integral over polar angle and azimuth
+EYE_DISTANCE = 1e5  # [m], of an eye
 SMALL = 0.02  # [m]: a few rays per disc, which are as uneven as random ones; more Sobol photons are more even
 
 
@@ -58,7 +57,7 @@ def rays_of(solver: Solver) -> tuple[Directions, np.ndarray, np.ndarray]:
 
 def eye_at(angle: float) -> np.ndarray:
     """Return a far eye (3,) at an angle [rad] from the normal."""
-    return FAR * np.array([math.sin(angle), 0.0, math.cos(angle)])
+    return EYE_DISTANCE * np.array([math.sin(angle), 0.0, math.cos(angle)])
 
 
 def lobe_at(alpha: float, view: float, least: float = 0.0, f0: float = F0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,14 +65,14 @@ def lobe_at(alpha: float, view: float, least: float = 0.0, f0: float = F0) -> tu
 
     view: angle of the eye [degrees]; least: cosine of the eye at least, in masking and in 1 / cos.
     """
-    theta = (np.arange(NODES) + 0.5) * (0.5 * math.pi / NODES)
+    theta = (np.arange(POLAR_NODES) + 0.5) * (0.5 * math.pi / POLAR_NODES)
     phi = (np.arange(SECTORS) + 0.5) * (2 * math.pi / SECTORS)
     t, p = (a.reshape(-1) for a in np.meshgrid(theta, phi, indexing="ij"))
     w = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=1)
     v = math.radians(view)
     o = np.array([math.sin(v), 0.0, math.cos(v)])
     f = ggx_value(alpha, w, o, least, f0)
-    return w, f, w[:, 2] * np.sin(t) * (0.5 * math.pi / NODES) * (2 * math.pi / SECTORS)
+    return w, f, w[:, 2] * np.sin(t) * (0.5 * math.pi / POLAR_NODES) * (2 * math.pi / SECTORS)
 
 
 def ggx_value(alpha: float, w: np.ndarray, o: np.ndarray, least: float = 0.0, f0: float = F0) -> np.ndarray:
@@ -90,10 +89,10 @@ def _smith(alpha: float, cos):
     return 0.5 * (np.sqrt(1 + alpha**2 * (1 - cos**2) / cos**2) - 1)
 
 
-RADIUS = 0.1  # of irradiance [m]; gloss has RADII times that
+DISC_RADIUS = 0.1  # of irradiance [m]; gloss has RADII times that
 GRAZING_VIEW = 60.0  # degrees
-HEIGHT = 1.0  # of the strip [m]
-TURN = 10.0  # degrees
+STRIP_HEIGHT = 1.0  # of the strip [m]
+NORMAL_TURN = 10.0  # degrees
 
 
 def noise() -> Iterator[AtlasRow]:
@@ -130,7 +129,7 @@ def grazing() -> AtlasRow:
     _, clamped, _ = lobe_at(alpha, view, GRAZING)
 
     def run(seed):
-        seen, count = under_the_sky(alpha, (view,), seed, LARGE)
+        seen, count = under_the_sky(alpha, (view,), seed, 0.2)  # 0.2 m: many rays, for means
         return (float((seen[0] * count).sum() / count.sum()) * math.pi / float(weights @ f),)
 
     (measured,) = over_seeds(run, SEEDS)
@@ -151,12 +150,12 @@ def blur() -> AtlasRow:
     satin = Material("satin", (0.2,) * 3, gloss=Gloss((0.04,) * 3, 0.3))
     glow = Material("glow", (0.0,) * 3, (100.0,) * 3)
     places = [(0.5 * i, 0.0, 0.0) for i in range(8)]
-    strip = sheet((-1.0, 0.005, HEIGHT), (6.0, 0, 0), (0, -0.01, 0), material=2)
+    strip = sheet((-1.0, 0.005, STRIP_HEIGHT), (6.0, 0, 0), (0, -0.01, 0), material=2)
     field = scene(joined(*(sheet(p, (0.02, 0, 0), (0, 0.02, 0)) for p in places), strip), (satin, BLACK, glow),
                   (2, -4, 2), (2, 0, 0))  # fmt: skip
 
     def run(seed):
-        solver = solved(field, 400_000, seed, radius=RADIUS, gloss=LIST)
+        solver = solved(field, 400_000, seed, radius=DISC_RADIUS, gloss=LIST)
         tree = solver.frame.gloss.tree
         direction, share = tree.rays[:, 3:].astype(float), tree.rays[:, 1].astype(float)
         slope = direction[:, 1] / direction[:, 2]
@@ -167,23 +166,23 @@ def blur() -> AtlasRow:
     (measured,) = over_seeds(run, 4)
     return AtlasRow(
         "gloss_blur",
-        f"a strip lamp {HEIGHT} m over glossy faces, discs of {RADII * RADIUS} m",
+        f"a strip lamp {STRIP_HEIGHT} m over glossy faces, discs of {RADII * DISC_RADIUS} m",
         "R / 2h: reflected edges are blurred by 2R / h",
-        0.5 * RADII * RADIUS / HEIGHT,
+        0.5 * RADII * DISC_RADIUS / STRIP_HEIGHT,
         measured,
         "a smaller radius; reflections for sharp lobes",
-        within=0.01 * RADII * RADIUS / HEIGHT,  # receivers lie 0 to 2 cm off the strip's middle
+        within=0.01 * RADII * DISC_RADIUS / STRIP_HEIGHT,  # receivers lie 0 to 2 cm off the strip's middle
         quantity="standard deviation of the slope of rays",
         title="Reflections blurred by the disc",
     )
 
 
 def shading_normals() -> AtlasRow:
-    """Parallel light along the normals of mirrors of metal, whose normals for shading are turned by TURN.
+    """Parallel light along the normals of mirrors of metal, whose normals for shading are turned by NORMAL_TURN.
 
-    The picture reflects it about those, photons are reflected by the faces: highlight and caustic lie 2 TURN apart.
+    The picture reflects about those, photons are reflected by faces: highlight and caustic lie 2 NORMAL_TURN apart.
     """
-    turn = math.radians(TURN)
+    turn = math.radians(NORMAL_TURN)
     metal = Material("metal", (0.0,) * 3, gloss=Gloss((1.0,) * 3, 0.15))
     sun = DirectionalLight("sun", (0, 0, -1.0), (1.0,) * 3)
     sheets = joined(*(sheet((0.5 * i, 0.0, 0.0), (0.3, 0, 0), (0, 0.3, 0)) for i in range(8)))
@@ -191,7 +190,7 @@ def shading_normals() -> AtlasRow:
     field = scene(sheets._replace(corner_normals=normals), (metal,), (2, -4, 2), (2, 0, 0), (sun,))
 
     def run(seed):
-        solver = solved(field, 50_000, seed, radius=RADIUS, gloss=LIST)
+        solver = solved(field, 50_000, seed, radius=DISC_RADIUS, gloss=LIST)
         rays = rays_of(solver)
         angles = np.radians(np.arange(0.0, 40.0, 0.25))
         seen = [float(radiance_of(solver, *rays, eye_at(angle))[:, 1].sum()) for angle in angles]
@@ -202,8 +201,8 @@ def shading_normals() -> AtlasRow:
     (measured,) = over_seeds(run, SEEDS)
     return AtlasRow(
         "gloss_shading_normals",
-        f"parallel light on metal whose vertex normals are turned by {TURN:.0f} degrees from its faces",
-        "the picture reflects about vertex normals, photons about faces: 2 x the turn", 2 * TURN, measured,
+        f"parallel light on metal whose vertex normals are turned by {NORMAL_TURN:.0f} degrees from its faces",
+        "the picture reflects about vertex normals, photons about faces: 2 x the turn", 2 * NORMAL_TURN, measured,
         "a finer mesh: normals of vertices approach those of faces", within=0.5,
         quantity="angle between highlight and caustic [degrees]", title="Gloss and normals for shading",
     )  # fmt: skip

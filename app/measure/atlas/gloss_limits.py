@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from app.measure.atlas.gloss import (
+    EYE_DISTANCE,
     F0,
-    FAR,
     SMALL,
     eye_at,
     ggx_value,
@@ -21,16 +21,15 @@ from app.measure.atlas.gloss import (
 )
 from app.measure.atlas.row import SEEDS, AtlasRow, Number, near, over_seeds, scene, sheet, solved
 from gi_core.bsdf.models import lobe
-from gi_core.instruments.gloss_rays import CELLS, LEAST_ALPHA, LIST, MOST_PHOTONS, radiance_of, single_rays
+from gi_core.instruments.gloss_rays import CELLS, LEAST_ALPHA, LIST, MOST_LISTED_PHOTONS, radiance_of, single_rays
 from gi_core.model import Model
 from gi_core.scene import DirectionalLight, Material, Scene, SkyLight
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Gloss
 from gi_core.solver import Solver
 
-PHOTONS = 100_000
+FIELD_PHOTONS = 100_000
 SATIN = 0.3  # alpha
-WIDE = 0.35  # [m]; discs of gloss have twice that
 STEEP = 85.0  # degrees of incidence
 
 
@@ -39,7 +38,7 @@ def towards_a_mirror() -> Iterator[AtlasRow]:
     for alpha in (0.1, 0.01, 0.002, 0.0):
 
         def run(seed, alpha=alpha):
-            solver = solved(_lit_metal(alpha, 0.0), PHOTONS, seed)
+            solver = solved(_lit_metal(alpha, 0.0), FIELD_PHOTONS, seed)
             return (float(np.median(_angles(solver))),)
 
         (measured,) = over_seeds(run, SEEDS)
@@ -55,7 +54,7 @@ def towards_a_mirror() -> Iterator[AtlasRow]:
 def sharper_than_drawn() -> AtlasRow:
     """Single rays are drawn with a lobe of LEAST_ALPHA at least: too dim in the middle of a sharper one."""
     alpha = 0.05
-    solver = solved(_lit_metal(alpha, 0.0), PHOTONS, gloss=LIST)
+    solver = solved(_lit_metal(alpha, 0.0), FIELD_PHOTONS, gloss=LIST)
     rays, row, corner = rays_of(solver)
     seen = radiance_of(solver, rays, row, corner, eye_at(0.0))[:, 1]
     up = np.array([0.0, 0.0, 1.0])
@@ -76,7 +75,7 @@ def below_the_surface() -> Iterator[AtlasRow]:
 
         def run(seed, alpha=alpha, angle=angle, once=once):
             lit = (_lit(once, angle), _lit_metal(alpha, angle))
-            return [1 - _reflected(solved(of, PHOTONS, seed)) for of in lit]
+            return [1 - _reflected(solved(of, FIELD_PHOTONS, seed)) for of in lit]
 
         measured, remedied = over_seeds(run, SEEDS)
         yield AtlasRow(
@@ -91,7 +90,7 @@ def below_the_surface() -> Iterator[AtlasRow]:
 def two_sided() -> AtlasRow:
     """Segments that cross a disc from behind belong to the other side's receiver."""
     field = _lit_metal(SATIN, 0.0, upwards=True, two_sided=True)
-    solver = solved(field, PHOTONS, gloss=LIST)
+    solver = solved(field, FIELD_PHOTONS, gloss=LIST)
     light, counts = solver.frame.gloss, np.diff(solver.frame.gloss.tree.offsets[::CELLS])
     sides = [
         counts[np.isin(light.rows, corners)] for corners in (solver.surfaces.corner_front, solver.surfaces.corner_back)
@@ -116,7 +115,7 @@ def few_rays() -> Iterator[AtlasRow]:
     alone = np.flatnonzero(counts == 1)
     rays = listed.rays[first[row[alone]], 3:].astype(float)
     far = rays[:, 2] > 0.1
-    exact = ggx_value(SATIN, rays[far], eye_at(0.0) / FAR)
+    exact = ggx_value(SATIN, rays[far], eye_at(0.0) / EYE_DISTANCE)
     yield AtlasRow(
         "gloss_one_ray", f"{far.sum()} receivers with a single ray", "f E of this ray", 1.0,
         Number(float((seen[alone][far] / exact).mean())), within=1e-4, quantity="radiance / f E", title="Few rays",
@@ -132,7 +131,8 @@ def many_rays() -> AtlasRow:
     field = scene(ground, (satin,), (2, -4, 2), (0.5, 0.5, 0), (SkyLight("sky", (1 / math.pi,) * 3),))
 
     def run(seed):
-        solver = solved(field, MOST_PHOTONS, seed, radius=WIDE, gloss=LIST)
+        # 0.35 m: discs of gloss have twice that
+        solver = solved(field, MOST_LISTED_PHOTONS, seed, radius=0.35, gloss=LIST)
         middle = np.flatnonzero(near((0.5, 0.5, 0.0))(solver.receivers))[:1]
         rays, row = single_rays(solver, middle)
         counts.append(int(np.diff(rays.offsets[::CELLS])[row[0]]))
@@ -180,7 +180,7 @@ def more_than_arrives() -> Iterator[AtlasRow]:
     for angle, expected in ((45.0, _phong(n, 45.0)), (STEEP, 1.0)):
 
         def run(seed, angle=angle):
-            return (_reflected(solved(_lit(darkened.materials[0], angle), PHOTONS, seed)),)
+            return (_reflected(solved(_lit(darkened.materials[0], angle), FIELD_PHOTONS, seed)),)
 
         (measured,) = over_seeds(run, SEEDS)
         yield AtlasRow(

@@ -145,44 +145,44 @@ def next_to_nothing() -> Iterator[AtlasRow]:
 
 
 CAST = 1000  # rays
-HALL, MIDDLE = 100.0, 47.5  # side of a hall, place of an object on all axes [m]
+HALL, HALL_MIDDLE = 100.0, 47.5  # side of a hall, place of an object on all axes [m]
 DENSE, TINY = 0.2, 0.002  # radii of balls [m]
-TRIANGLES = 1000
-ENDS = 20  # tests that cells at the ends of a bundle add
-SHARED = 0.5  # of the tests that a bvh adds: a leaf holds up to four triangles
+SOUP_TRIANGLES = 1000
 
 
 def ray_structures() -> Iterator[AtlasRow]:
     """Measure every structure where it fails."""
     rng = np.random.default_rng(0)
     anywhere = _rays(rng.uniform(0, 1, (CAST, 3)), rng.normal(size=(CAST, 3)))
-    at = rng.uniform(0, 1, (TRIANGLES, 1, 3))
-    soup = np.concatenate([at, at + rng.uniform(-0.02, 0.02, (TRIANGLES, 2, 3))], axis=1)
+    at = rng.uniform(0, 1, (SOUP_TRIANGLES, 1, 3))
+    soup = np.concatenate([at, at + rng.uniform(-0.02, 0.02, (SOUP_TRIANGLES, 2, 3))], axis=1)
     yield _row("none", "none", "small triangles anywhere", "every ray tests all triangles", soup, anywhere)
 
     dense, walls = ball(DENSE), box((0.0,) * 3, (HALL,) * 3)
-    hall = (MIDDLE + dense.vertices)[dense.faces], walls.vertices[walls.faces]
+    hall = (HALL_MIDDLE + dense.vertices)[dense.faces], walls.vertices[walls.faces]
     start = rng.uniform(0.1, 0.9, (CAST, 3)) * HALL
-    aimed = _rays(start, MIDDLE - start)
+    aimed = _rays(start, HALL_MIDDLE - start)
     where = f"a ball of {2 * DENSE:g} m in a hall of {HALL:g} m, rays aimed at it"
     theory = "the ball lies in one cell: a ray that enters it tests all of the ball's triangles"
     yield _row("grid3d", "grid3d", where, theory, np.concatenate(hall), aimed, len(dense.faces))
 
     tiny = ball(TINY)
-    hall = (MIDDLE + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
+    hall = (HALL_MIDDLE + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
     where = f"a ball of {2e3 * TINY:g} mm in that hall, rays aimed at it"
     theory = "the smallest cells, 12 levels deep, are larger than the ball: one lists all of its triangles"
     yield _row("octree", "octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), within=len(walls.faces))
 
-    ends = rng.choice([-0.5, 0.5], (TRIANGLES, 1, 3))
+    ends = rng.choice([-0.5, 0.5], (SOUP_TRIANGLES, 1, 3))
     slivers = np.concatenate([at, at + ends, at + 1e-3 * rng.normal(size=at.shape)], axis=1)
     mean = float(boxes_crossed(slivers.min(axis=1), slivers.max(axis=1), anywhere).mean())
     theory = "a ray tests each sliver whose box it crosses, and those in the same leaf; an octree divides the slivers"
-    yield _row("bvh", "bvh", "slivers along diagonals", theory, slivers, anywhere, mean, "octree", SHARED * mean)
+    # a bvh adds 0.5 of the tests: a leaf holds up to four triangles
+    yield _row("bvh", "bvh", "slivers along diagonals", theory, slivers, anywhere, mean, "octree", 0.5 * mean)
 
-    along, wide = rng.uniform(0, 0.02, (TRIANGLES, 1, 3)), 0.02 * rng.normal(size=(TRIANGLES, 1, 3))
+    along, wide = rng.uniform(0, 0.02, (SOUP_TRIANGLES, 1, 3)), 0.02 * rng.normal(size=(SOUP_TRIANGLES, 1, 3))
     bundle = np.concatenate([along, along + 1, along + 1 + wide], axis=1)
     theory = "planes across an axis cut all of them, but at the ends of the bundle. Boxes of a bvh all overlap"
+    # 20 tests that cells at the ends of a bundle add
     yield _row(
         "bsp",
         "bsp",
@@ -191,7 +191,7 @@ def ray_structures() -> Iterator[AtlasRow]:
         bundle,
         anywhere,
         helper=None,
-        within=ENDS,
+        within=20,
     )
 
 
@@ -207,7 +207,7 @@ def _tests(name: str, corners: np.ndarray, rays: Rays) -> Number:
     return Number(run_of(built(name, [mesh]), rays, all_rays=True)().tests)
 
 
-def _row(key, name, where, theory, corners, rays, predicted=TRIANGLES, helper="bvh", within=0.0):
+def _row(key, name, where, theory, corners, rays, predicted=SOUP_TRIANGLES, helper="bvh", within=0.0):
     """Return the row of a structure; helper: a structure that tests fewer, None for none."""
     least = math.log2(len(corners))
     return AtlasRow(

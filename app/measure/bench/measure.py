@@ -18,7 +18,7 @@ from app.cli.progress import Bar, solve
 from app.cli.version import commit
 from app.draw import motion
 from app.measure.results import load, peak_rss_mb, processor
-from app.settings import STEP, Settings, make_solver
+from app.settings import STEP_PER_FRAME, Settings, make_solver
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -42,7 +42,7 @@ def warm_up(scene, settings: Settings) -> None:
     solver.from_scratch()
 
 
-def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP) -> dict:
+def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP_PER_FRAME) -> dict:
     """Return every number of `bench` by its JSON key; step: distance of a mobile per frame / scene size."""
     busy = load()
     started = time.perf_counter()
@@ -143,7 +143,7 @@ def _from_scratch(solver: Solver, bar: Bar) -> tuple[float, bool]:
     return min(took), equal
 
 
-def bench(settings: Settings, frames: int, json_file: Path | None = None, step: float = STEP) -> dict:
+def bench(settings: Settings, frames: int, json_file: Path | None = None, step: float = STEP_PER_FRAME) -> dict:
     """Time `frames` frames, print a table, write the numbers to `json_file`; return them.
 
     step: distance of a mobile per frame / scene size. Raises SceneError, UsageError, OSError.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gi_core.scene.types import Camera
 
 SCENES = ("cornell", "living_room", "tree")
-RAYS = 20_000  # of each kind
+RAYS_PER_KIND = 20_000  # of each kind
 HEAD = ["structure", "leaf", "build ms", "MB", "primary", "random", "shadow", "over Embree", "cells", "triangles"]
 NOTE = (
     "Times per ray are us of one thread, the least of 5 runs in turn. Primary rays go through pixels of the scene's "
@@ -26,7 +26,7 @@ NOTE = (
 )
 
 
-def measured(model: Model, bar: Bar, rays: int = RAYS) -> list[tuple[Structure, dict[str, Cost]]]:
+def measured(model: Model, bar: Bar, rays: int = RAYS_PER_KIND) -> list[tuple[Structure, dict[str, Cost]]]:
     """Return every structure at every leaf size over a model's static part, with its costs by kind of ray."""
     from gi_core.instruments.ray_timing import LEAVES, STRUCTURES, built, costs, rays_of
 

@@ -21,7 +21,7 @@ from app.draw import motion
 from app.measure.bench import ray_tables
 from app.measure.results import processor
 from app.measure.tables import markdown_table, section
-from app.settings import STEP, Settings, UsageError, make_solver, open_scene
+from app.settings import STEP_PER_FRAME, Settings, UsageError, make_solver, open_scene
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.model import Model
 from gi_core.solver import Solver
@@ -264,7 +264,7 @@ def _timed_estimators(solver: Solver, bar: Bar) -> dict[str, tuple[float, float,
     """Return simulation and illumination [ms] per frame and the error [%] of the estimators of table 2.1."""
     solver.configure(estimator=DEFAULT, radius=0.01 * solver.scene_size, photons=REFERENCE)
     solve(solver, bar)
-    lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, FRAMES)
+    lap = motion.walk(motion.paths_of(solver), STEP_PER_FRAME * solver.scene_size, FRAMES)
     static = solver.surfaces.receiver_range(0)
     area = solver.receivers.areas[static]
     solver.move_all(lap[-1])

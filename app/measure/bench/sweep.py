@@ -15,7 +15,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from app.settings import STEP, Settings, UsageError
+from app.settings import STEP_PER_FRAME, Settings, UsageError
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.instruments import child
 
@@ -30,12 +30,12 @@ from app.cli.writable import write_whole
 from app.measure.results import Failure, attempted, processor
 from app.measure.tables import Column, cells, digits, fixed, markdown_table, section, times
 
-PHOTONS = (10_000, 100_000, 1_000_000)
-TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
+COUNTS = (10_000, 100_000, 1_000_000)
+SWEPT_TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
 RADII = ("scaled", "fixed")  # of discs in finer meshes: see `vary`
 GROWTH_PHOTONS = 100_000  # of rows that vary triangles or sides
 NEIGHBOURS = 50
-SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
+SLOW, SLOW_STEP = f"{COUNTS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
 
 
 class Row(NamedTuple):
@@ -61,14 +61,14 @@ def rows(settings: Settings, frames: int) -> list[Row]:
         wanted = replace(base, photons=photons, estimator=estimator, control=control)
         out.append(Row(key, wanted, frames, variant))
 
-    for photons in PHOTONS:
+    for photons in COUNTS:
         for estimator in ESTIMATORS:
             add(photons_key(photons, estimator), photons, estimator)
         add(photons_key(photons, DEFAULT, control=True), photons, control=True)
-    add(SLOW, PHOTONS[-1], step=SLOW_STEP)
+    add(SLOW, COUNTS[-1], step=SLOW_STEP)
     for sides in ("one-sided", "two-sided"):
         add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
-    for triangles in TRIANGLES:
+    for triangles in SWEPT_TRIANGLES:
         for radius in RADII:
             add(triangles_key(triangles, radius), GROWTH_PHOTONS, triangles=triangles, radius=radius)
     return out
@@ -82,7 +82,6 @@ def triangles_key(triangles: int, radius: str) -> str:
     return f"{triangles} triangles, radius {radius}"
 
 
-GUESSES = 8  # of the longest edge
 CLOSE = 0.02  # of the number of triangles wanted
 
 
@@ -128,7 +127,7 @@ def measure_row(spec: dict) -> dict:
     with Bar() as bar:
         compile_kernels(bar, settings.rays)
         warm_up(scene, settings)
-        return measure(scene, settings, spec["frames"], bar, spec["variant"].get("step", STEP))
+        return measure(scene, settings, spec["frames"], bar, spec["variant"].get("step", STEP_PER_FRAME))
 
 
 def _tuples(value):
@@ -167,7 +166,7 @@ def _finer(mesh, triangles: int):
     if len(mesh.faces) >= (1 - CLOSE) * triangles:
         return mesh
     edge, best = 1.5 * math.sqrt(face_normals(mesh)[1].sum() / triangles), mesh
-    for _ in range(GUESSES):
+    for _ in range(8):  # 8 guesses of the longest edge
         tried = tessellate(mesh, edge)
         if abs(len(tried.faces) - triangles) < abs(len(best.faces) - triangles):
             best = tried
@@ -288,14 +287,14 @@ GROWTH = (
 
 def _rows(have: dict) -> str:
     """Return the table of all rows but those of triangles; frames should grow with the photons cut, plus a scan."""
-    grown = {triangles_key(n, radius) for n in TRIANGLES for radius in RADII}
+    grown = {triangles_key(n, radius) for n in SWEPT_TRIANGLES for radius in RADII}
     return section("Rows", markdown_table(*cells(ROW, [r | {"key": k} for k, r in have.items() if k not in grown])))
 
 
 def _growth_with_triangles(have: dict) -> str:
     parts = []
     for radius in RADII:
-        measured = [have[key] for n in TRIANGLES if (key := triangles_key(n, radius)) in have]
+        measured = [have[key] for n in SWEPT_TRIANGLES if (key := triangles_key(n, radius)) in have]
         if measured:
             least = measured[0]["frame_ms"]["median"]
             made = markdown_table(*cells(GROWTH, [r | {"of": least} for r in measured]))
@@ -305,7 +304,7 @@ def _growth_with_triangles(have: dict) -> str:
 
 def _stages(have: dict) -> str:
     """Return the time of each stage at the largest number of photons measured."""
-    counts = [n for n in PHOTONS if photons_key(n, DEFAULT) in have]
+    counts = [n for n in COUNTS if photons_key(n, DEFAULT) in have]
     if not counts:
         return ""
     r = have[photons_key(max(counts), DEFAULT)]

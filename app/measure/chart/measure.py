@@ -30,8 +30,6 @@ from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene import Scene
 from gi_core.solver import Solver
 
-WATCHED = 3000  # static receivers drawn; their light is recorded in every frame
-
 
 class Walk(NamedTuple):
     """The frames of every setting."""
@@ -64,7 +62,8 @@ def make_walk(finest, lap: list, cases: list[PoseTruth], seed: int) -> Walk:
     """Return the walk, with the changes that the solver of most photons finds."""
     static = finest.surfaces.receiver_range(0).stop
     areas = finest.receivers.areas[:static]
-    watched, weights = draw_by_area(np.flatnonzero(areas > 0), areas, WATCHED, seed)
+    # 3000 static receivers, whose light is recorded in every frame
+    watched, weights = draw_by_area(np.flatnonzero(areas > 0), areas, 3000, seed)
     background = light_of(background_of(finest), watched)
     nothing = np.zeros(len(watched), bool)
     blank = Walk(lap, [], watched, weights, nothing, nothing, 0.0)
@@ -168,25 +167,24 @@ def _jump(light: np.ndarray, areas: np.ndarray) -> float:
     return float((areas * np.abs(np.diff(light, axis=0))).sum())
 
 
-TIMED = 4  # paths per vertex; the time of more is scaled from these
-OTHER_SEED = 0x417A1  # the truth has other paths
+TIMED_PATHS = 4  # paths per vertex; the time of more is scaled from these
 
 
 def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> AtCases:
     """Return the irradiance of each case from a number of paths per receiver; it has no gloss."""
     out = []
     for case in walk.cases:
-        gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ OTHER_SEED)
+        gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ 0x417A1)  # the truth has other paths
         out.append(gatherer.paths(case.rows, 0, paths).mean(axis=1))
     return AtCases(out, [None] * len(out))
 
 
 def rival_times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:
-    """Return the time [ms] of a frame with paths from every vertex; times over TIMED paths are scaled.
+    """Return the time [ms] of a frame with paths from every vertex; times over TIMED_PATHS paths are scaled.
 
     The first frame takes as long as every other one.
     """
-    count, took = min(paths, TIMED), []
+    count, took = min(paths, TIMED_PATHS), []
     for k in range(3 if count == 1 else 1):  # a frame of four paths takes seconds: one is enough
         gatherer = _gatherer(solver, walk.lap[k % len(walk.lap)], k)
         started = time.perf_counter()
@@ -199,9 +197,6 @@ def _gatherer(solver: Solver, poses, seed: int) -> Gatherer:
     everywhere = {**solver.poses, **poses}
     points = evaluation_points(solver.surfaces, solver.model.receivers_at(everywhere))
     return Gatherer(solver.scene, *points, seed, everywhere, model=solver.model, levels=solver.levels)
-
-
-LIMIT_SEED = 1000  # added to the seed: the limit must not share photons with the rows
 
 
 class Measurer:
@@ -303,7 +298,8 @@ class Measurer:
     def limit(self, choice: Choice):
         """Return a solver of the same family with very many photons, other ones."""
         if self._limits is None:
-            settings = replace(self.settings, estimator=CHEAPEST, seed=self.settings.seed + LIMIT_SEED)
+            # the limit must not share photons with the rows
+            settings = replace(self.settings, estimator=CHEAPEST, seed=self.settings.seed + 1000)
             self._limits = make_solver(
                 self.scene, replace(settings, photons=self.effort.limit_photons), threads=self._threads
             )

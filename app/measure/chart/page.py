@@ -154,7 +154,7 @@ def _everything(rows: list[dict]) -> str:
     return html_table(*cells(columns, ordered), over)
 
 
-SIZE = (480, 320)  # pixels
+SHOT_SIZE = (480, 320)  # pixels
 SOON_ENOUGH = 40.0  # ms: longest frame among the best settings
 SCALE = 0.5  # relative error at the ends of the colour scale
 
@@ -189,9 +189,9 @@ def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
         run.bar("truth of the pictures", reached.fraction)
     truth, areas = reached.state.mean, store.weights
     solver.frame = solver.frame._replace(irradiance=truth)
-    shot = Shot(solver, replace(run.settings, size=SIZE))
+    shot = Shot(solver, replace(run.settings, size=SHOT_SIZE))
     out = [PagePicture("truth", f"unbiased path tracing, noise {100 * reached.noise:.1f} %", shot.take(), None)]
-    settings = replace(run.settings, size=SIZE, exposure=shot.exposure)
+    settings = replace(run.settings, size=SHOT_SIZE, exposure=shot.exposure)
     for row in best_rows(rows):
         run.bar(f"picture of {row['estimator']}", 0.0)
         choice = Choice.of(row)
@@ -213,5 +213,5 @@ def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
     model, solver = shot.solver.model, shot.solver
     at, camera = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
     return raycast.picture(
-        model.accelerator, at, shot.meshes, colours, camera, SIZE, 0.0, "clip", shot.settings.cull, textured=False
+        model.accelerator, at, shot.meshes, colours, camera, SHOT_SIZE, 0.0, "clip", shot.settings.cull, textured=False
     )

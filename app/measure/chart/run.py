@@ -19,7 +19,7 @@ from app.measure.chart import truth
 from app.measure.chart.measure import Measurer, Walk, make_walk
 from app.measure.chart.settings import RIVAL, Choice, Effort, choices, choices_like_the_report, effort, nearness
 from app.measure.results import KEY, Failure, Results, load, processor
-from app.settings import STEP, Settings
+from app.settings import STEP_PER_FRAME, Settings
 from gi_core.estimators import DEFAULT
 from gi_core.scene import Scene
 
@@ -59,7 +59,7 @@ class Run:
             lamps_of(settings),
         )
         self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields, NUMBERS)
-        self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
+        self.lap = motion.walk(motion.paths_of(self.base), STEP_PER_FRAME * self.base.scene_size, self.frames)
         poses = min(self.effort.poses, self.frames)
         self.failures: list[Failure] = []
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]

@@ -62,9 +62,6 @@ def effort(quick: bool) -> Effort:
     return QUICK if quick else FULL
 
 
-LEAST_PATHS = 8  # of a frame with gathered light
-
-
 class Choice(NamedTuple):
     """Settings of one row. Fields are columns of results.csv."""
 
@@ -172,7 +169,8 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
 
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
     """Return photons and paths of frames with gathered light, in the order in which a budget takes them."""
-    few = [(counts[0], paths) for paths in PATHS if LEAST_PATHS <= paths < ENOUGH]
+    # 8 paths at least of a frame with gathered light
+    few = [(counts[0], paths) for paths in PATHS if 8 <= paths < ENOUGH]
     more = [(n, 4 * ENOUGH) for n in counts[1:-2]]
     return [*few, *((n, ENOUGH) for n in counts[:-1]), *more, (counts[-1], PATHS_AT_REST)]
 
@@ -182,7 +180,6 @@ def _round(x: float) -> float:
 
 
 SCENES = ("tree", "tree_worst")  # like the report's
-RADIUS = 0.01  # of the scene size
 
 
 class ReportRow(NamedTuple):
@@ -210,7 +207,7 @@ REPORT = (
 
 def choice_like(row: ReportRow, scene_size: float, neighbours: int) -> Choice:
     """Return the setting like a row of the report: discs of 1 % of the scene, no corrections."""
-    radius = float(f"{RADIUS * scene_size:.3g}")
+    radius = float(f"{0.01 * scene_size:.3g}")  # 0.01 of the scene size
     like = Choice(row.estimator, row.photons, row.photons, radius, neighbours, False, "photons")
     return like._replace(border_correction=False, textbook=True) if row.estimator == "photon_map" else like
 
@@ -233,7 +230,6 @@ def beside(rows: list[dict], scene_size: float) -> list[tuple[ReportRow, dict | 
     return [(row, next((r for r in rows if same(r, like)), None)) for row, like in likes]
 
 
-LATE = 1.1  # of the budget: a frame of this length still keeps it
 JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
 
 
@@ -261,7 +257,7 @@ def nearness(rows: list[dict]) -> dict[str, float]:
     if not tuned:
         return {}
     chosen = tuned[-1]
-    limit = max(LATE * BUDGET, chosen["frame_ms"])
+    limit = max(1.1 * BUDGET, chosen["frame_ms"])  # a frame of 1.1 budgets still keeps it
     moving = [r for r in rows if r["curve"] != TUNED and not r["curve"].endswith(RESTED)]
     out = {}
     for name in JUDGED:

@@ -20,7 +20,6 @@ from gi_core.instruments.gloss_rays import shining_faces
 from gi_core.solver import Solver
 
 SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the sample
-FAR_AWAY = 1e3  # of the scene size: a mobile there changes nothing
 
 
 class PoseTruth(NamedTuple):
@@ -38,7 +37,8 @@ class PoseTruth(NamedTuple):
 def background_of(solver: Solver) -> np.ndarray:
     """Return the irradiance (R, 3) of the static part without mobiles; the poses are put back."""
     poses = dict(solver.poses)
-    away = np.asarray(solver.scene.up, float) * FAR_AWAY * solver.scene_size
+    # 1e3 of the scene size: a mobile there changes nothing
+    away = np.asarray(solver.scene.up, float) * 1e3 * solver.scene_size
     solver.move_all({name: p._replace(position=tuple(away * (k + 1))) for k, (name, p) in enumerate(poses.items())})
     irradiance = solver.irradiance.copy()
     solver.move_all(poses)
@@ -107,8 +107,7 @@ def light_of(irradiance: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 GLOSS_SHARE = 0.2  # of the sample's points
-RAYS = 4096  # per point: 1 to 2 % of noise in rooms with lamps
-GRAZING = 0.1  # least cosine of a view: pictures hardly show less
+RAYS_PER_POINT = 4096  # per point: 1 to 2 % of noise in rooms with lamps
 
 
 class GlossTruth(NamedTuple):
@@ -122,14 +121,15 @@ class GlossTruth(NamedTuple):
     weights: np.ndarray  # (n,) float64
 
 
-def gloss_truth(solver: Solver, points: int, seed: int, rays: int = RAYS) -> GlossTruth | None:
+def gloss_truth(solver: Solver, points: int, seed: int, rays: int = RAYS_PER_POINT) -> GlossTruth | None:
     """Return the gloss of a solver's poses at GLOSS_SHARE of `points`; None: no vertex in view carries light for it."""
     s, model = solver.surfaces, solver.model
     face_of, is_back = shining_faces(solver)
     rows = np.flatnonzero((face_of >= 0) & (solver.receivers.areas > 0))
     at, eye = model.transforms(solver.poses), home_camera(solver).relative_to(model.origins[0]).eye()
     views = gloss_views(model, at, rows, face_of[rows], eye)
-    towards = [(views.to_eye * normal).sum(axis=1) > GRAZING for normal in (views.normals, views.flat)]
+    # least cosine of a view 0.1: pictures hardly show less
+    towards = [(views.to_eye * normal).sum(axis=1) > 0.1 for normal in (views.normals, views.flat)]
     rows = rows[towards[0] & towards[1]]
     if not len(rows):
         return None

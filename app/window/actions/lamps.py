@@ -23,7 +23,6 @@ from gi_core.scene.types import PlacedLight
 if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
-ASIDE = 0.05  # of the scene's size: a copy's distance
 LEVEL = 0.5  # cosine: flatter surfaces that look up are no ceilings
 
 
@@ -87,7 +86,8 @@ def duplicate(window: Window) -> None:
     values: Values = ()
     if isinstance(light, PlacedLight):
         right = window.viewport.view.camera.basis()[0]
-        values = (("position", three(np.array(light.position) + ASIDE * session.chosen.scene_size * right)),)
+        # the copy lies 0.05 of the scene's size aside
+        values = (("position", three(np.array(light.position) + 0.05 * session.chosen.scene_size * right)),)
     session.change_scene(Light(_free_name(window, lamp.name), values, of=lamp.name, number=lamp.number))
 
 

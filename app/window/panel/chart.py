@@ -13,12 +13,10 @@ from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
-HEIGHT_EM = 15.0
 FRAME_MS = 1000 / 60  # a frame at 60 Hz
 COLOURS = ((0.918, 0.655, 0.298), (0.400, 0.700, 0.950), (0.560, 0.800, 0.450), (0.850, 0.550, 0.850))
 MARKERS = (implot.Marker_.circle, implot.Marker_.square, implot.Marker_.diamond, implot.Marker_.up)
 AXIS_MARGIN = 2.0  # factor around the points
-HOVER_EM = 0.8  # radius around the cursor
 TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 10000)  # 20 would overlap 16.7
 PERCENTS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
@@ -32,13 +30,13 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
         return s
     em = imgui.get_font_size()
     flags = implot.Flags_.no_menus | implot.Flags_.no_mouse_text | implot.Flags_.no_box_select
-    if implot.begin_plot("##Error against time", (-1, HEIGHT_EM * em), flags):
+    if implot.begin_plot("##Error against time", (-1, 15.0 * em), flags):
         _axes(points)
         _draw_budget()
         for k, estimator in enumerate(ESTIMATORS):
             _draw_points(k, estimator, [p for p in points if p.setting.estimator == estimator])
         _draw_latest(points[-1])
-        near = _under_mouse(points, HOVER_EM * em) if implot.is_plot_hovered() else None
+        near = _under_mouse(points, 0.8 * em) if implot.is_plot_hovered() else None  # 0.8 em around the cursor
         implot.end_plot()
         if near is not None:
             imgui.set_tooltip(caption(near))

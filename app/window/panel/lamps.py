@@ -23,12 +23,10 @@ from gi_core.lights.lamps import BRIGHTEST
 
 BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
 PERCENT = "   %.0f %%"  # right of the knob at 100 %
-MOST_NAME = 0.42  # share of a row for the name
 SOLO_EM, FLUX_EM, WIDE_EM = 2.5, 5.0, 25.0  # widths of button and flux; of a row that has room for the flux
 RGB_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr | imgui.ColorEditFlags_.no_small_preview
 NAMELESS = "without a name"  # ImGui takes no empty label
 OF_FILE = "as in the scene file"  # a choice beside the light scenes
-ROUNDING = 1e-6  # of a colour: the field has float32
 
 _typed = [""]  # name of the light scene to keep
 
@@ -133,7 +131,7 @@ def _row(
         imgui.end_disabled()
         ui.tip(f"Off because of Solo of {solo}. After All it is {'on' if lamp.on else 'off'}.")
     imgui.same_line(0, gap)
-    name_at, most = imgui.get_cursor_pos_x(), min(names, MOST_NAME * width)
+    name_at, most = imgui.get_cursor_pos_x(), min(names, 0.42 * width)  # at most 0.42 of a row for the name
     chosen = selected is not None and selected.name == lamp.name
     usual = imgui.get_style_color_vec4(imgui.Col_.text if lit else imgui.Col_.text_disabled)
     imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*theme.ACCENT, 1.0) if chosen else usual)
@@ -205,7 +203,8 @@ def recoloured(
     A channel that has not been edited keeps its factor, bit for bit.
     """
     channels = zip(factors, before, rgb, base, strict=True)
-    r, g, b = (f if b <= 0 or abs(new - old) < ROUNDING else max(new, 0.0) / b for f, old, new, b in channels)
+    # changes below 1e-6 are the field's rounding to float32
+    r, g, b = (f if b <= 0 or abs(new - old) < 1e-6 else max(new, 0.0) / b for f, old, new, b in channels)
     return r, g, b
 
 

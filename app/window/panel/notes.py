@@ -10,7 +10,7 @@ from app.window.parts import Window
 
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
-    imgui.push_style_color(imgui.Col_.text, (*theme.DIM, 1.0))
+    imgui.push_style_color(imgui.Col_.text, (*theme.DIM_TEXT, 1.0))
     for note in window.session.scene.notes:
         imgui.text_wrapped(note)
     imgui.pop_style_color()

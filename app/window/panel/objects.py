@@ -14,7 +14,6 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-ROWS = 12  # of the list; more objects scroll
 UPRIGHT = 1e-6  # cosine of the angle about y at which those about x and z are one
 Angles = tuple[float, float, float]
 
@@ -155,7 +154,7 @@ def _list(names: tuple[str, ...], selection: tuple[str, ...], actions: set[Any])
     if not names:
         imgui.text_disabled("None: insert one, or click and make movable.")
         return
-    rows = min(len(names), ROWS)
+    rows = min(len(names), 12)  # 12 rows of the list; more objects scroll
     imgui.begin_child("##objects", (-1, rows * imgui.get_text_line_height_with_spacing()))
     for name in names:
         if imgui.selectable(name, name in selection)[0]:

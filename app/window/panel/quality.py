@@ -29,7 +29,6 @@ LEVELS = (
     Level("high", 2.0, 33.0),
     Level("highest", 4.0, 66.0),
 )
-FEWEST_PHOTONS = 4096  # photons of a level, if the scene chooses more
 
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
@@ -73,11 +72,8 @@ def at_level(s: Settings, k: int, chosen: int) -> Settings:
 
 def photons_of(level: Level, chosen: int) -> int:
     """Return the photons of a level; the level of factor 1 has those that the scene chooses."""
-    return (
-        chosen
-        if level.photons == 1
-        else max(ui.rounded(max(round(level.photons * chosen), 1)), min(FEWEST_PHOTONS, chosen))
-    )
+    # a level has 4096 photons at least, if the scene chooses more
+    return chosen if level.photons == 1 else max(ui.rounded(max(round(level.photons * chosen), 1)), min(4096, chosen))
 
 
 def _about(chosen: int, points: tuple[MeasuredPoint, ...]) -> str:

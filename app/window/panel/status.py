@@ -10,7 +10,6 @@ from imgui_bundle import imgui
 from app.session.session import Session
 from app.window.panel import widgets as ui
 
-BAR_EM = 0.35  # height of the progress bar
 PHOTON_SHARE = 0.1  # of the progress; paths take longer
 
 ERROR = "Error of the light in the picture, mean over all surfaces: as its paths state it, then as measured."
@@ -64,5 +63,5 @@ def draw(session: Session) -> None:
     """Write the status, with a progress bar below."""
     status = status_of(session)
     ui.number("Light", status.text, ERROR)
-    imgui.progress_bar(status.fraction, (-1, BAR_EM * imgui.get_font_size()), "")
+    imgui.progress_bar(status.fraction, (-1, 0.35 * imgui.get_font_size()), "")
     ui.tip("Photons, then paths, until the light has converged. A drag interrupts and keeps them.")

@@ -14,7 +14,6 @@ from app.settings import Settings
 from app.window import theme
 
 LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
-LARGEST = 1e6  # of a number typed
 SPEED = 1e-3  # of the scene's size, per pixel of a drag
 LEAST_SIDE = 1e-3  # [m] of a plane or panel
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
@@ -110,7 +109,7 @@ def fields(
             imgui.same_line(0, gap)
         imgui.set_next_item_width(width)
         changed, value = imgui.drag_float(f"##{name} {axis}", unsigned_zero(values[k], digits), speed, 0, 0, digits)
-        if changed and abs(value) < LARGEST:
+        if changed and abs(value) < 1e6:
             numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
         first |= imgui.is_item_activated()
         last |= imgui.is_item_deactivated()
@@ -135,7 +134,7 @@ def number(name: str, value: str, about: str) -> None:
     """Write a name and, right-aligned, its value."""
     right = imgui.get_content_region_avail().x
     imgui.begin_group()  # positions on a line count from the group's left end
-    imgui.text_colored((*theme.DIM, 1.0), name)
+    imgui.text_colored((*theme.DIM_TEXT, 1.0), name)
     imgui.same_line(right - imgui.calc_text_size(value).x)
     imgui.text(value)
     imgui.end_group()

@@ -54,7 +54,7 @@ MODELS: dict[str, ModuleType] = {
     "eon": eon,
     "ggx": ggx,
 }
-MOST_FACTOR = 1e6  # of a model in a linear combination: its sums stay finite
+LARGEST_FACTOR = 1e6  # of a model in a linear combination: its sums stay finite
 
 
 class Lobe(NamedTuple):
@@ -84,8 +84,8 @@ def lobe(model: str, parameters: Mapping[str, object] | None = None, factor: flo
     for name in values:
         if name not in rules:
             raise ValueError(f'{model} has no parameter "{name}"; it has {", ".join(rules)}')
-    if not (_is_number(factor) and 0 <= factor <= MOST_FACTOR):
-        raise ValueError(f"factor of {model} must be a number from 0 to {MOST_FACTOR:g}, got {shown(factor)}")
+    if not (_is_number(factor) and 0 <= factor <= LARGEST_FACTOR):
+        raise ValueError(f"factor of {model} must be a number from 0 to {LARGEST_FACTOR:g}, got {shown(factor)}")
     checked = tuple((name, _checked(model, name, rules[name], values.get(name))) for name in rules)
     return Lobe(model, checked, float(factor))
 

@@ -27,8 +27,7 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import Wanted
 from gi_core.scene.pose import to_world_at
 
-LINE_GRAIN = 1024  # segments per thread
-FEW = 128  # discs: with more, a grid over them (a millisecond) pays
+FEW_DISCS = 128  # discs: with more, a grid over them (a millisecond) pays
 
 
 def room_for_contacts(region: Regions) -> Regions:
@@ -136,7 +135,7 @@ class ContactDiscs:
         if not n:
             return rows, np.zeros((0, channels), np.int64)
         discs = self.static_discs(contacts)
-        search = BruteForce(discs) if n <= FEW else DiscGrid(discs, np.flatnonzero(to_list(discs)))
+        search = BruteForce(discs) if n <= FEW_DISCS else DiscGrid(discs, np.flatnonzero(to_list(discs)))
         sums = [Sums.zeros(n, channels) for _ in range(self.model.threads)]
         for segments in parts:
 
@@ -145,5 +144,5 @@ class ContactDiscs:
                 ready = lines(share, at.rotation[0], at.position[0], self.model, self.radius)
                 search.accumulate(ready, 1, sums[thread])
 
-            run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)
+            run_ranges(work, segments.size, self.model.threads, 1024)  # 1024 segments per thread
         return rows, sum(s.flux for s in sums)

@@ -15,7 +15,6 @@ from gi_core.base.jit import kernel
 from gi_core.base.vec import cross, difference, dot, rotate
 from gi_core.photons.hit_grid import cell_of
 
-MOST_CELLS = 1 << 22  # 4 MB; cells grow instead
 FACES_PER_STEP = 4096
 
 
@@ -34,7 +33,7 @@ def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Gene
         return SurfaceCells(np.zeros(1, bool), np.full(3, np.inf), 1.0, np.ones(3, np.int64))
     low, high = vertices.min(axis=0) - reach, vertices.max(axis=0) + reach
     cell = max(reach, float((high - low).max()) / 1024)
-    while float(np.prod(np.floor((high - low) / cell) + 1)) > MOST_CELLS:
+    while float(np.prod(np.floor((high - low) / cell) + 1)) > 1 << 22:  # 1 << 22 cells, 4 MB; cells grow instead
         cell *= 1.26
     shape = np.floor((high - low) / cell).astype(np.int64) + 1
     near = np.zeros(int(shape.prod()), bool)

@@ -7,7 +7,7 @@ from gi_core.base.vec import difference, dot
 from gi_core.discs.search.predicate import accepts, receiver
 from gi_core.photons.flux_sums import CHUNK_BITS
 
-ROOM = 2048  # candidates listed before they are added
+LISTED_AT_ONCE = 2048  # candidates listed before they are added
 
 
 @inlined

@@ -16,7 +16,7 @@ import numpy as np
 from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import row
-from gi_core.discs.search.accumulate import ROOM, add_accepted
+from gi_core.discs.search.accumulate import LISTED_AT_ONCE, add_accepted
 from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, discs_crossed, share
 from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
@@ -44,13 +44,15 @@ class Visits(NamedTuple):
     blocks: np.ndarray  # (n, 2) int32, first and last + 1
     low: np.ndarray  # (n,) float32 [m], the line's interval in the cell
     high: np.ndarray  # (n,) float32 [m]
-    candidates: np.ndarray  # (ROOM, 2) int64, line and entry of blocks
+    candidates: np.ndarray  # (LISTED_AT_ONCE, 2) int64, line and entry of blocks
 
     @classmethod
     def of(cls, n: int) -> Visits:
         """Return memory for n visits."""
         low, high = np.empty(n, np.float32), np.empty(n, np.float32)
-        return cls(np.empty(n, np.int64), np.empty((n, 2), np.int32), low, high, np.empty((ROOM, 2), np.int64))
+        return cls(
+            np.empty(n, np.int64), np.empty((n, 2), np.int32), low, high, np.empty((LISTED_AT_ONCE, 2), np.int64)
+        )
 
 
 def box_of(discs: Discs, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -232,7 +234,7 @@ def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
                 visits.candidates[n, 0], visits.candidates[n, 1] = k, block * LANES + lowest_bit(bits)
                 bits &= bits - np.uint32(1)
                 n += 1
-            if n > ROOM - LANES:
+            if n > LISTED_AT_ONCE - LANES:
                 total += add_accepted(n, visits.candidates, blocks, discs, lines, sign, sums)
                 n = 0
     return total + add_accepted(n, visits.candidates, blocks, discs, lines, sign, sums)

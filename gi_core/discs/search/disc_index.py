@@ -21,13 +21,8 @@ from gi_core.discs.search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_fo
 from gi_core.discs.search.predicate import LANES, Discs, Lines, to_list
 from gi_core.photons.flux_sums import Sums
 
-TOO_LARGE = 1.5  # times the wanted cell: grids with larger cells are searched for clusters
 LEAST_CROWD = 512  # discs: for fewer, clipping every segment against a grid does not pay
-MOST_CROWDS = 8
-LOOK = 32  # cells along the longest axis of the cluster search
-CROWDED = 32  # discs per such cell
-SHRINKS = 0.5  # of the box: a cluster's box must be smaller, so that the recursion ends
-SIZES = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # radii
+TRIED_CELL_RADII = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # radii
 # Nanoseconds, of an Intel Xeon 2.1 GHz; only their ratios matter.
 STEP_NS = 6.0  # traversal to the next cell
 VISIT_NS = 20.0  # start of the tests of a cell with discs
@@ -58,18 +53,20 @@ def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarra
     """Return the rows (n,) of discs per grid."""
     low, extent = box_of(discs, rows)
     wanted = cell_radii * float(discs.radius)
-    if cell_for(extent, float(discs.radius), cell_radii) <= TOO_LARGE * wanted or len(rows) < LEAST_CROWD:
+    # grids with cells larger than 1.5 times the wanted one are searched for clusters
+    if cell_for(extent, float(discs.radius), cell_radii) <= 1.5 * wanted or len(rows) < LEAST_CROWD:
         return [rows]
-    edge = float(extent.max()) / LOOK
+    edge = float(extent.max()) / 32  # 32 cells along the longest axis of the cluster search
     at = tuple(((discs.positions[rows] - low) / edge).astype(np.int64).T)
     held = np.zeros([int(a.max()) + 1 for a in at], np.int64)
     np.add.at(held, at, 1)
-    crowd_of = _touching(held > CROWDED)[at]
+    crowd_of = _touching(held > 32)[at]  # 32 discs per such cell are a crowd
     size = np.bincount(crowd_of[crowd_of >= 0])
     parts, rest = [], np.ones(len(rows), bool)
-    for crowd in np.argsort(-size)[:MOST_CROWDS]:
+    for crowd in np.argsort(-size)[:8]:  # 8 clusters at most
         inside = crowd_of == crowd
-        if size[crowd] >= LEAST_CROWD and box_of(discs, rows[inside])[1].max() < SHRINKS * extent.max():
+        # a cluster's box must be smaller than 0.5 of the box, so that the recursion ends
+        if size[crowd] >= LEAST_CROWD and box_of(discs, rows[inside])[1].max() < 0.5 * extent.max():
             parts += _crowds(discs, rows[inside], cell_radii)
             rest &= ~inside
     return [*parts, rows[rest]] if rest.any() else parts
@@ -97,21 +94,21 @@ def best_cell_radii(discs: Discs, rows: np.ndarray) -> float:
 
 
 def _downhill(cost: Callable[[float], float]) -> float:
-    """Return a local minimum over SIZES; each evaluation is a pass over the discs."""
-    at = SIZES.index(CELL_RADII)
-    costs = {at: cost(SIZES[at])}
+    """Return a local minimum over TRIED_CELL_RADII; each evaluation is a pass over the discs."""
+    at = TRIED_CELL_RADII.index(CELL_RADII)
+    costs = {at: cost(TRIED_CELL_RADII[at])}
 
     def better(k: int) -> bool:
-        if not 0 <= k < len(SIZES):
+        if not 0 <= k < len(TRIED_CELL_RADII):
             return False
         if k not in costs:
-            costs[k] = cost(SIZES[k])
+            costs[k] = cost(TRIED_CELL_RADII[k])
         return costs[k] < costs[at]
 
     for step in (1, -1):
         while better(at + step):
             at += step
-    return SIZES[at]
+    return TRIED_CELL_RADII[at]
 
 
 def ns_per_metre(discs: Discs, rows: np.ndarray, cell_radii: float) -> float:

@@ -13,7 +13,7 @@ from gi_core.base.bits import lowest_bit
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating
 from gi_core.base.vec import row
-from gi_core.discs.search.accumulate import ROOM, add_accepted
+from gi_core.discs.search.accumulate import LISTED_AT_ONCE, add_accepted
 from gi_core.discs.search.line_list import LineLists, load, push
 from gi_core.discs.search.predicate import (
     DISC_FIELDS,
@@ -30,9 +30,7 @@ from gi_core.discs.search.sphere_stack import stack_spheres
 from gi_core.photons.flux_sums import Sums
 
 BATCH = 1 << 15  # lines that go through all spheres together: a list of them is 1 MB
-BLOCKS_PER_PART = 8  # runs of blocks per share of the work, spread over the receivers because light is uneven
 DISC_BLOCK = DISC_FIELDS * LANES
-ROUNDING = 4e-6  # of the distances in a line's arithmetic, with room
 
 
 class RayCache:
@@ -57,7 +55,8 @@ class RayCache:
         s = self.spheres
         if not len(s.first):
             return 0
-        count = BLOCKS_PER_PART * parts if parts > 1 else 1
+        # 8 runs of blocks per share of the work, spread over the receivers because light is uneven
+        count = 8 * parts if parts > 1 else 1
         bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
         bounds[0], bounds[-1] = 0, len(s.first)
         return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, self.pretest, lines, sign, sums)
@@ -73,14 +72,15 @@ def _accumulate(spheres, bounds, part, parts, far, blocks, discs, pretest, lines
     low = lines.low
     depths = spheres.depth.max() + 2
     start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
-    stack, candidates = np.zeros(depths, np.int64), np.empty((ROOM, 2), np.int64)
+    stack, candidates = np.zeros(depths, np.int64), np.empty((LISTED_AT_ONCE, 2), np.int64)
     room = 4 * (min(BATCH, len(low)) // LANES + 1)
     data, number = np.empty(room * LINE_FIELDS * LANES, np.float32), np.empty(room * LANES, np.int32)
     lists = LineLists(data, number, start, count)
     total = 0
     for batch in range(0, len(low), BATCH):
         count[0] = min(BATCH, len(low) - batch)
-        pad = np.float32(ROUNDING) * (load(lines, batch, batch + count[0], lists) + far)
+        # rounding of a line's arithmetic, with room: 4e-6 of the distances
+        pad = np.float32(4e-6) * (load(lines, batch, batch + count[0], lists) + far)
         for block in range(part, len(bounds) - 1, parts):
             part_of = bounds[block], bounds[block + 1]
             more, lists = _visit(
@@ -135,7 +135,7 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest,
                         candidates[n, 0], candidates[n, 1] = number[b * LANES + lowest_bit(bits)], e
                         bits &= bits - np.uint32(1)
                         n += 1
-                    if n > ROOM - LANES:
+                    if n > LISTED_AT_ONCE - LANES:
                         total += add_accepted(n, candidates, blocks, discs, lines, sign, sums)
                         n = 0
             at = max(at, upto)

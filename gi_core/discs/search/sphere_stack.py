@@ -16,8 +16,6 @@ from gi_core.base.vec import difference, dot
 
 SHRINK = 0.5  # radius of a sphere over its parent's, see docs/decisions/disc-searches.md
 LEAST_RADII = 2.0  # disc radii: radius of the smallest sphere
-FEW = 4  # receivers: a smaller sphere costs more than it saves
-PAD = 1e-3  # of a sphere's radius: covers rounding
 
 
 class Spheres(NamedTuple):
@@ -84,7 +82,8 @@ def _push_and_pop(points, reach, radii, first, last, parent):
         for level in range(len(radii)):
             end = ends[level, i]
             above = on_stack[height - 1]
-            if end - i < FEW or (first[above] == i and last[above] == end):
+            # a sphere of fewer than 4 receivers costs more than it saves
+            if end - i < 4 or (first[above] == i and last[above] == end):
                 continue
             first[spheres], last[spheres], parent[spheres] = i, end, above
             on_stack[height] = spheres
@@ -109,7 +108,7 @@ def _tighten(points, reach, first, last, parent, behind, depth, centre, radius):
             most = max(most, dot(off, off))
         for c in range(3):
             centre[k, c] = middle[c]
-        radius[k] = (np.sqrt(most) + reach) * (1.0 + PAD)
+        radius[k] = (np.sqrt(most) + reach) * (1.0 + 1e-3)  # 1e-3 of a sphere's radius covers rounding
     # In push order, a sphere ends where the next sphere of its depth or above begins.
     for k in range(len(first) - 1, -1, -1):
         j = k + 1

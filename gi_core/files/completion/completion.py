@@ -20,17 +20,14 @@ from gi_core.scene.pose import to_world
 from gi_core.scene.types import Material, Mesh, Pose, Scene, SkyLight
 
 DEFAULT_COLUMN = 1 / 12  # of the scene's size: height of the object that a scene without mobiles is shown for
-SMALLEST, LARGEST = 1 / 150, 1 / 3  # of the scene's size: a mobile beyond is in other units
+SMALLEST_MOBILE, LARGEST_MOBILE = 1 / 150, 1 / 3  # of the scene's size: a mobile beyond is in other units
 SCALED = 1 / 8  # of the scene's size, after scaling
 RADIANCE = 10.0  # [W/m2/sr]; exposure is metered, so only its colour matters
 SKY = 0.05 * RADIANCE  # in the open: nothing else brings light to the sides that the lamp does not see
 LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
-LAMP_SIDE = 0.3  # of the headroom
-LEAST_SIDE = 0.08  # the same, where beams or furniture leave little room
 LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp must see it
-ASIDE = (0.25, 0.5, 0.8)  # of the headroom: where else it may hang
+PLACES_ASIDE = (0.25, 0.5, 0.8)  # of the headroom: where else it may hang
 OPEN_AWAY = 0.5  # of the scene's size: without a ceiling, how far the lamp is above everything, and towards the camera
-OPEN_SIDE = 0.8  # of the scene's size
 DEFAULT_LAMP = "default light"  # material of the lamp
 SAID = "no light in the file: "  # the note about it begins so
 
@@ -127,7 +124,7 @@ def sized(scene: Scene, index: int, file_up, size: float) -> Scene:
     mesh = mesh._replace(vertices=mesh.vertices - bottom_centre(mesh.vertices, up))
     longest = float(np.ptp(mesh.vertices, axis=0).max())
     share = longest / size
-    factor = 1.0 if SMALLEST <= share <= LARGEST else SCALED / share
+    factor = 1.0 if SMALLEST_MOBILE <= share <= LARGEST_MOBILE else SCALED / share
     notes = scene.notes
     if factor != 1.0:
         mesh = mesh._replace(vertices=mesh.vertices * factor)
@@ -210,7 +207,7 @@ def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: floa
     around = ring(up, 8)
     low = stand + up * LOOK_UP * height
     best, side = stand + up * height * (1 - LAMP_DROP), 0.0
-    for offset in (np.zeros(3), *(share * height * d for share in ASIDE for d in around)):
+    for offset in (np.zeros(3), *(share * height * d for share in PLACES_ASIDE for d in around)):
         above, _ = rays.hits((low + offset)[None], up[None])
         top = float(above[0]) + LOOK_UP * height
         if not (top <= height * 1.5 and rays.sees(low, (low + offset)[None])[0]):
@@ -219,11 +216,12 @@ def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: floa
         if not rays.sees(centre, low[None])[0]:
             continue
         t, _ = rays.hits(np.broadcast_to(centre, around.shape), around)
-        free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
+        free = min(0.3 * height, 1.5 * float(t.min()))  # 0.3 of the headroom
         if free > side:
             best, side = centre, free
     where = "below the object over the mobile" if scene.mobiles else "below the ceiling"
-    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, around[0], where)
+    # 0.08 of it where beams or furniture leave little room
+    return _with_lamp(scene, best, max(side, 0.08 * height), -up, around[0], where)
 
 
 def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
@@ -238,7 +236,8 @@ def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
     normal = unit(middle - centre)
     across = unit(np.cross(normal, horizontal(up)[1]))
     sky = SkyLight("default sky", (SKY,) * 3)
-    lit = _with_lamp(scene, centre, OPEN_SIDE * box.size, normal, across, "above the scene, under a dim sky")
+    # 0.8 of the scene's size
+    lit = _with_lamp(scene, centre, 0.8 * box.size, normal, across, "above the scene, under a dim sky")
     return replace(lit, lights=(*lit.lights, sky))
 
 

@@ -21,16 +21,12 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.tessellation import Cuts, cut_edges
 from gi_core.scene.types import Material, Mesh, Scene
 
-SHORT = 0.7  # of the object's grain: faces with shorter edges alone stay as they are
-LEAST = 0.1  # of that: shorter edges stay
 FINE = 0.25  # of an object's area has shorter edges than its grain
-ROUNDS = 3  # an edge enters a part and leaves it, and an edge between two new corners may cross another
 GAP = INWARD  # of the edge, from the surface to the new corner: evaluation points move by less
 ASIDE = 1e-3  # of the edge: how far rays are above the face, and of the way to its middle
-TOUCH = 2e-3  # of the edge: an end behind a surface by less touches it
-BESIDE = 0.05, 0.1  # of the edge, of the shortest: an end in front of a surface by less has the light of the contact
-STEPS = 1 << 10  # along an edge: places are the same on machines that round rays differently
-CHUNK = 1 << 16  # faces at a time: 20 MB
+IN_FRONT = 0.05, 0.1  # of the edge, of the shortest: an end in front of a surface by less has the light of the contact
+STEPS_ALONG_EDGE = 1 << 10  # along an edge: places are the same on machines that round rays differently
+FACES_AT_ONCE = 1 << 16  # faces at a time: 20 MB
 
 
 class _Hits(NamedTuple):
@@ -46,18 +42,18 @@ class _Hits(NamedTuple):
 
 def with_corners_at_crossings(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
     """Return the mesh of an object with edges cut where its own surfaces cross them; the mesh itself if none does."""
-    shortest = SHORT * _grain(mesh)
+    shortest = 0.7 * _grain(mesh)  # faces whose edges are all shorter than 0.7 of the object's grain stay as they are
     rows = _with_long_edges(mesh, np.arange(len(mesh.faces)), shortest)
     if not len(rows):
         return mesh
     rays = Rays(Scene(mesh._replace(paint=None, finish=None), materials))  # textures take longer than rays
     has_back = np.array([m.two_sided for m in materials])
-    for _ in range(ROUNDS):
+    for _ in range(3):  # 3 rounds: an edge enters and leaves a part, and an edge between new corners may cross another
         corners, of_sides = weld(mesh.vertices)[mesh.faces], []
         for side, side_rows in ((1.0, rows), (-1.0, rows[has_back[mesh.face_material[rows]]])):
-            chunks = np.split(side_rows, range(CHUNK, len(side_rows), CHUNK))
+            chunks = np.split(side_rows, range(FACES_AT_ONCE, len(side_rows), FACES_AT_ONCE))
             hits = _joined([h for chunk in chunks for h in _hits(mesh, chunk, side, rays, shortest)])
-            of_sides.append(_in_front(hits, corners, BESIDE[1] * shortest, side > 0))
+            of_sides.append(_in_front(hits, corners, IN_FRONT[1] * shortest, side > 0))
         cuts = _joined(of_sides)
         if not len(cuts.face):
             break
@@ -98,7 +94,7 @@ def _hits(mesh: Mesh, rows: np.ndarray, side: float, rays: Rays, shortest: float
     corners, normals, hits = mesh.vertices[mesh.faces[rows]], face_normals(mesh)[0][rows], []
     for start, end in permutations(range(3), 2):
         edge = length(corners[:, end] - corners[:, start])
-        long = np.flatnonzero(edge > LEAST * shortest)
+        long = np.flatnonzero(edge > 0.1 * shortest)  # edges shorter than 0.1 of that stay
         edge, p, n = edge[long], corners[long], normals[long]
         way = (p[:, end] - p[:, start]) / edge[:, None]
         inward = ASIDE * (p.mean(axis=1) - p[:, start])
@@ -125,6 +121,7 @@ def _in_front(hits: _Hits, corners: np.ndarray, least: float, at_ends: bool) -> 
     # From inside, the open is beyond.
     place = hits.place + np.where(inside, 1, -1) * GAP / np.maximum(np.abs(hits.facing), GAP)
     behind, before = np.where(inside, (hits.place, 1 - place), (1 - hits.place, place))
-    kept = ((behind > TOUCH) | (either & ~inside)) & (before > np.maximum(BESIDE[0], least / hits.edge))
-    steps = np.rint(place[kept] * STEPS) / STEPS
+    # an end behind a surface by less than 2e-3 of the edge touches it
+    kept = ((behind > 2e-3) | (either & ~inside)) & (before > np.maximum(IN_FRONT[0], least / hits.edge))
+    steps = np.rint(place[kept] * STEPS_ALONG_EDGE) / STEPS_ALONG_EDGE
     return Cuts(hits.face[kept], hits.start[kept], hits.end[kept], steps)

@@ -12,19 +12,12 @@ from gi_core.files.completion.camera_view import axes, in_frame
 from gi_core.files.completion.pilot import Box, Rays, corners_of, horizontal, ring, sphere_directions, spread
 from gi_core.scene.types import Scene
 
-GRID = 28  # candidate columns along each horizontal side of the useful box
-LEVELS = (0.12, 0.35, 0.6, 0.9, 1.05)  # heights in the box from which candidates are sought downwards
+COLUMNS_PER_SIDE = 28  # candidate columns along each horizontal side of the useful box
+TRIED_HEIGHTS = (0.12, 0.35, 0.6, 0.9, 1.05)  # heights in the box from which candidates are sought downwards
 LEVEL_COSINE = 0.97  # a floor is level to 14 degrees
-CLEARANCE = 1.15  # of the mobile's own radius
 RING = 12  # directions round a column
 SPHERE = 48  # directions that decide whether a place is inside a room
-CLOSED = 0.55  # share of them that hit something near: by an open front one is still indoors
-FRONTS = 0.6  # share of these hits on fronts: in a room; from inside a solid one sees backs
-BACKS = 0.3  # share of these hits on fronts: with fewer, a closed place is inside a wall or the ground
-ROOMY = 0.01  # share of the places that must be indoors: a nook in an armchair is no room
-LARGE = 0.5  # of the picture's height: the nearest floor is no nearer than makes the mobile so large
-SMALL = 0.06  # the same, for how far it may be
-MIDDLE = 0.75  # of the picture's half width and height that a mobile must stay in
+ENCLOSED = 0.55  # share of them that hit something near: by an open front one is still indoors
 
 
 class Column(NamedTuple):
@@ -64,12 +57,14 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
 
     closed, fronts = _surroundings(points + up * min(column.height, box.size * 0.1), rays, box)
     bright = _light_on(points, box, up)
-    seen_from_inside = fronts > FRONTS
+    seen_from_inside = fronts > 0.6  # fronts are 0.6 of the hits in a room; from inside a solid one sees backs
     if lit:
         seen_from_inside |= bright > 0.5  # light from lamps in there: it is a room, whichever way it is wound
-    fits &= (closed < CLOSED) | (fronts > BACKS) | seen_from_inside
-    indoors = (closed > CLOSED) & np.isfinite(headroom) & seen_from_inside
-    indoors &= (indoors & fits).sum() > ROOMY * fits.sum()
+    # with fewer than 0.3 of hits on fronts, a closed place is inside a wall or the ground
+    fits &= (closed < ENCLOSED) | (fronts > 0.3) | seen_from_inside
+    indoors = (closed > ENCLOSED) & np.isfinite(headroom) & seen_from_inside
+    # 0.01 of the places must be indoors: a nook in an armchair is no room
+    indoors &= (indoors & fits).sum() > 0.01 * fits.sum()
     score = 20.0 * fits + free + 1.5 * bright
     shown = np.zeros(len(points), bool)
     if scene.camera is not None:
@@ -93,7 +88,7 @@ def _room_for(points, rays: Rays, box: Box, column: Column, up):
         start = points + up * max(share * height, lift)
         for d in around:
             t, _ = rays.hits(start, np.broadcast_to(d, points.shape))
-            free += t > radius * CLEARANCE
+            free += t > radius * 1.15  # 1.15 of the mobile's own radius
     for d in around:
         for reach in (0.5, 1.0):
             start = points + d * radius * reach + up * height
@@ -121,7 +116,8 @@ def _near_in_view(points, rays: Rays, box: Box, column: Column, up, camera) -> t
     aside = np.abs(np.stack(heights)).max(axis=(0, 2))
     size = column.radius + column.height / 2
     picture = distance * np.tan(np.radians(camera.vertical_fov_degrees) / 2)  # half its height, there
-    shown = (aside < MIDDLE) & (size < LARGE * picture) & (size > SMALL * picture)
+    # a mobile stays within 0.75 of the picture's half width and height, and has 0.06 to 0.5 of its height
+    shown = (aside < 0.75) & (size < 0.5 * picture) & (size > 0.06 * picture)
     right = axes(camera.position, camera.target, up)[1]
     heights = [up * max(share * column.height, 1e-3 * box.size) for share in (0.1, 0.5, 0.95)]
     looks = [points + h + side * column.radius * right for h in heights for side in (-1, -0.5, 0, 0.5, 1)]
@@ -168,9 +164,9 @@ def _candidates(rays: Rays, box: Box, up):
     east, north = horizontal(up)
     corners = corners_of(box.low, box.high)
     u, v, h = corners @ east, corners @ north, corners @ up
-    grid = (np.arange(GRID) + 0.5) / GRID
+    grid = (np.arange(COLUMNS_PER_SIDE) + 0.5) / COLUMNS_PER_SIDE
     landings = []
-    for share in LEVELS:
+    for share in TRIED_HEIGHTS:
         x, y = np.meshgrid(u.min() + grid * np.ptp(u), v.min() + grid * np.ptp(v))
         z = h.min() + share * max(np.ptp(h), 0.01 * box.size)
         start = x.reshape(-1, 1) * east + y.reshape(-1, 1) * north + z * up

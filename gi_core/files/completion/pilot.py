@@ -18,13 +18,10 @@ from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.rays.accelerator import Accelerator
 from gi_core.scene.types import DirectionalLight, PlacedLight, Scene, SkyLight
 
-RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
+PILOT_PATHS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
-SEED = 0x5EED
-LANDINGS = 4  # places tried for each that sun or sky shall reach
-PILOT_LIFT = 1e-5  # of a face's largest coordinate: clears the face that a ray starts on, in float32
-NEAR = 5e-4  # of the distance to a place: a hit so near to it is the surface that the place lies on
-UNLIT = 1e-4  # mean irradiance [W/m2 or lx] of all surfaces up to which emissive faces light nothing
+COMPLETION_SEED = 0x5EED
+AT_PLACE = 5e-4  # of the distance to a place: a hit so near to it is the surface that the place lies on
 CELL = 1 / 14  # of the box's size: light and sight are compared in cells of that size
 
 
@@ -41,7 +38,8 @@ class Box(NamedTuple):
 
 def lift_off(corners: np.ndarray) -> np.ndarray:
     """Return how far (n, 1) [m] rays start off faces of corners (n, 3, 3)."""
-    return PILOT_LIFT * np.abs(corners).max(axis=(1, 2), initial=0.0)[:, None]
+    # 1e-5 of a face's largest coordinate clears the face that a ray starts on, in float32
+    return 1e-5 * np.abs(corners).max(axis=(1, 2), initial=0.0)[:, None]
 
 
 class Rays:
@@ -71,12 +69,12 @@ class Rays:
         """Return whether nothing is between points a (n, 3) or (3,) and b (n, 3). (n,) bool."""
         to = b - a
         t, _ = self.hits(np.broadcast_to(a, to.shape), unit(to))
-        return t > (1 - NEAR) * length(to)
+        return t > (1 - AT_PLACE) * length(to)
 
 
 def useful_box(scene: Scene, rays: Rays) -> Box:
     """Return the box of the central 98 % of hits of paths from the lights, or from the surfaces if it is dark."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(COMPLETION_SEED)
     origins, directions, normals = _starts(scene, rays, rng)
     # In the dark a place counts that light could reach from another, and any that light could start from.
     hits, sides = ([], []) if is_lit(scene) else ([origins], [normals])
@@ -110,7 +108,8 @@ def is_lit(scene: Scene) -> bool:
         return True
     areas = face_normals(scene.static)[1]
     emission = np.array([max(m.emission) for m in scene.materials])[scene.static.face_material]
-    return bool(np.pi * (emission @ areas) > UNLIT * areas.sum())
+    # up to a mean irradiance of 1e-4 W/m2 or lx emissive faces light nothing
+    return bool(np.pi * (emission @ areas) > 1e-4 * areas.sum())
 
 
 def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,7 +121,7 @@ def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return ((box.low + box.high) / 2)[None], np.zeros((1, 3)), np.ones(1)
     cell = np.floor(box.hits / (box.size * CELL)).astype(np.int64)
     _, one, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
-    chosen = np.random.default_rng(SEED).permutation(len(one))[:most]
+    chosen = np.random.default_rng(COMPLETION_SEED).permutation(len(one))[:most]
     weight = np.sqrt(count[chosen])
     rows = one[chosen]
     return box.hits[rows], box.normals[rows], weight / weight.sum()
@@ -178,7 +177,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     placed = [np.array(light.position) for light in scene.lights if isinstance(light, PlacedLight)]
     distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]
-    n = RAYS // max(sum(kinds), 1)
+    n = PILOT_PATHS // max(sum(kinds), 1)
     parts = []
     if emission.any():
         parts.append(_from_faces(mesh, rays, normals, emission, rng, n))
@@ -189,7 +188,8 @@ def _starts(scene: Scene, rays: Rays, rng):
         sun = distant[0]
         toward = np.array(scene.up) if isinstance(sun, SkyLight) else -np.array(sun.direction)
         sides = np.where(dot(normals, toward) < 0, -1.0, 1.0)
-        landed = _from_faces(mesh, rays, normals * sides[:, None], areas, rng, n * LANDINGS)
+        # 4 places tried for each that sun or sky shall reach
+        landed = _from_faces(mesh, rays, normals * sides[:, None], areas, rng, n * 4)
         # Where it lands, not where it would land through walls.
         d = np.broadcast_to(toward, landed[0].shape)
         d = cosine(d, rng) if isinstance(sun, SkyLight) else unit(d)

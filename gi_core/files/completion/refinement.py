@@ -14,14 +14,10 @@ from gi_core.geometry.tessellation import tessellate
 from gi_core.scene.types import Mesh, Scene
 
 FINEST = 0.02  # of the scene's size, under the default radius: shadows blur over twice that
-CELLS = 24  # along the scene's size; light and sight are known for each
-FEW = 0.25  # of the median number of hits in a cell: below that it is dim
-UNSEEN, DIM = 1.6, 2.0  # factor of edges out of sight, and in dim light; without light DIM^2
+UNSEEN_FACTOR, DIM_FACTOR = 1.6, 2.0  # factor of edges out of sight, and in dim light; without light DIM_FACTOR^2
 GROWTH = 4.0  # outside the useful box an edge may be as long as its distance from it over this
-THIN = 1 / 8  # of the longest edge: thinner faces are left to their neighbours
-SPARE = 1 / 3  # of the budget, for large faces, where the file has used it up already with small ones
 COARSEST = 1 / 12  # of the longest side: the first try; and the edges of a mobile that no scene file describes
-TRIES, ENOUGH = 5, 0.75  # tries to use the budget up, and the share of it that will do
+TRIES, BUDGET_USED = 5, 0.75  # tries to use the budget up, and the share of it that will do
 LEAST_STEP = 0.2  # of the edge, from one try to the next: few new faces predict the next count badly
 
 
@@ -35,10 +31,12 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
     sided = 1 + np.array([m.two_sided for m in scene.materials])
     before = float(sided[mesh.face_material].sum())
     receivers = count_receivers(mesh, face_normals(mesh)[0], sided[mesh.face_material] == 2)
-    room = max(budget - receivers, SPARE * budget)
+    # 1 / 3 of the budget is for large faces where the file has used it up with small ones
+    room = max(budget - receivers, (1 / 3) * budget)
 
     def cut(edge: float) -> Mesh:
-        return tessellate(mesh, edge, grain.longest(edge), edge * THIN)
+        # faces thinner than 1 / 8 of the longest edge are left to their neighbours
+        return tessellate(mesh, edge, grain.longest(edge), edge * (1 / 8))
 
     # The number goes with the inverse square of the edge, more or less: follow that from the coarse side.
     finest = box.size * FINEST
@@ -50,9 +48,9 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
         if made <= room:
             if edge < best:
                 best, kept = edge, tried
-            if edge <= finest or made > ENOUGH * room:
+            if edge <= finest or made > BUDGET_USED * room:
                 break
-        aim = room * (1 + ENOUGH) / 2
+        aim = room * (1 + BUDGET_USED) / 2
         edge = max(edge * max(float(np.sqrt(max(made, 0) / aim)), LEAST_STEP), finest)  # the weld drops tiny faces
     return cut(best) if kept is None else kept, best
 
@@ -65,7 +63,8 @@ class Grain:
     """
 
     def __init__(self, scene: Scene, rays: Rays, box: Box):
-        self.box, self.cell = box, box.size / CELLS
+        # 24 cells along the scene's size; light and sight are measured for each
+        self.box, self.cell = box, box.size / 24
         self.corner = box.low - 1.5 * self.cell  # of the first cell's middle: a cell to spare, walls not on its sides
         shape = np.ceil((box.high - self.corner) / self.cell).astype(int) + 2
         self.kinds = []  # factor, and the distance (X, Y, Z) [m] to the nearest cell of that kind
@@ -73,8 +72,9 @@ class Grain:
             return
         cell = np.rint((box.hits - self.corner) / self.cell).astype(np.int64)
         cells, first, counts = np.unique(cell, axis=0, return_index=True, return_counts=True)
-        factor = np.where(counts < FEW * np.median(counts), DIM, 1.0)
-        factor = np.where(_in_sight(scene, rays, box, first), factor, factor * UNSEEN)
+        # a cell with fewer than 0.25 of the median number of hits is dim
+        factor = np.where(counts < 0.25 * np.median(counts), DIM_FACTOR, 1.0)
+        factor = np.where(_in_sight(scene, rays, box, first), factor, factor * UNSEEN_FACTOR)
         for f in np.unique(factor):
             empty = np.ones(shape, bool)
             empty[tuple(cells[factor == f].T)] = False
@@ -92,7 +92,7 @@ class Grain:
 
     def _inside(self, edge: float, middle: np.ndarray, length: np.ndarray) -> np.ndarray:
         at = ((middle - self.corner) / self.cell).reshape(-1, 3)
-        result = np.full(length.shape, DIM * DIM * edge if self.kinds else edge)
+        result = np.full(length.shape, DIM_FACTOR * DIM_FACTOR * edge if self.kinds else edge)
         for factor, distances in self.kinds:
             away = _between(distances, at).reshape(length.shape)
             away = np.maximum(away - self.cell - length / 2, 0.0)

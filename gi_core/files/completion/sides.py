@@ -12,7 +12,7 @@ import numpy as np
 
 from gi_core.base.grouping import group_of
 from gi_core.base.vectors import cross, dot, every
-from gi_core.files.completion.pilot import SEED, Box, Rays, cosine, lift_off
+from gi_core.files.completion.pilot import COMPLETION_SEED, Box, Rays, cosine, lift_off
 from gi_core.files.formats.file_parts import listed
 from gi_core.files.formats.winding import consistent_winding
 from gi_core.geometry.mesh_parts import turned_mesh
@@ -21,8 +21,7 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
 
 RAYS_PER_SIDE = 64  # rays from each side of a lamp
-NEAR = 0.25  # of the root of the lamp's area: nearer surfaces block a side
-BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the lamp itself: from and up to which
+BLOCKED, OPEN_SHARE = 0.9, 0.5  # from and up to which share of the rays hits something near, or the lamp itself
 PLENTY = 300  # hits on one side of a body and none on the other: the other gets less than a third of a percent
 
 
@@ -41,17 +40,17 @@ def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
     normals, areas = face_normals(mesh)
     body = consistent_winding(weld(mesh.vertices)[mesh.faces[rows]], areas[rows]).body
     turn, both, turned = np.zeros(len(mesh.faces), bool), [], []
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(COMPLETION_SEED)
     for b in range(int(body.max()) + 1):
         own = rows[body == b]
         if not areas[own].sum() > 0:
             continue
         front, back = (_blocked(mesh, rays, own, s * normals, areas, rng) for s in (1.0, -1.0))
         name = scene.materials[mesh.face_material[own[0]]].name
-        if front > BLOCKED and back < OPEN:
+        if front > BLOCKED and back < OPEN_SHARE:
             turn[own] = True
             turned.append(name)
-        elif front < OPEN and back < OPEN:
+        elif front < OPEN_SHARE and back < OPEN_SHARE:
             both.append(name)
     notes = list(scene.notes)
     if turned:
@@ -74,7 +73,8 @@ def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     t, face = rays.hits(origins, d)
     # Above the lamp's own plane: a slanting ray under a ceiling goes far before it hits that.
     height = t * dot(d, n)
-    return float(((height < NEAR * np.sqrt(share[-1])) | np.isin(face, own)).mean())
+    # surfaces nearer than 0.25 of the root of the lamp's area block a side
+    return float(((height < 0.25 * np.sqrt(share[-1])) | np.isin(face, own)).mean())
 
 
 def one_sided_where_dark(scene: Scene, box: Box) -> Scene:

@@ -7,7 +7,7 @@ import numpy as np
 from gi_core.base.grouping import group_of
 from gi_core.base.vectors import dot, length
 from gi_core.files.completion.camera_view import ASPECT, axes, in_frames, picture_rays, unit
-from gi_core.files.completion.pilot import BOUNCES, CELL, NEAR, Box, Rays, corners_of, ring, spread
+from gi_core.files.completion.pilot import AT_PLACE, BOUNCES, CELL, Box, Rays, corners_of, ring, spread
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Camera, Scene
 
@@ -17,15 +17,7 @@ OUTSIDE = {
     22.0: 0.1,
     40.0: 0.05,
 }  # elevations [degrees] and their bonus in the open: tables are seen from above
-FRONTAL = 0.35  # bonus of a view straight into an open room
-ENDS = 0.12  # of the size: parts that reach farther out of the lit box, such as ground, may be cut off
-MARGIN = 0.96  # of the frame that a scene seen from outside fills
-SAMPLE = 240  # points of the scene whose visibility is counted for each camera tried
-SHOWN = 24  # and of the mobile
-GRID = (20, 12)  # rays through the picture
-CLOSE = 0.07  # of the scene's size: nearer surfaces fill the picture and show nothing
-SHIFT = 0.3819  # of a cell: walls and floors at round numbers must not flicker between two cells
-SHARE = 2.0  # weight of the scene's share in the picture; the picture's share that shows the scene has weight 1
+PICTURE_RAYS = (20, 12)  # rays through the picture
 
 
 def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | None, indoors: bool) -> Camera:
@@ -39,9 +31,9 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
     shown = (middle if subject is None else subject + up * 0.04 * box.size)[None]
     if scene.mobiles:
         mesh, pose = scene.mobiles[0].mesh, scene.mobiles[0].pose
-        shown = to_world(pose, mesh.vertices[:: max(len(mesh.vertices) // SHOWN, 1)])
+        shown = to_world(pose, mesh.vertices[:: max(len(mesh.vertices) // 24, 1)])  # 24 points of the mobile
     centre = (shown.min(axis=0) + shown.max(axis=0)) / 2
-    seen = spread(box, SAMPLE)
+    seen = spread(box, 240)  # 240 points of the scene whose visibility is counted for each camera tried
 
     tries = []
     low, high = (box.low, box.high) if indoors else _with_its_ends(box, rays)
@@ -52,7 +44,8 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
             far = _distance(low, high, d, up)
             # Nearer, a room fills the picture; a lone object would be cut off.
             shares = (1.0, 0.85) if indoors else (1.0,)
-            worth = (FRONTAL if k % 6 == 4 else 0.0) if indoors else bonus
+            # 0.35: bonus of a view straight into an open room
+            worth = (0.35 if k % 6 == 4 else 0.0) if indoors else bonus
             tries += [(whole + share * far * d, whole, OUTSIDE_FOV, worth) for share in shares]
     if scene.mobiles or indoors:
         heart = seen[2] @ seen[0]
@@ -88,18 +81,20 @@ class _Lit:
 
     def _cells(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         # Off the surface: the outside of a wall that is lit inside is dark.
-        return np.floor(points / self.cell + 0.5 * normals + SHIFT).astype(np.int64)
+        # 0.3819 of a cell: walls and floors at round numbers must not flicker between two cells
+        return np.floor(points / self.cell + 0.5 * normals + 0.3819).astype(np.int64)
 
 
 def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> np.ndarray:
     """Return the score (cameras,) of each view; the rays of all are cast at once."""
     eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
     # The share of each picture that shows lit surfaces, not too near.
-    d = picture_rays(cameras, up, *GRID)
+    d = picture_rays(cameras, up, *PICTURE_RAYS)
     through = d.shape[1]
     eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
     t, normal = first_seen(rays, eye, d)
-    far = np.flatnonzero(np.isfinite(t) & (t > CLOSE * box.size))
+    # surfaces nearer than 0.07 of the scene's size fill the picture and show nothing
+    far = np.flatnonzero(np.isfinite(t) & (t > 0.07 * box.size))
     shows = np.zeros(len(d), bool)
     shows[far] = lit.holds(eye[far] + d[far] * t[far, None], normal[far])
     fill = shows.reshape(-1, through).sum(axis=1) / through
@@ -112,11 +107,12 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     visible = np.maximum(at[..., 0], at[..., 1]) < 1
     of, row = np.nonzero(visible)
     reached, _ = first_seen(rays, eyes[of], unit(to[of, row]))
-    visible[of, row] = reached > (1 - NEAR) * distance[of, row]
+    visible[of, row] = reached > (1 - AT_PLACE) * distance[of, row]
     visible[:, :n] &= dot(to[:, :n], normals) <= 0
     reach = float(length(np.ptp(shown, axis=0))) / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
     mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
-    return fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
+    # the scene's share in the picture has weight 2.0, the picture's share that shows the scene 1
+    return fill + 2.0 * (visible[:, :n] * weight).sum(axis=1) + mobile
 
 
 def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +141,8 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
 
 def _with_its_ends(box: Box, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners (3,), (3,) of the box, extended by parts that reach out of it a little, such as horns."""
-    reach = ENDS * box.size
+    # parts that reach farther than 0.12 of the size out of the lit box, such as ground, may be cut off
+    reach = 0.12 * box.size
     low = np.where(box.low - rays.low < reach, np.minimum(box.low, rays.low), box.low)
     high = np.where(rays.high - box.high < reach, np.maximum(box.high, rays.high), box.high)
     return low, high
@@ -155,7 +152,7 @@ def _distance(low: np.ndarray, high: np.ndarray, d, up) -> float:
     """Return how far from the middle along d [m] a camera must be to have the whole box in its frame."""
     off = corners_of(low, high) - (low + high) / 2
     forward, right, above = axes(d, np.zeros(3), up)
-    half = np.tan(np.radians(OUTSIDE_FOV) / 2) * MARGIN
+    half = np.tan(np.radians(OUTSIDE_FOV) / 2) * 0.96  # 0.96 of the frame that a scene seen from outside fills
     wanted = np.maximum(np.abs(off @ right) / ASPECT, np.abs(off @ above)) / half - off @ forward
     return max(float(wanted.max()), 0.3 * float((high - low).max()))
 

@@ -33,8 +33,8 @@ LIMITS = {  # of one scene with all its files
     "numbers": 250_000_000,  # of glTF accessors, each time one is read
     "pixels": 1 << 28,
 }
-MOST_PIXELS = 1 << 26  # of one image: 8192 x 8192
-DEEPEST = 64  # parts of a TOML key
+MOST_IMAGE_PIXELS = 1 << 26  # of one image: 8192 x 8192
+MOST_KEY_PARTS = 64  # parts of a TOML key
 MOST_AT_VERTEX = 10_000  # triangles: the rays of a fan of more meet the boxes of all
 
 

@@ -9,7 +9,7 @@ from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material, Paint, Texture
 
-MOST = 16  # classes per material and mesh
+MOST_CLASSES = 16  # classes per material and mesh
 ALIKE = 0.02  # standard deviation of roughness, metallic, metal colour or emission below which a class is not divided
 
 
@@ -36,13 +36,13 @@ def lamps_of_texture(
 
 
 def classes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return classes (n,) int64 of values (n, d): at most MOST, those of the largest summed variance divided first.
+    """Return classes (n,) int64 of values (n, d): MOST_CLASSES at most, of the largest summed variance divided first.
 
     A class is divided at its mean along the axis in which it varies most, until all deviate by less than ALIKE.
     """
     out = np.zeros(len(values), np.int64)
     spread = [_variance(values, weights)]
-    while len(spread) < MOST:
+    while len(spread) < MOST_CLASSES:
         total = [weights[out == c].sum() * v.sum() if v.max() > ALIKE**2 else 0.0 for c, v in enumerate(spread)]
         c = int(np.argmax(total))
         if total[c] == 0:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from gi_core.files.formats.file_parts import listed
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.rules import LARGEST, is_number
+from gi_core.scene.rules import BIGGEST, is_number
 
 WORDS = {2: "two", 3: "three", 4: "four"}
 
@@ -14,8 +14,8 @@ WORDS = {2: "two", 3: "three", 4: "four"}
 class Range(NamedTuple):
     """A rule: a number from `low` to `high`, or `count` of them."""
 
-    low: float = -LARGEST
-    high: float = LARGEST
+    low: float = -BIGGEST
+    high: float = BIGGEST
     count: int | None = None
     zero: bool = False  # or 0
 

@@ -9,8 +9,6 @@ import numpy as np
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.scene.types import Camera, DirectionalLight, PointLight, SpotLight
 
-NARROWEST = 0.01  # degrees: a cone of none has no light
-
 
 def local_matrix(node: dict) -> np.ndarray:
     """Return the transform (4, 4) of a node in its parent's space."""
@@ -69,7 +67,8 @@ def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
     if light["type"] != "spot":
         raise ValueError(f"a light must be point, spot or directional, got {light['type']!r}")
     cone = light.get("spot", {})
-    outer = min(max(math.degrees(cone.get("outerConeAngle", math.pi / 4)), NARROWEST), 90.0)
+    # 0.01 degrees: a cone of none has no light
+    outer = min(max(math.degrees(cone.get("outerConeAngle", math.pi / 4)), 0.01), 90.0)
     inner = min(math.degrees(cone.get("innerConeAngle", 0.0)), outer)
     return SpotLight(name, position, direction, intensity, inner, outer)
 

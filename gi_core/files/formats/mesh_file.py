@@ -22,23 +22,18 @@ from gi_core.files.formats.stl_file import read_stl
 from gi_core.files.formats.winding import faces_to_turn, with_turned
 from gi_core.geometry.mesh_parts import compact, crease_corner_normals
 from gi_core.geometry.paint import each_layer, rows_of
-from gi_core.geometry.receivers import STEPS, weld
+from gi_core.geometry.receivers import FACES_COMPARED, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line, shown, utf8
-from gi_core.scene.rules import LARGEST
+from gi_core.scene.rules import BIGGEST
 from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint, PlacedLight
 from gi_core.scene.validate import FLUX_OF
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-DEGENERATE = 2e-7  # of its coordinates: a face lower than that is a line (float32 files cannot say it better)
 SHEET_GAP = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
-SAME_COLOUR = 1e-4  # colours and places in a texture that differ by less are the same
-COPLANAR = 1 - 1e-6  # cosine between normals of faces that lie in one plane
-BRIGHTEST = FARTHEST = LARGEST  # radiance, coordinates: as in scene files
+BRIGHTEST = FARTHEST = BIGGEST  # radiance, coordinates: as in scene files
 FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
-OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
-MOST_WRONG = 0.1  # share of such faces beyond which no normal of the part is believed
 
 
 class MeshFile(NamedTuple):
@@ -181,7 +176,8 @@ def _looks(material: np.ndarray, parts: list[Part]) -> np.ndarray:
         colour = np.zeros((len(p.faces), 3)) if p.corner_colour is None else p.corner_colour.mean(axis=1)
         texture = np.where(textured, p.face_texture, -1) if textured.any() else np.full(len(p.faces), -1)
         values = np.clip(np.nan_to_num(np.concatenate([uv, colour], axis=1)), -FARTHEST_UV, FARTHEST_UV)
-        columns.append(np.column_stack([texture, np.round(values / SAME_COLOUR)]))
+        # colours and places in a texture that differ by less than 1e-4 are the same
+        columns.append(np.column_stack([texture, np.round(values / 1e-4)]))
     return group_of((material, *np.concatenate(columns).astype(np.int64).T))
 
 
@@ -192,7 +188,8 @@ def _repair(vertices, faces, material, look, materials, notes):
     longest = greatest(length(p - p[:, [2, 0, 1]]))
     reach = np.abs(p - np.median(p, axis=(0, 1))).max(axis=(1, 2), initial=0.0)
     height = length(double) / np.where(longest > 0, longest, 1)
-    solid = np.flatnonzero(height > DEGENERATE * reach)
+    # a face lower than 2e-7 of its coordinates is a line (float32 files cannot say it better)
+    solid = np.flatnonzero(height > 2e-7 * reach)
 
     # Faces on the same three places: keep the emissive one, else the first, and one back to back that looks different.
     ids = weld(vertices)[faces[solid]]
@@ -232,11 +229,12 @@ def _moved_apart(vertices, faces, look, notes):
     low, high = np.minimum(start, end), np.maximum(start, end)
     order = order_of((low, high))
     apart = np.zeros(len(faces), bool)
-    for ahead in range(1, STEPS + 1):
+    for ahead in range(1, FACES_COMPARED + 1):
         a, b = order[:-ahead], order[ahead:]
         facing = (low[a] == low[b]) & (high[a] == high[b]) & (start[a] == end[b])
         a, b = a[facing] // 3, b[facing] // 3
-        facing = (look[a] != look[b]) & (dot(normals[a], normals[b]) < -COPLANAR)
+        # cosine between normals of faces that lie in one plane
+        facing = (look[a] != look[b]) & (dot(normals[a], normals[b]) < -(1 - 1e-6))
         apart[a[facing]] = apart[b[facing]] = True
     if not apart.any():
         return vertices, faces, apart
@@ -292,8 +290,9 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
         size = length(n)[..., None]
         good = np.isfinite(size) & (size > 1e-12)
         n = np.where(good, n / np.where(good, size, 1), result[rows])
-        wrong = ~every(dot(n, result[rows]) >= OPPOSED)
-        if wrong.sum() > MOST_WRONG * len(rows):
+        # below a cosine of 0.1 to the geometric normal, a file's normal is not believed
+        wrong = ~every(dot(n, result[rows]) >= 0.1)
+        if wrong.sum() > 0.1 * len(rows):  # with more than 0.1 of such faces, no normal of the part is believed
             disbelieved += 1
             continue
         result[rows[~wrong]] = n[~wrong]  # the odd wrong face stays flat

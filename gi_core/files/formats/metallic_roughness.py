@@ -18,9 +18,7 @@ from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material
 
 COAT = 0.04  # reflected share of light along the normal of the part that is no metal, in glTF
-LEAST_METAL = 0.02  # less is taken as none
 MATTE = 0.5  # roughness from which gloss that is no metal's is left out: exporters write 0.5 where nothing was chosen
-ROUNDS = 40  # that part a surface into metal and coat: to 1e-9
 MOST_COAT = 0.2  # of a grey coat of another index of refraction; more is metal's
 
 
@@ -66,7 +64,7 @@ def _passed(f0: np.ndarray, f90: float, alpha: float) -> float:
 
 def is_diffuse(metallic: float, roughness: float, f90: float, matte: float = MATTE) -> bool:
     """Return whether the gloss of a material is left out."""
-    return metallic < LEAST_METAL and (roughness >= matte or f90 == 0)
+    return metallic < 0.02 and (roughness >= matte or f90 == 0)  # less metal than 0.02 is taken as none
 
 
 class MetalRough(NamedTuple):
@@ -92,7 +90,7 @@ def as_metal_rough(reflectance: np.ndarray, gloss: Gloss) -> MetalRough:
     coat, further = np.full(3, COAT), _further(f0, gloss.f90, gloss.alpha)
     whole = further + (_passed(f0, gloss.f90, gloss.alpha) - further) * rho
     share, metallic, base = _passed(coat, 1.0, gloss.alpha) - _further(coat, 1.0, gloss.alpha), 1.0, f0
-    for _ in range(ROUNDS):
+    for _ in range(40):  # 40 rounds part a surface into metal and coat to 1e-9
         parts = metallic * _further(base, 1.0, gloss.alpha) + (1 - metallic) * _further(coat, 1.0, gloss.alpha)
         rho = np.maximum(whole - parts, 0) / share
         both = float(rho.mean()) + f

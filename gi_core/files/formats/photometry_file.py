@@ -22,10 +22,8 @@ SUFFIXES = (".ies", ".ldt")
 TYPES = {1: "C", 2: "B", 3: "A"}
 ELSEWHERE = 0.05  # relative difference between the stated flux and the table's, above which a note tells
 MOST_ANGLES = 10_000  # in a direction
-LARGEST = 1e12  # cd, lm: such numbers in a file are damage
+DAMAGED = 1e12  # cd, lm: such numbers in a file are damage
 CLOSEST = 1e-3  # degrees between angles
-MEASURING_NOISE = 0.01  # share of the largest intensity: as much below 0 is an error of measurement
-LONGEST_OPENING = 20.0  # m: a longer luminous opening is in other units than the file says
 LINE_WIDTH = 1e-3  # m: width of an opening that is a line
 LEAST_STEP_B, MOST_STEP_B = 0.5, 2.5  # degrees between angles of type B after resampling
 METRES_PER_FOOT = 0.3048  # m
@@ -84,7 +82,7 @@ class _Numbers:
         self.where, self._words, self._next = where, words, 0
         self.notes: list[str] = []
 
-    def take(self, what: str, count: int, low: float = -LARGEST, high: float = LARGEST) -> np.ndarray:
+    def take(self, what: str, count: int, low: float = -DAMAGED, high: float = DAMAGED) -> np.ndarray:
         """Return the next numbers (count,) float64. Raises SceneError for missing ones and for any out of range."""
         words = self._words[self._next : self._next + count]
         out = np.array([_number(word) for _, word in words])
@@ -100,7 +98,7 @@ class _Numbers:
         self._next += count
         return out
 
-    def number(self, what: str, low: float = -LARGEST, high: float = LARGEST) -> float:
+    def number(self, what: str, low: float = -DAMAGED, high: float = DAMAGED) -> float:
         return float(self.take(what, 1, low, high)[0])
 
     def count(self, what: str, low: int, high: int) -> int:
@@ -121,7 +119,8 @@ class _Numbers:
         """Return intensities (planes, rows) >= 0, the last numbers of the file; slightly negative ones count as 0."""
         first, last = self._next, self._next + planes * rows
         values = np.array([_number(word) for _, word in self._words[first:last]])
-        slight = (values < 0) & (values >= -MEASURING_NOISE * np.nanmax(values, initial=0.0))
+        # as much below 0 as 0.01 of the largest intensity is an error of measurement
+        slight = (values < 0) & (values >= -0.01 * np.nanmax(values, initial=0.0))
         if slight.any():
             lowest = f"the lowest {values[slight].min():g}"
             self.notes.append(f"values below 0 count as 0: {slight.sum():,} of its {what}, {lowest}")
@@ -223,7 +222,7 @@ def _ies_opening(width: float, length: float, height: float, early: bool, notes:
 
 def _opening(along: float, across: float, height: float, notes: list[str]) -> tuple[float, float]:
     """Return an opening as a rectangle with sides > 0, or 0 and 0 for a point [m]; notes say what is left out."""
-    if max(along, across) > LONGEST_OPENING:
+    if max(along, across) > 20.0:  # a luminous opening longer than 20.0 m is in other units than the file says
         notes.append(
             f"its luminous opening of {along:g} x {across:g} m cannot be true, the light comes from a point; "
             "write its size in the scene file"
@@ -376,6 +375,6 @@ def _around(by_plane: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, np.nd
 
 def _flux(gammas: np.ndarray, planes: np.ndarray, intensity: np.ndarray, where: str) -> float:
     flux = flux_of(gammas, planes, intensity)
-    if not 1e-9 <= flux <= LARGEST:
-        raise SceneError(f"{where}: the flux of the table must be from 1e-09 to {LARGEST:g} lm, got {flux:.3g} lm")
+    if not 1e-9 <= flux <= DAMAGED:
+        raise SceneError(f"{where}: the flux of the table must be from 1e-09 to {DAMAGED:g} lm, got {flux:.3g} lm")
     return flux

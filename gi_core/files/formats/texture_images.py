@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from gi_core.files.formats.boundary import MOST_PIXELS, Boundary, like_named
+from gi_core.files.formats.boundary import MOST_IMAGE_PIXELS, Boundary, like_named
 from gi_core.files.formats.file_parts import CHANNELS
 from gi_core.geometry.cutouts import bled, cover_of
 from gi_core.geometry.mipmap import BYTE, mean_linear
@@ -201,8 +201,8 @@ def decode(data: bytes, name: str, boundary: Boundary) -> DecodedImage:
         with warnings.catch_warnings(), Image.open(io.BytesIO(data), formats=FORMATS) as image:
             warnings.simplefilter("ignore")  # no word of Pillow's on the terminal
             width, height = image.size  # known from the header, nothing is unpacked yet
-            if width * height > MOST_PIXELS:
-                raise ImageError(f"declares {width} x {height} pixels, more than {MOST_PIXELS:,}")
+            if width * height > MOST_IMAGE_PIXELS:
+                raise ImageError(f"declares {width} x {height} pixels, more than {MOST_IMAGE_PIXELS:,}")
             if digest not in boundary.images:
                 boundary.take(name, "pixels", width * height)
                 boundary.images.add(digest)
@@ -218,7 +218,7 @@ def decode(data: bytes, name: str, boundary: Boundary) -> DecodedImage:
     except (ImageError, SceneError, MemoryError):
         raise
     except Image.DecompressionBombError:
-        raise ImageError(f"declares more than {MOST_PIXELS:,} pixels") from None
+        raise ImageError(f"declares more than {MOST_IMAGE_PIXELS:,} pixels") from None
     except Exception:  # Pillow raises OSError, ValueError, SyntaxError, struct.error, ... on damaged files
         raise ImageError("is not a readable image") from None
 

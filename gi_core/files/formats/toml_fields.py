@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gi_core.files.formats.boundary import DEEPEST, Boundary, text_of
+from gi_core.files.formats.boundary import MOST_KEY_PARTS, Boundary, text_of
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.rules import LARGEST, is_direction, is_number
+from gi_core.scene.rules import BIGGEST, is_direction, is_number
 
 REQUIRED = object()  # default of a key that must be there
 _QUOTED = re.compile(r"""\"(?:\\.|[^"\\\n])*\"|'[^'\n]*'|#[^\n]*""")
-_DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{DEEPEST}}}")
+_DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{MOST_KEY_PARTS}}}")
 
 
 class Table:
@@ -164,7 +164,7 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
     try:
         text = text_of(boundary.read(path, where, small=True))
         if _DEEP.search(_QUOTED.sub("a", text)):  # tomllib takes a time that grows with the square of the depth
-            raise SceneError(f"{where}: a key must have no more than {DEEPEST} parts between dots; nest it less")
+            raise SceneError(f"{where}: a key must have no more than {MOST_KEY_PARTS} parts between dots; nest it less")
         return tomllib.loads(text)
     except SceneError:
         raise
@@ -179,8 +179,8 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
 def _largest(values, below: float | None) -> str:
     """Return the further rule of values that are too large, "" for others."""
     numbers = values if isinstance(values, list) and below in (None, math.inf) else []
-    large = (is_number(v, -math.inf, math.inf) and LARGEST < abs(v) < math.inf for v in numbers)
-    return f", at most {LARGEST:g}" if any(large) else ""
+    large = (is_number(v, -math.inf, math.inf) and BIGGEST < abs(v) < math.inf for v in numbers)
+    return f", at most {BIGGEST:g}" if any(large) else ""
 
 
 def _word(n: int) -> str:

@@ -44,7 +44,6 @@ ROOT = (
     "light_scenes",
 )
 Z_UP = (".ply", ".stl")  # mesh formats that are z up
-SPIN_STEP = 90.0  # degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
 
 
 class StaticEntry(NamedTuple):
@@ -232,7 +231,8 @@ def _path(t: Table, rest, up, boundary) -> KeyFrames:
     axis = t.direction("spin_axis", up or UP["y"])
     if spin:
         spans = np.diff(times)
-        parts = np.maximum(np.ceil(np.abs(spin) * spans / SPIN_STEP), 1)
+        # 90.0 degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
+        parts = np.maximum(np.ceil(np.abs(spin) * spans / 90.0), 1)
         boundary.take(f"{t.where}: spin", "key frames", int(min(parts.sum(), 1e15)))
         parts = parts.astype(int)
         dense = [a + d * np.arange(n) / n for a, d, n in zip(times, spans, parts, strict=False)]

@@ -12,8 +12,6 @@ from gi_core.files.formats.file_parts import Part
 from gi_core.geometry.mesh_parts import flipped
 from gi_core.geometry.receivers import weld
 
-OPPOSED = 0.5  # cosine: normals that lean farther than that to the other side mean it
-
 
 class Winding(NamedTuple):
     """Faces to turn, and the bodies that they form."""
@@ -77,7 +75,8 @@ def faces_to_turn(parts: list[Part], vertices: np.ndarray, faces: np.ndarray) ->
             continue
         n = q.corner_normals
         cosine = dot(n, double[first:last, None])
-        opposed = every(cosine < -OPPOSED * length(n) * size[first:last, None])
+        # normals that lean farther to the other side than a cosine of 0.5 mean it
+        opposed = every(cosine < -0.5 * length(n) * size[first:last, None])
         if 2 * opposed.sum() < len(opposed):
             turn[first:last] = opposed
     rows = np.flatnonzero(bare & (size > 0))

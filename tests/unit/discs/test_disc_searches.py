@@ -149,9 +149,9 @@ def test_spheres_hold_their_discs_whole_and_nest():
 
 
 def test_the_best_cells_are_found_downhill():
-    from gi_core.discs.search.disc_index import SIZES, _downhill, best_cell_radii
+    from gi_core.discs.search.disc_index import TRIED_CELL_RADII, _downhill, best_cell_radii
 
-    for best in SIZES:
+    for best in TRIED_CELL_RADII:
         assert _downhill(lambda r, best=best: abs(r - best)) == best
     crowded, apart = case(0.4).discs, case(0.003).discs
     every = np.arange(COUNT)

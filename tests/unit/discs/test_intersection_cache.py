@@ -41,7 +41,7 @@ def walk() -> list[Pose]:
 
 def test_photons_are_merged_in_steps_that_may_be_abandoned(monkeypatch):
     """A drag waited for all: 0.1 to 0.5 s while 1.5 million photons were traced. No photon subset is lost."""
-    monkeypatch.setattr(intersection_cache, "STEP", 2000, raising=False)
+    monkeypatch.setattr(intersection_cache, "ENTRIES_PER_STEP", 2000, raising=False)
     monkeypatch.setattr(background, "PART", 512)
     broken, whole, merged = solver_of(threads=1), solver_of(threads=1), [0]
     for _ in whole.solve_steps(pictures=False):
@@ -108,7 +108,7 @@ def test_full_log_is_recorded_again(monkeypatch):
         return solver.irradiance, solver.static_irradiance
 
     frame, resting = light()
-    monkeypatch.setattr(intersection_cache, "ROOM", 0)
+    monkeypatch.setattr(intersection_cache, "ENTRIES_PER_SEGMENT", 0)
     calls = []
     find = IntersectionCache.find
 

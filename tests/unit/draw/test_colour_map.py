@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw.colour_map import ABOVE, BELOW, UNKNOWN, ZERO, from_oklab, round_scale, signed_colours
+from app.draw.colour_map import ABOVE, BELOW, UNKNOWN_COLOUR, ZERO, from_oklab, round_scale, signed_colours
 
 
 def oklab(display):
@@ -40,8 +40,8 @@ def test_ends_zero_and_beyond():
     assert colours.dtype == np.float32 and (colours[[0, 3]] == colours[[1, 4]]).all()
     assert np.allclose(oklab(colours[[1, 2, 3]]), [BELOW, ZERO, ABOVE], atol=2e-3), "inside the display's gamut"
     assert colours[1].argmax() == 2 and colours[3].argmax() == 0 and np.ptp(colours[2]) < 2e-3
-    assert np.allclose(colours[5], UNKNOWN)
-    assert oklab(UNKNOWN)[0] < oklab(signed_colours(np.linspace(-1, 1, 9)))[:, 0].min() - 0.05
+    assert np.allclose(colours[5], UNKNOWN_COLOUR)
+    assert oklab(UNKNOWN_COLOUR)[0] < oklab(signed_colours(np.linspace(-1, 1, 9)))[:, 0].min() - 0.05
 
 
 def test_white_is_white():

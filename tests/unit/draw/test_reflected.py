@@ -51,16 +51,16 @@ def shot_of(ball: Material) -> Shot:
 
 
 def drawn(
-    shot: Shot, rays: int = reflected.RAYS, lamp_rays: int = reflected.LAMP_RAYS, wanted: float = 0.0
+    shot: Shot, rays: int = reflected.RAYS_PER_PIXEL_RAY, lamp_rays: int = reflected.LAMP_RAYS, wanted: float = 0.0
 ) -> np.ndarray:
     """Return the luminance (h, w) [W/m2/sr] of a picture.
 
     lamp_rays 0: by rays from lobes alone; wanted: noise of pixels that have no further rays, 0: all have all.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reflected, "NOISE", wanted)
+        patch.setattr(reflected, "PIXEL_NOISE", wanted)
         patch.setattr(reflected, "MOST_RAYS", 1 << 40)
-        patch.setattr(reflected, "RAYS", rays)
+        patch.setattr(reflected, "RAYS_PER_PIXEL_RAY", rays)
         patch.setattr(reflected, "LAMP_RAYS", lamp_rays)
         return luminance(layers(shot).colour)
 
@@ -91,7 +91,9 @@ def test_a_rough_ball_has_as_many_rays_in_a_mirror_as_seen_directly():
     assert noise(now, truth) < 0.4 * noise(single, truth)
 
 
-def counted(shot: Shot, most: int = reflected.MOST_RAYS, wanted: float = reflected.NOISE) -> tuple[np.ndarray, int]:
+def counted(
+    shot: Shot, most: int = reflected.MOST_RAYS, wanted: float = reflected.PIXEL_NOISE
+) -> tuple[np.ndarray, int]:
     """Return the picture of drawn(), and the number of rays from lobes."""
     count, draw = 0, reflected.draw_lobe
 
@@ -103,7 +105,7 @@ def counted(shot: Shot, most: int = reflected.MOST_RAYS, wanted: float = reflect
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reflected, "draw_lobe", counting)
         patch.setattr(reflected, "MOST_RAYS", most)
-        patch.setattr(reflected, "NOISE", wanted)
+        patch.setattr(reflected, "PIXEL_NOISE", wanted)
         return luminance(layers(shot).colour), count
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw.tonemap import MOST, NEUTRAL, gains_for, to_display
+from app.draw.tonemap import MOST_GAIN, NEUTRAL, gains_for, to_display
 from gi_core.geometry.error import luminance
 
 
@@ -26,5 +26,5 @@ def test_neutral_light_and_darkness_have_no_gains():
 
 def test_light_of_one_colour_keeps_it():
     gains = np.array(gains_for(np.array([1.0, 0.0, 0.0])))
-    assert np.isfinite(gains).all() and gains.max() / gains.min() <= MOST / 0.2126 + 1e-9
+    assert np.isfinite(gains).all() and gains.max() / gains.min() <= MOST_GAIN / 0.2126 + 1e-9
     assert np.argmax(gains * [1.0, 0.0, 0.0]) == 0

@@ -144,7 +144,7 @@ def test_the_chart_draws_its_curve(tmp_path, monkeypatch):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))
     less = chart_settings.QUICK._replace(photons=(4096,), limit_photons=32_768, truth=0.1, picture_truth=0.3)
     monkeypatch.setattr(chart_settings, "QUICK", less)
-    monkeypatch.setattr(pictures, "SIZE", (60, 40))
+    monkeypatch.setattr(pictures, "SHOT_SIZE", (60, 40))
     out = tmp_path / "chart"
     assert cli.main(["chart", *SCENE, "--quick", "--frames", "2", "--points", "60", "--out", str(out)]) == 0
     with open(out / "results.csv", newline="") as file:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.measure.scene_info import material_lines
-from gi_core.gloss.reflectors import PLANES, PROBES, reflectors, ways
+from gi_core.gloss.reflectors import MOST_PLANES, MOST_PROBES, reflectors, ways
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
 from tests.support.scene_builders import box, merge, quad, sphere
@@ -76,10 +76,10 @@ def test_a_closed_tube_is_no_plane():
 
 
 def test_a_scene_has_a_bounded_number_of_planes():
-    static = reflectors(Model(hall(PLANES + 3)))[0]
+    static = reflectors(Model(hall(MOST_PLANES + 3)))[0]
     numbers = {r.plane.number for r in static if r.plane is not None}
-    assert numbers == set(range(PLANES))
-    assert sum(len(r.faces) for r in static) == 8 * (PLANES + 3) + 320, "the rest looks into probes"
+    assert numbers == set(range(MOST_PLANES))
+    assert sum(len(r.faces) for r in static) == 8 * (MOST_PLANES + 3) + 320, "the rest looks into probes"
 
 
 def test_a_scene_without_light_has_probes_too():
@@ -117,7 +117,7 @@ def test_a_room_in_the_dark_corner_of_another_is_served_less():
         of = ways(model)
         known = ~np.isnan(of.seen)
         seen.append(np.average(of.seen[known], weights=model.surfaces.areas[known]))
-        assert len({r.probe.number for r in reflectors(model)[0]}) <= PROBES
+        assert len({r.probe.number for r in reflectors(model)[0]}) <= MOST_PROBES
     assert seen[0] > 0.99 and 0.5 < seen[1] < seen[0] - 0.05
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.geometry.surfaces import glossy_receivers
-from gi_core.gloss.source import LIST, SPACING, TURN, GlossSource, sites
+from gi_core.gloss.source import LIST, NORMAL_STEP, SPACING, GlossSource, sites
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
 from gi_core.solver import Solver
@@ -34,7 +34,7 @@ def test_members_are_near_their_owner_on_the_same_side():
     r = model.object_receivers
     assert (np.diff(owners) > 0).all() and np.array_equal(own[np.searchsorted(rows, owners)], owners)
     assert np.linalg.norm(r.positions[own] - r.positions[rows], axis=1).max() < SPACING * radius * 3**0.5
-    assert np.abs(r.normals[own] - r.normals[rows]).max() < TURN + 1e-9
+    assert np.abs(r.normals[own] - r.normals[rows]).max() < NORMAL_STEP + 1e-9
     assert np.array_equal(model.receiver_sides[own], model.receiver_sides[rows])
     first = model.surfaces.first_receiver[1]
     assert (owners < first).sum() < (rows < first).sum() / 4 and np.array_equal(

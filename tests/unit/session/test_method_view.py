@@ -116,7 +116,7 @@ def test_the_outline_is_the_area_that_the_flux_is_divided_by():
 def test_the_circle_of_a_photon_map_is_that_of_all_photons_of_the_picture(border_correction, monkeypatch):
     """Where fewer are searched; and the frame's, after a change of settings that is not yet in the picture."""
     solver = solved(estimator="photon_map", neighbours=30, border_correction=border_correction)
-    monkeypatch.setattr(mv, "MOST_PHOTONS", 5_000)
+    monkeypatch.setattr(mv, "MOST_SEARCHED_PHOTONS", 5_000)
     on_block = solver.surfaces.receiver_range(1).start
     receivers = [*places(solver, (0.3, 0.0, 0.4), (0.0, 0.5, 0.5), (0.0, 0.0, 0.5)), on_block]
 
