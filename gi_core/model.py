@@ -12,11 +12,10 @@ import numpy as np
 from gi_core.base.results import Results, digest
 from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
-from gi_core.geometry.border_angle import covered_share
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
-from gi_core.geometry.receivers import Receivers
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receiver_classes import covered_share
+from gi_core.geometry.receivers import NONE, Receivers
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
 from gi_core.lights.light_sampling import Lights, at_levels, lights_of
@@ -277,7 +276,7 @@ class Model:
 
     @cached_property
     def covered_share(self) -> np.ndarray:
-        """alpha / 2 pi of each receiver, (R,) float64; see `gi_core.geometry.border_angle`."""
+        """alpha / 2 pi of each receiver, (R,) float64; see `gi_core.geometry.receiver_classes`."""
         return covered_share(self.surfaces, self.object_receivers)
 
     @cached_property

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from app import values
-from app.cli.extras import need
+from app.cli.version import need
 from app.settings import UsageError
 
 ANSWER_TIME = 10  # s until a scheduler must have answered, and a worker joined it

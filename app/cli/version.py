@@ -5,8 +5,19 @@ from __future__ import annotations
 import functools
 import os
 import subprocess
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
+
+from app.settings import UsageError
+
+
+def need(module: str, purpose: str, package: str = "") -> None:
+    """Raise UsageError, one sentence with the remedy, where a module cannot be imported."""
+    try:
+        import_module(module)
+    except ImportError:
+        package = package or module
+        raise UsageError(f"{package}, which {purpose}, is not installed: pip install {package}") from None
 
 
 def version() -> str:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from app import values
 from app.cli import cluster, options
-from app.cli.extras import need
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
 from app.cli.terminal import OK
+from app.cli.version import need
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 

@@ -26,7 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
-    from app.measure.chart.command import chart
+    from app.measure.chart.page import chart
 
     with cluster.opened(a.workers, a.scheduler) as machines:
         text, failures = chart(settings_of(a), a.out, a.quick, a.frames, a.points, machines)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.draw.draw_mesh import DrawMesh, with_vertices
-from app.draw.quads import Quads
+from app.draw.draw_mesh import DrawMesh, Quads, with_vertices
 from gi_core.display.vertex_light import follow_light, turn_triangles
 
 NO_WEIGHTS = np.zeros((0, 2), np.float32)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from gi_core.geometry.mipmap import levels
+from gi_core.geometry.texture_filter import levels
 from gi_core.scene.types import Texture
 
 if TYPE_CHECKING:

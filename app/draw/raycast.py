@@ -21,12 +21,11 @@ from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, draw_strips, pi
 from app.settings import ILLUMINANCE, LUMINANCE
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
-from gi_core.geometry.texture_filter import lookup
-from gi_core.geometry.texture_footprint import footprints
+from gi_core.geometry.texture_filter import footprints, lookup
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 if TYPE_CHECKING:
-    from app.draw.light_faces import LightFaces
+    from app.draw.bare_lights import LightFaces
     from gi_core.gloss.light import GlossLight
 
 GRID_ROWS = 16  # of rays that measure visible light, times the samples of a pixel

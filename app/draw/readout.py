@@ -18,8 +18,8 @@ from app.settings import Pin
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene import Camera
-from gi_core.scene.part_names import part_named
 from gi_core.scene.pose import rotation, three, to_world, to_world_directions
+from gi_core.scene.types import part_named
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from app.draw.bare_lights import HIGHLIGHTS
+from app.draw.bare_lights import HIGHLIGHTS, LightFaces
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GlossTexture, GLTextures
-from app.draw.light_faces import LightFaces
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, Gains
 from app.settings import LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw import raycast
+from app.draw.bare_lights import LightFaces, light_faces
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.draw_mesh import DrawMesh, dimmed, meshes_of
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
-from app.draw.light_faces import LightFaces, light_faces
 from app.draw.metering import metered
 from app.draw.reflected import Mirrors
 from app.draw.tonemap import BACKGROUND, NEUTRAL, gains_for, srgb_decode

@@ -15,7 +15,7 @@ from app.cli.warnings import warnings_of
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways
-from gi_core.scene.part_names import material_named, part_named
+from gi_core.scene.types import material_named, part_named
 
 if TYPE_CHECKING:
     from gi_core.model import Model

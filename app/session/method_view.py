@@ -15,7 +15,7 @@ from gi_core.base.vectors import dot
 from gi_core.bsdf.table import Tables
 from gi_core.discs.region import EXTENSION
 from gi_core.estimators.counting import Parts, Place, Rule, crossing
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import is_sharp
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from app.draw.bare_lights import bare_lights
+from app.draw.bare_lights import bare_lights, light_faces
 from app.draw.camera import Turntable
-from app.draw.light_faces import light_faces
 from app.draw.renderer import Look, Renderer
 from app.draw.tonemap import NEUTRAL
 from app.draw.vertex_colours import colours, weights

@@ -33,7 +33,7 @@ from app.window.scale_fit import ScaleFit
 from app.window.view import View
 from app.window.view_content import Shown, Side
 from app.window.wipe import Wipe
-from gi_core.scene.part_names import part_named
+from gi_core.scene.types import part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 OUTLINE_PIXELS = 2.0  # at 96 dots per inch

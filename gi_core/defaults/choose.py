@@ -36,7 +36,7 @@ from gi_core.base.nearest_points import nearest
 from gi_core.base.vectors import box, central_box
 from gi_core.discs.search.disc_grid import CELL_RADII, MOST_ALONG
 from gi_core.estimators.setting import checked
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND, Model
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
 from gi_core.photons.trace import trace_background

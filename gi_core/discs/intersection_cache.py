@@ -17,7 +17,7 @@ from gi_core.base.jit import allocating, kernel
 from gi_core.discs.search.predicate import begins
 from gi_core.photons.flux_sums import CHUNK_BITS, IntersectionLog, Sums
 from gi_core.photons.paths import Segments
-from gi_core.retrace.removed_suffixes import RemovedSuffixes
+from gi_core.retrace.cuts import RemovedSuffixes
 
 MOST_PER_PHOTON = 64  # entries per photon: half a GB per million photons. Beyond it, frames search for removed suffixes
 ENTRIES_PER_SEGMENT = 4  # entries per segment in the first allocation

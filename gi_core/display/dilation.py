@@ -25,8 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.results import KEPT, digest
-from gi_core.base.spiral import DIRECTIONS, directions
-from gi_core.base.vectors import dot, length
+from gi_core.base.vectors import cross, dot, length
 from gi_core.gather.hit_cache import pose_bits
 from gi_core.gather.path_ends import BLACK
 from gi_core.geometry.error import luminance
@@ -34,6 +33,20 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import rays_to_object
 from gi_core.scene.pose import to_world_at
+
+DIRECTIONS = 16
+
+
+def directions(normals: np.ndarray) -> np.ndarray:
+    """Return cosine-distributed directions (n, DIRECTIONS, 3) float32 about normals (n, 3), from steep to flat."""
+    k = np.arange(DIRECTIONS)
+    r, angle = np.sqrt((k + 0.5) / DIRECTIONS), k * np.pi * (3 - np.sqrt(5))
+    local = np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - r * r)], axis=1)
+    across = cross(normals, np.where(np.abs(normals[:, :1]) > 0.5, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
+    across /= np.maximum(length(across), 1e-30)[:, None]  # no normal: no faces with area
+    frames = np.stack([across, cross(normals, across), normals], axis=1)
+    return (local @ frames).astype(np.float32)
+
 
 RECEIVERS_PER_STEP = 2048  # receivers per step: some 10 ms
 LITTLE = 0.1  # the same inside solid objects, which light enters at corners by the radius of a disc

@@ -16,8 +16,7 @@ from gi_core.discs.search import Search
 from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.background_sums import BackgroundSums
-from gi_core.photons.flux_sums import CHUNK_BITS, CutFlux, Evaluated, FrameSums, Sums
+from gi_core.photons.flux_sums import CHUNK_BITS, BackgroundSums, CutFlux, Evaluated, FrameSums, Sums
 from gi_core.photons.paths import Segments, bounced
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts

@@ -30,7 +30,7 @@ from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators.counting import Counts, Find, Place, circle, ends
 from gi_core.estimators.setting import Setting
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, chunks_of
 from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of

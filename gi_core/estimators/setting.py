@@ -19,7 +19,7 @@ class Setting(NamedTuple):
     neighbours: int  # k of photon_map
     control: bool = True  # artifact control of tangent_plane, see `gi_core.discs.region`
     search: str = DEFAULT  # a key of `gi_core.discs.search.SEARCHES`: how tangent_plane finds disc intersections
-    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.geometry.border_angle`
+    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, `receiver_classes`
     textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
 
     def changed(self, choices: Mapping[str, Mapping], **values) -> Setting:

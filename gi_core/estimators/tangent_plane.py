@@ -25,10 +25,10 @@ from gi_core.estimators import counting
 from gi_core.estimators.counting import Counts, Find, Place
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.background_sums import BackgroundSums
 from gi_core.photons.flux_sums import (
     CHUNK_BITS,
     NOT_ADDITIVE,
+    BackgroundSums,
     CutFlux,
     Evaluated,
     FrameSums,
@@ -38,8 +38,7 @@ from gi_core.photons.flux_sums import (
 )
 from gi_core.photons.paths import Segments, bounced, rows_of
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
-from gi_core.retrace.removed_suffixes import RemovedSuffixes
+from gi_core.retrace.cuts import PoseChange, RemovedSuffixes, Wanted, split_at_cuts
 
 LINE_GRAIN = 1024  # segments per thread
 PIECE = 1 << 15  # segments between two pauses of evaluate()

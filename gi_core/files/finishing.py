@@ -20,9 +20,8 @@ from gi_core.geometry.mesh_parts import part_of
 from gi_core.geometry.surfaces import Surfaces, face_normals, lobe_of
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.part_names import material_named, part_named
 from gi_core.scene.pose import three
-from gi_core.scene.types import Material, Mesh, Mobile, Scene
+from gi_core.scene.types import Material, Mesh, Mobile, Scene, material_named, part_named
 
 Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file, tables as such tuples too
 MOST_SCALE_UNDER_METAL = 50.0  # of colours under metal that is taken off: less than 2 % is no colour

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.emission import unchanged_lamps
 from gi_core.model import Model

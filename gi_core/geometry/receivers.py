@@ -16,6 +16,9 @@ from gi_core.base.jit import allocating
 from gi_core.base.vectors import cross, dot, length
 from gi_core.scene.types import Mesh
 
+NONE = -1  # no surface
+
+
 CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
 FACES_COMPARED = 3  # faces at one edge that a face is compared with
 

@@ -1,16 +1,165 @@
 """Texture filtering: the mean over a triangle, and the value of a pixel.
 
 Both sample mipmaps, so cost does not grow with the texels under a triangle or a pixel. Values are linear.
+
+The footprint of a pixel comes from rays of neighbouring pixels, intersected with the plane of the visible face.
+
+Mipmaps are a chain of copies of an image, each half the size of the previous one.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
-from gi_core.base.jit import allocating, kernel
+from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.threads import available_cores, run_ranges
-from gi_core.geometry.mipmap import LINEAR, LINEAR_BYTES, levels
+from gi_core.base.vec import cross, difference, dot, weighted
 from gi_core.scene.types import Paint, Texture
+
+
+def srgb_to_linear(value: np.ndarray) -> np.ndarray:
+    """Decode sRGB values in 0..1 to linear ones."""
+    v = np.asarray(value, np.float64)
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+LINEAR = srgb_to_linear(np.arange(256) / 255.0)  # of a byte
+# The sRGB byte of a linear value in 65535ths; even near black each byte covers five values.
+LINEAR_BYTES = np.arange(256) / 255.0  # of a byte of a linear texture
+BYTE = np.searchsorted(srgb_to_linear((np.arange(255) + 0.5) / 255.0), np.arange(1 << 16) / 65535.0).astype(np.uint8)
+NEAREST_BYTE = np.round(np.arange(1 << 16) / 257.0).astype(np.uint8)  # BYTE of linear textures
+_chains: WeakKeyDictionary[Texture, tuple[np.ndarray, ...]] = WeakKeyDictionary()
+
+
+def levels(texture: Texture) -> tuple[np.ndarray, ...]:
+    """Return the image and its copies, each half as wide and high, down to one texel; read-only uint8, coded alike."""
+    if texture not in _chains:
+        value, byte = (LINEAR_BYTES, NEAREST_BYTE) if texture.linear else (LINEAR, BYTE)
+        chain = [np.ascontiguousarray(texture.pixels).view()]
+        linear = np.zeros((0, 0, 3), np.float32)
+        while max(chain[-1].shape[:2]) > 1:
+            # From the unrounded copy: eleven successive roundings would accumulate.
+            chain[-1].flags.writeable = False  # numba would compile again for writable arrays
+            linear, smaller = _halved(chain[-1], linear, value, byte)
+            chain.append(smaller)
+        chain[-1].flags.writeable = False
+        _chains[texture] = tuple(chain)
+    return _chains[texture]
+
+
+def mean_linear(pixels: np.ndarray) -> np.ndarray:
+    """Return the mean linear colour (3,) of an image (h, w, 3) uint8."""
+    counts = [np.bincount(pixels[..., c].reshape(-1), minlength=256) for c in range(3)]
+    return np.array([count @ LINEAR for count in counts]) / max(pixels[..., 0].size, 1)
+
+
+@kernel
+def _weights(i, size):
+    """Return the weights of the three old texels from 2 i on in new texel i of a row of `size` texels."""
+    if size == 1:
+        return 1.0, 0.0, 0.0
+    if size % 2 == 0:
+        return 0.5, 0.5, 0.0
+    # Odd size: the outer two texels are shared with the neighbours.
+    half = size // 2
+    return (half - i) / size, half / size, (i + 1) / size
+
+
+@allocating
+def _halved(image, linear, table, byte):
+    """Return an image at half its size, float32 linear and uint8; `linear` is empty or the image unrounded."""
+    h, w = image.shape[0], image.shape[1]
+    out = np.empty((max(h // 2, 1), max(w // 2, 1), 3), np.float32)
+    rounded = np.empty(out.shape, np.uint8)
+    for y in range(out.shape[0]):
+        down = _weights(y, h)
+        for x in range(out.shape[1]):
+            across = _weights(x, w)
+            red, green, blue = 0.0, 0.0, 0.0
+            for j in range(3):
+                for i in range(3):
+                    weight = down[j] * across[i]
+                    if weight == 0.0:
+                        continue
+                    v, u = 2 * y + j, 2 * x + i
+                    if len(linear):
+                        red += weight * linear[v, u, 0]
+                        green += weight * linear[v, u, 1]
+                        blue += weight * linear[v, u, 2]
+                    else:
+                        red += weight * table[image[v, u, 0]]
+                        green += weight * table[image[v, u, 1]]
+                        blue += weight * table[image[v, u, 2]]
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red, green, blue
+            for k in range(3):
+                rounded[y, x, k] = byte[int(min(max(out[y, x, k], 0.0), 1.0) * 65535 + 0.5)]
+    return out, rounded
+
+
+PARALLEL = 1e-30  # parallel rays do not intersect the plane
+
+
+class Footprints(NamedTuple):
+    """In texture coordinates, float64."""
+
+    place: np.ndarray  # (n, 2)
+    across: np.ndarray  # (n, 2), offset to the pixel on the right
+    along: np.ndarray  # (n, 2), offset to the pixel below
+
+
+def footprints(corners, uv, face, u, v, eye, directions, steps) -> Footprints:
+    """Return the texture footprints of pixels.
+
+    corners (F, 3, 3) float32 [m] and uv (F, 3, 2) float32 of all faces; face (n,), weights u, v (n,) of its
+    corners 1 and 2, and unit directions (n, 3) float32 of the rays from eye (3,) that hit it. Rows of steps (3, 3):
+    movement of a ray at unit distance along the view per pixel to the right, per pixel down, and the view direction.
+    Reflected rays have an eye (n, 3) and steps (n, 3, 3) each.
+    """
+    out = Footprints(*(np.empty((len(face), 2)) for _ in range(3)))
+    eye = np.array(np.broadcast_to(eye, (len(face), 3)), np.float64)
+    steps = np.array(np.broadcast_to(steps, (len(face), 3, 3)), np.float64)
+    u, v = (np.ascontiguousarray(w, np.float64).reshape(-1) for w in (u, v))
+    _footprints(corners, uv, face.astype(np.int64), u, v, eye, directions, steps, *out)
+    return out
+
+
+@kernel
+def _footprints(corners, uv, face, u, v, eye, directions, steps, place, across, along):
+    for i in range(len(face)):
+        f = face[i]
+        p = _double(corners[f, 0])
+        e1, e2 = difference(_double(corners[f, 1]), p), difference(_double(corners[f, 2]), p)
+        q = weighted((1.0, u[i], v[i]), difference(p, eye[i]), e1, e2)
+        n = cross(e1, e2)
+        square = max(dot(n, n), 1e-60)
+        g, h = cross(e2, n), cross(n, e1)  # the gradients of u and v, times square
+        forward = dot(directions[i], steps[i, 2])
+        d = directions[i, 0] / forward, directions[i, 1] / forward, directions[i, 2] / forward
+        depth, steepness = dot(q, steps[i, 2]), dot(n, d)
+        if abs(steepness) < PARALLEL:
+            steepness = PARALLEL
+        for s in range(2):
+            # Offset to the intersection of the neighbouring ray.
+            slant = dot(n, steps[i, s]) / steepness
+            sideways = difference(steps[i, s], (slant * d[0], slant * d[1], slant * d[2]))
+            moved = depth * sideways[0], depth * sideways[1], depth * sideways[2]
+            du, dv = dot(moved, g) / square, dot(moved, h) / square
+            for c in range(2):
+                a, b = uv[f, 1, c] - uv[f, 0, c], uv[f, 2, c] - uv[f, 0, c]
+                if s == 0:
+                    across[i, c] = du * a + dv * b
+                    place[i, c] = uv[f, 0, c] + u[i] * a + v[i] * b
+                else:
+                    along[i, c] = du * a + dv * b
+
+
+@inlined
+def _double(a):
+    return np.float64(a[0]), np.float64(a[1]), np.float64(a[2])
+
 
 MOST_REFLECTANCE = 0.98  # paths in a closed room of reflectance 1 would never end
 WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below

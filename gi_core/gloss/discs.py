@@ -14,7 +14,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.predicate import Discs, Lines, lines
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.gloss.hemisphere import GRAZING, add_ray, axes_of, cell_towards, weight_of
 from gi_core.model import Model
 from gi_core.photons.flux_sums import IntersectionLog, Sums

@@ -17,7 +17,7 @@ import numpy as np
 from gi_core.base.grouping import components, group_of
 from gi_core.base.nearest_points import nearest
 from gi_core.base.vectors import dot
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.gloss.highlights import OFFSET
 from gi_core.gloss.sharp import SharpLobe, lobe_classes, noise_factor, sharp_faces

@@ -41,8 +41,7 @@ from gi_core.gather.mobile import MobileGather
 from gi_core.gather.path_tracer import last_kernels_first
 from gi_core.gather.reference import ReferenceRounds, take_in
 from gi_core.geometry.mesh_neighbours import neighbours
-from gi_core.geometry.texture_filter import lookup
-from gi_core.geometry.texture_footprint import footprints
+from gi_core.geometry.texture_filter import footprints, lookup
 from gi_core.gloss.highlights import arriving, highlights
 from gi_core.gloss.light import gloss_radiance
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone

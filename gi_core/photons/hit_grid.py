@@ -10,7 +10,7 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.steps import finish
 from gi_core.base.vec import difference, dot, rotate
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.photons.paths import Segments, take
 from gi_core.photons.trace import World
 from gi_core.rays.accelerator import Transforms

@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.rays.accelerator import line
 
 

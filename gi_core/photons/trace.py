@@ -15,7 +15,7 @@ from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import row as row_of
 from gi_core.bsdf import lambertian, surface
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown
 from gi_core.rays.accelerator import Accelerator, Transforms, line

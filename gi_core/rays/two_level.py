@@ -16,7 +16,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import dot, largest, rotate, rotate_back
 from gi_core.base.vectors import box
 from gi_core.bsdf.surface import Bsdfs, build_bsdfs
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.accelerator import (
     CUT_PAD,

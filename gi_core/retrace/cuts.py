@@ -3,6 +3,9 @@
 A cut is the first hit of a background path on a mobile. The path is kept up to the cut. The removed suffix is
 subtracted, and the new suffix, reflected off the mobile, is added. Each frame is computed from the background alone, so
 nothing drifts.
+
+A suffix is stored as photon, vertex and distance. Its segments are copied from the background on demand only: an
+estimator that caches disc intersections needs none.
 """
 
 from __future__ import annotations
@@ -15,15 +18,64 @@ from gi_core.base.fixed_point import MAX_PATH
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, rotate_back
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
-from gi_core.photons.paths import PathVertices, Segments, bounced, concatenate, empty_segments, segments_at, take
+from gi_core.photons.paths import (
+    PathVertices,
+    Segments,
+    bounced,
+    concatenate,
+    empty_segments,
+    segments_at,
+    segments_behind,
+    take,
+)
 from gi_core.photons.trace import Fates, add_fates_behind, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile
 from gi_core.retrace.broad_phase import PAD, Coarse, ScanBuffers, find_near
-from gi_core.retrace.removed_suffixes import RemovedSuffixes, no_removed_suffixes
+
+
+class RemovedSuffixes(NamedTuple):
+    """Removed suffixes of n cut photons, photon-major."""
+
+    paths: PathVertices  # of the background
+    photon: np.ndarray  # (n,) int64
+    vertex: np.ndarray  # (n,) int64, start vertex of the cut segment
+    low: np.ndarray  # (n,) float32 [m], distance along it where the suffix begins; -1: with the whole segment
+
+    @property
+    def size(self) -> int:
+        """Number of segments, including the cut ones."""
+        return int((self.paths.offsets[self.photon + 1] - 1 - self.vertex).sum())
+
+    @property
+    def bounce(self) -> np.ndarray:
+        """Bounce index of the cut segment, (n,) int64."""
+        return self.vertex - self.paths.offsets[self.photon]
+
+    def of(self, rows) -> RemovedSuffixes:
+        """Return the suffixes of the given rows."""
+        return self._replace(photon=self.photon[rows], vertex=self.vertex[rows], low=self.low[rows])
+
+    def bounced(self) -> RemovedSuffixes:
+        """Return the suffixes without the segments that leave lamps."""
+        first = self.bounce == 0
+        vertex, low = self.vertex + first, np.where(first, np.float32(-1.0), self.low)
+        left = vertex < self.paths.offsets[self.photon + 1] - 1
+        return self._replace(vertex=vertex, low=low).of(left)
+
+    def segments(self, threads: int = 1) -> Segments:
+        """Return the suffixes as segments, photon-major."""
+        return segments_behind(self.paths, self.photon, self.vertex, self.low, threads)
+
+
+def no_removed_suffixes(paths: PathVertices) -> RemovedSuffixes:
+    """Return the removed suffixes of no photon."""
+    nobody = np.empty(0, np.int64)
+    return RemovedSuffixes(paths, nobody, nobody, empty_segments(0).low)
+
 
 CUT_GRAIN = 2048  # segments per thread
 FOLLOW_GRAIN = 128  # photons per thread

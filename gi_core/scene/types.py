@@ -14,6 +14,16 @@ import numpy as np
 from gi_core.bsdf.models import Lobe
 
 
+def part_named(mobile: str, material: str) -> str:
+    """Return the part of a mobile whose faces have a material."""
+    return material.removeprefix(f"{mobile}: ")
+
+
+def material_named(mobile: str, part: str) -> str:
+    """Return the name of a material that a part has alone; without a part, the whole mobile."""
+    return f"{mobile}: {part}" if part else mobile
+
+
 class Gloss(NamedTuple):
     """GGX microfacets over a diffuse base, see `gi_core.bsdf.ggx`."""
 

@@ -10,9 +10,8 @@ from gi_core.files.edits import Insert, edited
 from gi_core.files.formats.classes import ALIKE, MOST_CLASSES, classes
 from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.load import load_scene
-from gi_core.geometry.mipmap import levels
 from gi_core.geometry.surfaces import flatten
-from gi_core.geometry.texture_filter import mean_colours
+from gi_core.geometry.texture_filter import levels, mean_colours
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material, Texture
 from tests.files.test_texture_files import UV, png

@@ -15,9 +15,8 @@ from gi_core.files.formats.boundary import LIMITS, MOST_IMAGE_PIXELS, Boundary
 from gi_core.files.formats.mesh_file import read_mesh_file
 from gi_core.files.formats.texture_images import FORMATS, decode
 from gi_core.files.load import load_scene
-from gi_core.geometry.mipmap import srgb_to_linear
 from gi_core.geometry.surfaces import flatten
-from gi_core.geometry.texture_filter import mean_colours
+from gi_core.geometry.texture_filter import mean_colours, srgb_to_linear
 from gi_core.scene import Scene
 from tests.support.mesh_writers import QUAD, QUAD_FACES, write_glb, write_obj
 

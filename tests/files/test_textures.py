@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.geometry.mipmap import LINEAR, levels, mean_linear
+from gi_core.geometry import texture_filter
 from gi_core.geometry.paint import join_paints
 from gi_core.geometry.surfaces import flatten
 from gi_core.geometry.tessellation import tessellate
-from gi_core.geometry.texture_filter import MOST_REFLECTANCE, REFLECTANCE, lookup, mean_colours
+from gi_core.geometry.texture_filter import LINEAR, MOST_REFLECTANCE, levels, lookup, mean_colours, mean_linear
 from gi_core.scene import Material, Mesh, Paint, Scene, Texture
 from tests.support.mesh_writers import QUAD, QUAD_FACES
 
@@ -133,7 +133,7 @@ def test_corner_colours_weight_the_texture_locally():
 def test_reflectance_stays_below_its_limit():
     white = Texture(np.full((4, 4, 3), 255, np.uint8))
     assert mean_colours(painted(white, [[[0, 0], [1, 0], [0, 1]]])).max() <= MOST_REFLECTANCE
-    assert REFLECTANCE.max() == MOST_REFLECTANCE
+    assert texture_filter.REFLECTANCE.max() == MOST_REFLECTANCE
 
 
 @pytest.mark.parametrize("uv", [np.nan, np.inf, 1e30])

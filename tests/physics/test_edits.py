@@ -29,7 +29,7 @@ from gi_core.files.edits import (
 )
 from gi_core.files.finishing import finish_of, is_textured, parts_of
 from gi_core.files.load import load_scene
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle

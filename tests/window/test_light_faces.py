@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.draw.bare_lights import LightFaces, light_faces
 from app.draw.layers import layers
-from app.draw.light_faces import LightFaces, light_faces
 from app.draw.shot import Shot
 from app.settings import ILLUMINANCE, LUMINANCE, Settings
 from gi_core.lights.photometric import share_ahead

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from app.cli.extras import need
+from app.cli.version import need
 from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, REPORT, RESTED, RIVAL, SCENES, TUNED
 from app.settings import BUDGET
 from gi_core.estimators import ESTIMATORS

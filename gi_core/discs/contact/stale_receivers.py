@@ -19,7 +19,7 @@ from gi_core.discs.region import RAYS, Regions
 from gi_core.discs.search.brute_force import BruteForce
 from gi_core.discs.search.disc_grid import DiscGrid
 from gi_core.discs.search.predicate import Discs, lines, longest_extension, to_list
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments

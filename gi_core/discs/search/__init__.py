@@ -1,10 +1,54 @@
-"""Which segments cross which discs. A new search is one file that follows `base.Search`, and one line here."""
+"""Which segments cross which discs, and their flux added to the discs' sums.
 
-from gi_core.discs.search.base import Search
+A new search is one file that follows `Search`, and one line here.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
 from gi_core.discs.search.brute_force import BruteForce
 from gi_core.discs.search.disc_index import DiscIndex
+from gi_core.discs.search.predicate import Discs, Lines
 from gi_core.discs.search.pretest import PRETESTS
 from gi_core.discs.search.ray_cache import RayCache
+from gi_core.photons.flux_sums import Sums
+
+
+class Search(Protocol):
+    """A search over the discs of one object, made once and used by every frame.
+
+    All searches accept the same disc intersections bit for bit: each proposes candidates, `predicate.accepts` decides.
+    """
+
+    @property
+    def discs(self) -> Discs:
+        """The discs (n) that it was made from, in the object's space. Read by contact handling and instruments."""
+
+    @property
+    def parts_share_lines(self) -> bool:
+        """Whether a share of the work is some discs with all lines (True), or some lines with all discs (False).
+
+        Where False, the estimator prepares only the lines of the share.
+        """
+
+    def __init__(self, discs: Discs, pretest: str = "none") -> None:
+        """Build over discs; no disc at all is allowed.
+
+        pretest: a key of `PRETESTS`, for the report's tables: it changes the time, not the intersections.
+        """
+
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of the lines to the sums of the discs that they cross; return the number of intersections.
+
+        lines: (k) segments in the discs' space (`predicate.lines`), zero of them allowed; sign: 1 or -1; sums: int64
+        fixed-point units, one row per disc; part: does this one of `parts` equal shares. Threads call it at the same
+        time, each with its own part and sums. Called by tangent_plane for background and frames.
+        """
+
+    def summary(self) -> str:
+        """Return a summary of the structures, beginning with the search's name. Shown by `info` and the panel."""
+
 
 __all__ = ["DEFAULT", "PRETESTS", "SEARCHES", "Search"]
 

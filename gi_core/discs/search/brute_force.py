@@ -11,7 +11,6 @@ import numpy as np
 from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import kernel
 from gi_core.base.vec import row
-from gi_core.discs.search.accumulate import record
 from gi_core.discs.search.predicate import (
     LANES,
     Discs,
@@ -20,6 +19,7 @@ from gi_core.discs.search.predicate import (
     blocks,
     discs_crossed,
     receiver,
+    record,
     share,
     to_list,
 )

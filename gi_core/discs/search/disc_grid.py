@@ -16,8 +16,16 @@ import numpy as np
 from gi_core.base.bits import lowest_bit
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import row
-from gi_core.discs.search.accumulate import LISTED_AT_ONCE, add_accepted
-from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, discs_crossed, share
+from gi_core.discs.search.predicate import (
+    LANES,
+    LISTED_AT_ONCE,
+    Discs,
+    Lines,
+    add_accepted,
+    blocks,
+    discs_crossed,
+    share,
+)
 from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
 

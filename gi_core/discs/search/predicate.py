@@ -2,6 +2,8 @@
 
 Every disc search calls discs_crossed() and accepts(). A search only chooses the discs to test, a superset of those
 crossed. All arithmetic is float32 in a fixed order, so a decision has the same bits everywhere.
+
+Accepted candidates are added to the sums. They are listed first: memory accesses overlap in a separate loop.
 """
 
 from __future__ import annotations
@@ -14,11 +16,42 @@ import numpy as np
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import difference, dot, largest, rotate_back, row
 from gi_core.discs.region import EXTENSION, Regions, inside
-from gi_core.geometry.sides import NONE
+from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND, Model
+from gi_core.photons.flux_sums import CHUNK_BITS
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import GAP, Transforms, line
-from gi_core.retrace.removed_suffixes import RemovedSuffixes
+from gi_core.retrace.cuts import RemovedSuffixes
+
+LISTED_AT_ONCE = 2048  # candidates listed before they are added
+
+
+@inlined
+def record(log, k, i, centre, normal, lines):
+    """Write the intersection of line k with the disc of receiver i to the log, with the bits of t that decided it."""
+    at = log.count[0]
+    log.count[0] = at + 1
+    if at < len(log.line):
+        log.line[at], log.receiver[at] = k, i
+        log.distance[at] = dot(difference(centre, lines.origin[k]), normal) / dot(lines.direction[k], normal)
+
+
+@kernel
+def add_accepted(n, candidates, blocks, discs, lines, sign, sums):
+    """Add sign x flux of the accepted ones of n candidates (line, entry of blocks); return their number."""
+    total, room = 0, len(sums.log.line)
+    for f in range(n):
+        k = candidates[f, 0]
+        i, centre, normal = receiver(blocks, candidates[f, 1], lines.direction[k])
+        if i >= 0 and accepts(discs, i, centre, normal, lines, k):
+            total += 1
+            for c in range(3):
+                sums.flux[i, 3 * lines.lamp[k] + c] += sign * lines.flux[k, c]
+            sums.touched[(sums.first + i) >> CHUNK_BITS] = True
+            if room > 0:
+                record(sums.log, k, i, centre, normal, lines)
+    return total
+
 
 LANES = 16  # discs tested at a time: two AVX2 vectors, one of AVX-512
 DISC_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the slope
@@ -204,7 +237,7 @@ def discs_crossed(data, block, origin, direction, low, high, r2):
 
 @inlined
 def lines_crossing(data, block, centre, normal, limit, r2):
-    """Return the lines of a block (see line_list.py) that cross one disc: discs_crossed() with exchanged roles."""
+    """Return the lines of a block of a line list that cross one disc: discs_crossed() with exchanged roles."""
     base = np.uint64(block) * _LINE_BLOCK
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):

@@ -21,7 +21,7 @@ from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.polygons import without_overlaps
 from gi_core.files.formats.texture_images import MISSING, Images, find
-from gi_core.geometry.mipmap import srgb_to_linear
+from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material, Texture, VariedFinish

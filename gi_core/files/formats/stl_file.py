@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.file_parts import FileParts, Part
-from gi_core.geometry.mipmap import srgb_to_linear
+from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material
 

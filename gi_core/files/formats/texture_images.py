@@ -16,7 +16,7 @@ import numpy as np
 from gi_core.files.formats.boundary import MOST_IMAGE_PIXELS, Boundary, like_named
 from gi_core.files.formats.file_parts import CHANNELS
 from gi_core.geometry.cutouts import bled, cover_of
-from gi_core.geometry.mipmap import BYTE, mean_linear
+from gi_core.geometry.texture_filter import BYTE, mean_linear
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Texture
 

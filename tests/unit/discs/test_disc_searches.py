@@ -14,9 +14,8 @@ from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search import PRETESTS, SEARCHES
 from gi_core.discs.search.predicate import Discs, Lines
-from gi_core.discs.search.ray_cache import RayCache
-from gi_core.discs.search.sphere_stack import stack_spheres
-from gi_core.geometry.sides import NONE
+from gi_core.discs.search.ray_cache import RayCache, stack_spheres
+from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND
 from gi_core.photons.flux_sums import Sums
 

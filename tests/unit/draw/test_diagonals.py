@@ -7,8 +7,7 @@ import pytest
 
 from app.draw import raycast
 from app.draw.diagonals import Turning, along_light, quad_around, with_diagonals
-from app.draw.draw_mesh import draw_meshes
-from app.draw.quads import quads_of
+from app.draw.draw_mesh import draw_meshes, quads_of
 from app.draw.shot import Shot
 from app.settings import Settings
 from gi_core.model import Model

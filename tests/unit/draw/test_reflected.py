@@ -91,9 +91,7 @@ def test_a_rough_ball_has_as_many_rays_in_a_mirror_as_seen_directly():
     assert noise(now, truth) < 0.4 * noise(single, truth)
 
 
-def counted(
-    shot: Shot, most: int = reflected.MOST_RAYS, wanted: float = reflected.PIXEL_NOISE
-) -> tuple[np.ndarray, int]:
+def counted(shot: Shot, most: int = reflected.MOST_RAYS, wanted=reflected.PIXEL_NOISE) -> tuple[np.ndarray, int]:
     """Return the picture of drawn(), and the number of rays from lobes."""
     count, draw = 0, reflected.draw_lobe
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.geometry.border_angle import border_receivers
-from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
+from gi_core.geometry.receiver_classes import CLASSES, border_receivers, receiver_classes
 from gi_core.geometry.surfaces import flatten
 from tests.support import scene_builders as build
 
