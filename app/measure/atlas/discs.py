@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from app.measure.atlas.row import (
-    BARE,
     BLACK,
     CONTROL,
     COUNT,
@@ -22,6 +21,9 @@ from app.measure.atlas.row import (
     ball,
     beyond,
     box,
+    control_off_and_on,
+    floor,
+    floor_under,
     furnace,
     joined,
     near,
@@ -33,6 +35,8 @@ from app.measure.atlas.row import (
 )
 from gi_core.scene import Material, Mobile, PointLight, Pose
 
+SETTING: dict[str, Any] = {**CONTROL, "radius": 0.1}
+
 
 def walls_and_corners() -> Iterator[AtlasRow]:
     """In a furnace E is the same everywhere; the part of a disc behind a wall is missing."""
@@ -43,7 +47,7 @@ def walls_and_corners() -> Iterator[AtlasRow]:
         "edge": (near(*[(x, 0, 0) for x in along], *[(x, 1, 1) for x in along]), 0.5, "at the edge of two walls"),
         "wall": (near(*[(x, 0.05, 0) for x in along]), 1 - beyond(0.05, radius), "half a radius before a wall"),
     }
-    settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+    settings = control_off_and_on(radius)
     measured, helped = ratios(room, 100_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
     for (key, (_, share, where)), m, h in zip(places.items(), measured, helped, strict=True):
         yield AtlasRow(
@@ -59,7 +63,7 @@ def table_leg() -> Iterator[AtlasRow]:
     side, radius, gap = 0.1, 0.2, 0.05
     post = box((0.5, 0.45, 0), (0.5 + side, 0.45 + side, 0.6), 4)
     room = furnace(20, post)
-    settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+    settings = control_off_and_on(radius)
     sides = near((0.5 - gap, 0.5, 0), (0.6 + gap, 0.5, 0), (0.55, 0.45 - gap, 0), (0.55, 0.55 + gap, 0))
     (m,), (h,) = ratios(room, 50_000, [sides], settings, truth=FURNACE)
     yield AtlasRow(
@@ -77,31 +81,27 @@ def curved_inside() -> AtlasRow:
     """
     glow = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0))
     hollow = scene(ball(1.0, 24, inward=True), (glow,), (0, -3.6, 1), (0, 0, 0))
-    settings = [{**BARE, "radius": 0.15}, {**CONTROL, "radius": 0.15}]
+    settings = control_off_and_on(0.15)
 
     def belt(receivers):
         return np.abs(receivers.positions[:, 2]) < 0.7
 
     (m,), (h,) = ratios(hollow, 50_000, [belt], settings, truth=FURNACE)
     return AtlasRow(
-        "concave",
-        "tangent_plane, inside of a sphere: the surface rises through its own disc",
-        "0 without the concave rule; 1 with it, which is always on",
-        1.0,
-        m,
-        "on its own smooth patch a segment counts up to 2r behind its hit",
-        h,
+        "concave", "tangent_plane, inside of a sphere: the surface rises through its own disc",
+        "0 without the concave rule; 1 with it, which is always on", 1.0, m,
+        "on its own smooth patch a segment counts up to 2r behind its hit", h,
         within=0.025,  # the steepest segments end their 2r before they reach the disc
         view=View(hollow, 50_000, settings[1], None, "tangent_plane with the rule; the half before it is not drawn"),
         title="A disc inside a sphere",
-    )
+    )  # fmt: skip
 
 
 def curved_outside() -> Iterator[AtlasRow]:
     """Outside, the disc floats in front of the surface: of parallel light it measures E cos(theta) exactly."""
     grey = BLACK._replace(reflectance=(0.5,) * 3, two_sided=True)
     globe = scene(ball(1.0, 24), (grey,), (0, -3.6, 1.5), (0, 0, 0), (SUN,))
-    settings = [{**BARE, "radius": 0.15}, {**CONTROL, "radius": 0.15}]
+    settings = control_off_and_on(0.15)
 
     def ring(k):
         z = math.cos(math.pi * k / 24)
@@ -111,17 +111,11 @@ def curved_outside() -> Iterator[AtlasRow]:
         cosine = math.cos(math.pi * k / 24)
         (m,), (h,) = ratios(globe, 100_000, [ring(k)], settings, truth=cosine)
         yield AtlasRow(
-            f"convex_{k * 180 // 24}",
-            f"tangent_plane, outside of a sphere, light at {k * 180 // 24}° to its normal",
-            "no failure: 1",
-            1.0,
-            m,
-            "none needed",
-            h,
-            within=0.003,  # normals of facets
+            f"convex_{k * 180 // 24}", f"tangent_plane, outside of a sphere, light at {k * 180 // 24}° to its normal",
+            "no failure: 1", 1.0, m, "none needed", h, within=0.003,  # normals of facets
             view=View(globe, 100_000, settings[1], None, "tangent_plane, lit from above") if k == 4 else None,
             title="A disc outside a sphere",
-        )
+        )  # fmt: skip
 
 
 def larger_than_the_room() -> Iterator[AtlasRow]:
@@ -129,7 +123,7 @@ def larger_than_the_room() -> Iterator[AtlasRow]:
     room = furnace(4)
     middles = near((0.5, 0.5, 0), (0.5, 0.5, 1), (0, 0.5, 0.5), (1, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 1, 0.5))
     for radius in (1.0, 4.0):
-        settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+        settings = control_off_and_on(radius)
         (m,), (h,) = ratios(room, 20_000, [middles], settings, truth=FURNACE)
         yield AtlasRow(
             f"huge_{radius:g}", f"tangent_plane without control, radius {radius:g} m in a room of 1 m",
@@ -154,27 +148,22 @@ def smaller_and_smaller() -> Iterator[AtlasRow]:
         error = np.mean(spread) / math.sqrt(2 * seeds * int(inner.sum()))
         expected = math.sqrt(flux / (photons * FURNACE * math.pi * radius * radius))
         yield AtlasRow(
-            f"noise_{radius:g}",
-            f"tangent_plane, {photons:,} photons, radius {radius:g} m in a room of 1 m",
-            "noise √(Φ / N E πr²)",
-            expected,
+            f"noise_{radius:g}", f"tangent_plane, {photons:,} photons, radius {radius:g} m in a room of 1 m",
+            "noise √(Φ / N E πr²)", expected,
             Number(float(np.mean(spread)), float(error), seeds * int(inner.sum())),
-            "a larger radius, or more photons by its square",
-            None,
+            "a larger radius, or more photons by its square", None,
             within=0.03 * expected,  # a photon crosses a disc more than once; Sobol photons lie a little more evenly
-            quantity="standard deviation of E / truth",
-            view=View(room, photons, {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.1})
-            if radius == 0.02
-            else None,
-            title="The radius to 0",
-        )
+            quantity="standard deviation of E / truth", title="The radius to 0",
+            view=View(room, photons, {**CONTROL, "radius": radius}, SETTING) if radius == 0.02 else None,
+        )  # fmt: skip
 
 
 def shadow_edge() -> Iterator[AtlasRow]:
     """Half a floor in the shadow of a plate: a disc across the edge holds its share of light, lit or dark itself."""
-    ground = sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40))
     plate = sheet((-1.5, -1.5, 1), (0, 3, 0), (1.5, 0, 0), (1, 1), 1)
-    half = scene(joined(ground, plate), (BLACK, BLACK._replace(two_sided=True)), (0.6, -2.2, 1.4), (0.2, 0, 0), (SUN,))
+    half = scene(
+        joined(floor(40), plate), (BLACK, BLACK._replace(two_sided=True)), (0.6, -2.2, 1.4), (0.2, 0, 0), (SUN,)
+    )
     coarse, fine = {**CONTROL, "radius": 0.2}, {**CONTROL, "radius": 0.05}
     offsets = (-0.1, 0.1)
     places = [near(*[(x, y, 0) for y in np.linspace(-0.6, 0.6, 25)]) for x in offsets]
@@ -194,7 +183,7 @@ def lamp_near_a_surface() -> AtlasRow:
     """A point light a height h over the floor: the disc's mean of I h / (h² + x²)^1.5, over I / h² at its foot."""
     h, radius = 0.1, 0.2
     lamp = PointLight("lamp", (0, 0, h), (4 * math.pi,) * 3)
-    ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
+    ground = floor_under(lamp, 40)
     coarse, fine = {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.01}
     (m,), (n,) = ratios(ground, 200_000, [near((0, 0, 0))], [coarse, fine], truth=1 / h**2)
     return AtlasRow(
@@ -205,7 +194,6 @@ def lamp_near_a_surface() -> AtlasRow:
     )  # fmt: skip
 
 
-SETTING: dict[str, Any] = {**CONTROL, "radius": 0.1}
 GREY = Material("grey", (0.5,) * 3)
 
 
@@ -225,7 +213,7 @@ def sparks() -> Iterator[AtlasRow]:
     """A point light just above the floor: half of its flux arrives, within some millimetres."""
     for height in (1e-4, 1e-6):
         lamp = PointLight("spark", (0.01, 0.02, height), (1e3,) * 3)
-        ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
+        ground = floor_under(lamp, 8)
 
         def run(seed, ground=ground):
             solver = solved(ground, 5000, seed, **COUNT)
@@ -233,18 +221,13 @@ def sparks() -> Iterator[AtlasRow]:
 
         (measured,) = over_seeds(run, SEEDS)
         yield AtlasRow(
-            f"spark_{height:g}",
-            f"impact_count, a point light {height:g} m over the floor",
-            "no failure: half of its flux arrives",
-            1.0,
-            measured,
+            f"spark_{height:g}", f"impact_count, a point light {height:g} m over the floor",
+            "no failure: half of its flux arrives", 1.0, measured,
             within=1e-3,  # photons within 1e-4 of the horizon, and unevenness of Sobol points
-            quantity="flux that arrives / half of that emitted",
+            quantity="flux that arrives / half of that emitted", title="A tiny bright lamp at a surface",
             view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
-            if height == 1e-4
-            else None,
-            title="A tiny bright lamp at a surface",
-        )
+            if height == 1e-4 else None,
+        )  # fmt: skip
 
 
 def swallowed() -> AtlasRow:
@@ -271,18 +254,13 @@ def laid_over() -> Iterator[AtlasRow]:
     for name, height in {"0.1 mm under": 0.9899, "1 µm under": 0.99 - 1e-6, "flush with": 0.99}.items():
         solver.move("plate", Pose((0.5, 0.5, height)))
         yield AtlasRow(
-            f"over_{height:.7g}",
-            f"tangent_plane, a plate {name} a lamp",
-            "0, except photons that leave at the rim or start in a gap thinner than the ray offset",
-            0.0,
-            Number(float(solver.irradiance[below].mean() / free)),
-            within=0.02,
-            quantity="E of the room / E without the plate",
+            f"over_{height:.7g}", f"tangent_plane, a plate {name} a lamp",
+            "0, except photons that leave at the rim or start in a gap thinner than the ray offset", 0.0,
+            Number(float(solver.irradiance[below].mean() / free)), within=0.02,
+            quantity="E of the room / E without the plate", title="A mobile over a lamp",
             view=View(place, 100_000, SETTING, None, "tangent_plane, the plate 1 cm under the lamp")
-            if height == 0.9899
-            else None,
-            title="A mobile over a lamp",
-        )
+            if height == 0.9899 else None,
+        )  # fmt: skip
 
 
 def under_a_box() -> AtlasRow:

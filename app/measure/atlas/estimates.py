@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from app.measure.atlas.row import (
-    BARE,
     BLACK,
     CONTROL,
     COUNT,
     SEEDS,
     SUN,
+    UNCORRECTED,
     AtlasRow,
     Number,
     View,
     beyond,
     box,
+    control_off_and_on,
     fan,
+    floor,
     furnace,
     joined,
     near,
@@ -58,12 +60,7 @@ def borders() -> Iterator[AtlasRow]:
     field, apexes = fans()
     photons = 350_000  # k hits of 30 degrees then reach 0.9 of a fan
     places = [near(*apexes[kind]) for kind in KINDS]
-    map_: dict[str, Any] = {
-        "estimator": "photon_map",
-        "neighbours": NEIGHBOURS,
-        "radius": 1.0,
-        "border_correction": False,
-    }
+    map_ = UNCORRECTED | {"neighbours": NEIGHBOURS, "radius": 1.0}
     corrected = {**map_, "border_correction": True}
     measured, helped = ratios(field, photons, places, [map_, corrected])
     for (name, angle), m, h in zip(KINDS, measured, helped, strict=True):
@@ -84,7 +81,7 @@ def corners() -> Iterator[AtlasRow]:
         "in a corner of three walls": (near(*np.indices((2, 2, 2)).reshape(3, -1).T), 0.75),
         "at the edge of two walls": (near(*[(x, 0, 0) for x in along], *[(x, 1, 1) for x in along]), 1.0),
     }
-    map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 200, "radius": 0.3, "border_correction": False}
+    map_ = UNCORRECTED | {"neighbours": 200, "radius": 0.3}
     settings = [map_, {**map_, "border_correction": True}]
     measured, helped = ratios(room, 100_000, [p for p, _ in places.values()], settings, truth=2 * math.pi)
     for (where, (_, share)), m, h in zip(places.items(), measured, helped, strict=True):
@@ -107,8 +104,7 @@ def small_surfaces() -> Iterator[AtlasRow]:
             meshes.append(sheet((i * 2.0, j * 2.0, 0), (s, 0, 0), (0, s, 0)))
             corners[s].append((i * 2.0, j * 2.0, 0))
     field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -2, 2.2), (2, 2.2, 0), (SUN,))
-    map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5, "border_correction": False}
-    plane: dict[str, Any] = {"estimator": "tangent_plane", "radius": 0.2}
+    map_, plane = UNCORRECTED | {"neighbours": 10_000, "radius": 0.5}, {**CONTROL, "radius": 0.2}
     measured, helped = ratios(field, 500_000, [near(*corners[s]) for s in sizes], [map_, plane])
     for s, m, h in zip(sizes, measured, helped, strict=True):
         yield AtlasRow(
@@ -123,11 +119,10 @@ WALL, AT = 0.002, 0.024  # m thick, and where: between two rows of vertices
 
 def shaded_wall():
     """A floor under slanting parallel light, and a thin black wall across it: beyond, 3 m of full shadow."""
-    ground = sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40))
     wall = box((AT, -1.5, 0), (AT + WALL, 1.5, 3.0), 1, 1)
     sun = DirectionalLight("sun", (-1, 0, -1), (math.sqrt(2),) * 3)
     # E of floor and wall is sqrt(2) cos(45) = 1; nothing is reflected.
-    return scene(joined(ground, wall), (BLACK, BLACK), (-0.6, -1.6, 1.2), (0, 0, 0), (sun,))
+    return scene(joined(floor(40), wall), (BLACK, BLACK), (-0.6, -1.6, 1.2), (0, 0, 0), (sun,))
 
 
 def line(x: float):
@@ -139,14 +134,10 @@ def thin_wall() -> Iterator[AtlasRow]:
     """Hits on the lit side of a wall are found from the dark side; a disc reaches through it."""
     place, radius, photons = shaded_wall(), 0.2, 150_000
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 10_000, "radius": radius}
-    bare: dict[str, Any] = {"estimator": "tangent_plane", "radius": radius, "control": False}
-    plane: dict[str, Any] = {**bare, "control": True}
-    dark, lit = -0.05, 0.1
-    bare_name = "tangent_plane without control"
-    places = [line(dark), line(lit)]
-    measured = ratios(place, photons, places, [plane, map_, bare])
-    helped = measured[0]
-    for name, setting, (leak, loss) in zip(("photon_map", bare_name), (map_, bare), measured[1:], strict=True):
+    bare, plane = control_off_and_on(radius)
+    dark, lit, names = -0.05, 0.1, ("photon_map", "tangent_plane without control")
+    helped, *measured = ratios(place, photons, [line(dark), line(lit)], [plane, map_, bare])
+    for name, setting, (leak, loss) in zip(names, (map_, bare), measured, strict=True):
         # Hits on the lit wall lie in the sphere too: half a disc of the sphere's section with it.
         walls = [0.5 * (1 - (d / radius) ** 2) if setting is map_ else 0.0 for d in (AT + WALL - dark, lit - AT - WALL)]
         also = ", and the hits on the wall" if setting is map_ else ""
@@ -187,20 +178,12 @@ def textbook() -> Iterator[AtlasRow]:
 
         ratio, unbiased = over_seeds(run, SEEDS)
         yield AtlasRow(
-            f"textbook_{k}",
-            f"photon_map, textbook form, k = {k}",
-            "k / (k - 1) of the unbiased form",
-            k / (k - 1),
-            ratio,
-            "count k - 1 hits: `textbook` off, as by default",
-            unbiased,
-            within=1e-6,
+            f"textbook_{k}", f"photon_map, textbook form, k = {k}", "k / (k - 1) of the unbiased form", k / (k - 1),
+            ratio, "count k - 1 hits: `textbook` off, as by default", unbiased, within=1e-6,
             aim_within=0.5 / k,  # Sobol photons are more even than random ones: k - 1 of them are too few
-            cost="none",
-            quantity="E / E of the unbiased form",
+            cost="none", quantity="E / E of the unbiased form", title="The k-th hit, counted",
             view=View(field, 200_000, {**map_, "textbook": True}, map_) if k == 5 else None,
-            title="The k-th hit, counted",
-        )
+        )  # fmt: skip
 
 
 def small_faces() -> Iterator[AtlasRow]:
@@ -241,10 +224,9 @@ def small_faces() -> Iterator[AtlasRow]:
 
 def blocked_spot():
     """A floor under a blue sky and a red spot light, which a plate blocks."""
-    ground = sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (20, 20))
     lights = SkyLight("sky", (0.0, 0.0, 0.5)), SpotLight("spot", (0, 0, 1.5), (0, 0, -1), (5.0, 0, 0), 14.0, 15.0)
     plate = Mobile("plate", box((-0.2, -0.2, 0), (0.2, 0.2, 0.02), 3), Pose((0, 0, 1.0)))
-    return scene(ground, (BLACK._replace(reflectance=(0.5,) * 3),), (0, -2.4, 1.8), (0, 0, 0.3), lights, (plate,))
+    return scene(floor(20), (BLACK._replace(reflectance=(0.5,) * 3),), (0, -2.4, 1.8), (0, 0, 0.3), lights, (plate,))
 
 
 def naive_sums() -> AtlasRow:
@@ -263,26 +245,14 @@ def naive_sums() -> AtlasRow:
     before = read(*estimate.background(solver.frame.photons))
     naive = before - lost + gained
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())
+    caption = "photon_map as it is done: the spot's red is gone from under the plate, nothing is below 0"
     return AtlasRow(
-        "additive",
-        "photon_map, Eq. 2.4 term by term: E_bg - E(removed) + E(new), red, darkest receiver",
-        "below 0: Eq. 2.8 is not additive",
-        0.0,
-        Number(float(naive[:, 0].min() / before[:, 0].mean())),
-        "stale receivers are estimated again from all hits: bits of a solution from scratch",
-        Number(exact),
-        aim=0.0,
-        within=math.inf,
-        quantity="E / mean E without the plate",
-        view=View(
-            place,
-            20_000,
-            NEAREST,
-            None,
-            "photon_map as it is done: the spot's red is gone from under the plate, nothing is below 0",
-        ),
+        "additive", "photon_map, Eq. 2.4 term by term: E_bg - E(removed) + E(new), red, darkest receiver",
+        "below 0: Eq. 2.8 is not additive", 0.0, Number(float(naive[:, 0].min() / before[:, 0].mean())),
+        "stale receivers are estimated again from all hits: bits of a solution from scratch", Number(exact), aim=0.0,
+        within=math.inf, quantity="E / mean E without the plate", view=View(place, 20_000, NEAREST, None, caption),
         title="k nearest hits are not additive",
-    )
+    )  # fmt: skip
 
 
 def bright_rooms() -> Iterator[AtlasRow]:
@@ -311,18 +281,12 @@ def beside_a_mobile() -> AtlasRow:
     block = Mobile("block", box((-half, -half, 0), (half, half, 0.003), 4, 1), Pose((0.5, 0.5, 0.0)))
     room = scene(furnace(20).static, (glow, grey), (0.5, -1.9, 1.1), (0.5, 0.5, 0.2), (), (block,))
     places = near(*[(x, y, 0) for x in (0.3, 0.7) for y in (0.45, 0.55)], *[(x, 0.3, 0) for x in (0.45, 0.55)])
-    settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
+    settings = control_off_and_on(radius)
     (m,), (h,) = ratios(room, 100_000, [places], settings, truth=2 * math.pi)
     return AtlasRow(
-        "mobile_foot",
-        "tangent_plane without control, on the floor 5 mm beside a mobile 3 mm high",
-        "the share of the disc that the mobile leaves free",
-        1 - beyond(gap, radius),
-        m,
-        "artifact control: regions follow mobiles, frame by frame",
-        h,
-        within=0.03,  # a mobile cannot emit: the room is a little darker than a furnace
-        aim_within=0.03,
-        view=View(room, 100_000, settings[0], settings[1]),
-        title="A disc beside a mobile on the floor",
-    )
+        "mobile_foot", "tangent_plane without control, on the floor 5 mm beside a mobile 3 mm high",
+        "the share of the disc that the mobile leaves free", 1 - beyond(gap, radius), m,
+        "artifact control: regions follow mobiles, frame by frame", h,
+        within=0.03, aim_within=0.03,  # a mobile cannot emit: the room is a little darker than a furnace
+        view=View(room, 100_000, settings[0], settings[1]), title="A disc beside a mobile on the floor",
+    )  # fmt: skip

@@ -97,13 +97,8 @@ NORMAL_TURN = 10.0  # degrees
 
 def noise() -> Iterator[AtlasRow]:
     """The noise of radiance is F times that of irradiance from the same rays: the noise factor of docs/brdfs.md."""
-    for alpha, views in (
-        (0.15, (0.0,)),
-        (0.2, (0.0,)),
-        (0.3, (0.0, GRAZING_VIEW)),
-        (0.5, (0.0, GRAZING_VIEW)),
-        (0.8, (0.0,)),
-    ):
+    along, both = (0.0,), (0.0, GRAZING_VIEW)
+    for alpha, views in ((0.15, along), (0.2, along), (0.3, both), (0.5, both), (0.8, along)):
 
         def run(seed, alpha=alpha, views=views):
             seen, count = under_the_sky(alpha, views, seed, SMALL)
@@ -165,16 +160,12 @@ def blur() -> AtlasRow:
 
     (measured,) = over_seeds(run, 4)
     return AtlasRow(
-        "gloss_blur",
-        f"a strip lamp {STRIP_HEIGHT} m over glossy faces, discs of {RADII * DISC_RADIUS} m",
-        "R / 2h: reflected edges are blurred by 2R / h",
-        0.5 * RADII * DISC_RADIUS / STRIP_HEIGHT,
-        measured,
+        "gloss_blur", f"a strip lamp {STRIP_HEIGHT} m over glossy faces, discs of {RADII * DISC_RADIUS} m",
+        "R / 2h: reflected edges are blurred by 2R / h", 0.5 * RADII * DISC_RADIUS / STRIP_HEIGHT, measured,
         "a smaller radius; reflections for sharp lobes",
         within=0.01 * RADII * DISC_RADIUS / STRIP_HEIGHT,  # receivers lie 0 to 2 cm off the strip's middle
-        quantity="standard deviation of the slope of rays",
-        title="Reflections blurred by the disc",
-    )
+        quantity="standard deviation of the slope of rays", title="Reflections blurred by the disc",
+    )  # fmt: skip
 
 
 def shading_normals() -> AtlasRow:

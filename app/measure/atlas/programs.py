@@ -11,7 +11,6 @@ import numpy as np
 
 from app.measure.atlas.discs import SETTING, block, lit_room
 from app.measure.atlas.row import (
-    BLACK,
     CONTROL,
     COUNT,
     FURNACE,
@@ -21,11 +20,10 @@ from app.measure.atlas.row import (
     View,
     ball,
     box,
+    floor_under,
     furnace,
     near,
     ratios,
-    scene,
-    sheet,
     solved,
 )
 from gi_core.instruments.ray_timing import Rays, boxes_crossed, built, run_of
@@ -132,7 +130,7 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     yield AtlasRow(
         "none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), quantity="largest E [W/m2]", **common
     )
-    ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (SUN,))
+    ground = floor_under(SUN, 8)
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 1000, "radius": 0.5}
     ((ratio,),) = ratios(ground, 500, [near((0, 0, 0))], [map_], seeds=16)
     yield AtlasRow(
@@ -183,16 +181,8 @@ def ray_structures() -> Iterator[AtlasRow]:
     bundle = np.concatenate([along, along + 1, along + 1 + wide], axis=1)
     theory = "planes across an axis cut all of them, but at the ends of the bundle. Boxes of a bvh all overlap"
     # 20 tests that cells at the ends of a bundle add
-    yield _row(
-        "bsp",
-        "bsp",
-        "a bundle of long triangles along the diagonal",
-        theory,
-        bundle,
-        anywhere,
-        helper=None,
-        within=20,
-    )
+    where = "a bundle of long triangles along the diagonal"
+    yield _row("bsp", "bsp", where, theory, bundle, anywhere, helper=None, within=20)
 
 
 def _rays(origins, directions) -> Rays:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Scene
+from gi_core.scene.types import Light
 from gi_core.solver import Solver
 
 SEEDS = 8  # runs per standard error
@@ -114,6 +115,7 @@ SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0))
 BARE: dict[str, Any] = {"estimator": "tangent_plane", "control": False}
 CONTROL: dict[str, Any] = {"estimator": "tangent_plane", "control": True}
 COUNT: dict[str, Any] = {"estimator": "impact_count"}
+UNCORRECTED: dict[str, Any] = {"estimator": "photon_map", "border_correction": False}
 FURNACE = 2 * math.pi  # E = pi Le / (1 - rho) in furnace()
 UP = (0.0, 0.0, 1.0)
 
@@ -127,6 +129,16 @@ def sheet(corner, u, v, divisions=(1, 1), material: int = 0) -> Mesh:
     a, b, c, d = (x.reshape(-1) for x in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
     return Mesh(points.reshape(-1, 3), faces.astype(np.int32), np.full(len(faces), material, np.int32))
+
+
+def floor(divisions: int) -> Mesh:
+    """Return a square of 2 m about the origin that faces up."""
+    return sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (divisions, divisions))
+
+
+def floor_under(light: Light, divisions: int) -> Scene:
+    """Return a black floor under one light."""
+    return scene(floor(divisions), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (light,))
 
 
 def fan(place, degrees: float, step: float = 30.0, radius: float = 1.0, material: int = 0) -> Mesh:
@@ -192,6 +204,11 @@ def furnace(divisions: int, *more: Mesh, low=(0.0, 0, 0), high=(1.0, 1, 1), refl
     glow = Material("glow", (reflectance,) * 3, (1.0, 1.0, 1.0))
     room = joined(box(low, high, divisions, inward=True), *more)
     return scene(room, (glow,), (0.5, -1.9, 1.1), (0.5, 0.5, 0.4))
+
+
+def control_off_and_on(radius: float) -> list[dict[str, Any]]:
+    """Return the settings of tangent_plane, radius in metres."""
+    return [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
 
 
 def beyond(distance: float, radius: float) -> float:
