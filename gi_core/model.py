@@ -12,6 +12,7 @@ import numpy as np
 from gi_core.base.results import Results, digest
 from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
+from gi_core.bsdf.surface import Diffuse
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import covered_share
@@ -30,6 +31,7 @@ from gi_core.scene.types import DirectionalLight, PlacedLight, Pose, Scene, SkyL
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
+WHITE = 0.9  # reflectance: paths have ten bounces on average
 FARTHEST_REACH = 1000  # sizes of the static part; at 3000, float32 loses 5 % of the light in corners
 
 
@@ -140,6 +142,14 @@ class Model:
         """Return this model with other shares (G,) of its lamps in the photons."""
         other = copy.copy(self)
         other.emitters = self.emitters.shared(shares)
+        return other
+
+    def white(self) -> Model:
+        """Return this model with all surfaces painted white: light goes wherever a path leads."""
+        other, bsdfs = copy.copy(self), self.world.bsdfs
+        white = np.full(bsdfs.reflectance.shape, WHITE)
+        changes = {"kind": np.full_like(bsdfs.kind, -1)} if not isinstance(bsdfs, Diffuse) else {}
+        other.world = self.world._replace(bsdfs=bsdfs._replace(reflectance=white, albedo=white, **changes))
         return other
 
     @cached_property

@@ -48,7 +48,7 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         if file is not None:
             check_no_input("--csv", file, settings, scene)
         solver = make_solver(scene, settings)
-        level, units = level_of(solver.chosen.low, solver.chosen.high, scene.up), units_of(scene.units)
+        level, units = level_of(solver.model), units_of(scene.units)
         plane, started = settings.plane or default_plane(level), time.monotonic()
         for light in plane_steps(solver.model, plane, level, solver.poses, solver.levels, solver.seed, error):
             spent = time.monotonic() - started

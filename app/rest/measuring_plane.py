@@ -18,10 +18,12 @@ import numpy as np
 
 from app.draw.camera import frame_of
 from app.settings import MeasuringPlane
-from gi_core.base.vectors import dot
+from app.values import MOST_GRID_POINTS
+from gi_core.defaults.choose import LitPart, lit_part
+from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
-from gi_core.rays.accelerator import Transforms
+from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
 
 if TYPE_CHECKING:
@@ -35,7 +37,13 @@ BORDER = 0.5  # [m] along walls, EN 12464-1
 COARSEST = 10.0  # [m], the largest cell of EN 12464-1
 FEWEST = 3  # cells along a side of less than a metre, EN 12464-1, table A.1
 LOW_SCENE = 0.9  # of the scene's height: a plane above that lies at half the height
-RAYS = 64  # above a point that may lie inside an object
+DIGITS = 5  # of the scene's size that the ends of the default plane have
+LEVEL = 0.1  # cosine of a face that a vertical line meets at a clear height
+LINES, LAYERS = 32, 64  # vertical lines per axis that look for the floor, and surfaces along each
+FLOOR = 0.002  # of the box's longest side: a floor is level within that; of a dome's bottom, few lines hit so little
+FLOOR_SHARE = 0.5  # of the largest level surface: the floor is the lowest one that is so large
+REACHING = (16, 32, 64, 128, 256)  # paths from points that light has not reached yet
+AT_ONCE = 1024  # of these paths per step: 10 ms
 NOISE = 0.01  # relative l1 noise that is small enough
 OF_POINT = 3.0  # times that: standard error of each point, relative to its value ...
 DIM = 0.05  # ... or to this share of the mean, if larger
@@ -73,7 +81,7 @@ class PlaneLight(NamedTuple):
 
     plane: MeasuringPlane
     grid: Grid
-    values: np.ndarray  # (n,) float64, nan inside objects
+    values: np.ndarray  # (n,) float64, nan where points do not count
     errors: np.ndarray  # (n,) float64, standard errors
     fraction: float  # of the paths needed, 0 .. 1
     is_current: bool = True  # False: the light has changed since
@@ -93,7 +101,7 @@ class Uniformity(NamedTuple):
     most: float
     most_error: float
     points: int  # that count
-    left_out: int  # that lie inside objects
+    left_out: int  # that lie inside objects or outside the room
 
     @property
     def U0(self) -> float:
@@ -146,8 +154,15 @@ def axes_of(up) -> Axes:
     return Axes(np.eye(3)[a], np.eye(3)[b], upward, ("xyz"[a], "xyz"[b]))
 
 
-def level_of(low, high, up) -> Level:
-    """Return the box low .. high (3,) [m] of a scene along its axes."""
+def level_of(model: Model) -> Level:
+    """Return the box of a scene that light reaches, from the floor up (`floor_of`), along its axes."""
+    lit = lit_part(model)
+    level = box_along(lit.low, lit.high, model.scene.up)
+    return level._replace(low=np.append(level.low[:2], floor_of(model, level, lit)))
+
+
+def box_along(low, high, up) -> Level:
+    """Return the box low .. high (3,) [m] along the axes of a scene."""
     axes = axes_of(up)
     ends = np.array([low, high], np.float64)
     corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
@@ -163,8 +178,42 @@ def default_plane(level: Level) -> MeasuringPlane:
     high[inside] -= BORDER
     top = float(level.high[2] - level.low[2])
     height = HEIGHT if top * LOW_SCENE >= HEIGHT else top / 2
-    a, b, c, d, h = (float(f"{x:.6g}") for x in (*low, *high, height))
+    decimals = DIGITS - math.floor(math.log10(max(*(high - low).tolist(), top, 1e-9)))
+    a, b, c, d, h = (round(float(x), decimals) for x in (*low, *high, height))
     return MeasuringPlane((a, b), (c, d), h)
+
+
+def floor_of(model: Model, level: Level, lit: LitPart) -> float:
+    """Return the height [m] of the floor of a scene whose light reaches the box `level`.
+
+    Vertical lines through the box pass all static surfaces that face up. Of those that are level and that light
+    reaches, the floor is the lowest one half as large as the largest, or larger: no desk,
+    blind or ground below the house. The lowest point of the box, where nothing is level.
+    """
+    axes, (low, high) = level.axes, (level.low, level.high)
+    a, b = ((np.arange(LINES) + 0.5) / LINES * (high[k] - low[k]) + low[k] for k in (0, 1))
+    at = (a[:, None, None] * axes.across + b[None, :, None] * axes.along).reshape(-1, 3)
+    vertices = model.surfaces.vertices[0] + model.origins[0]
+    at += (vertices @ axes.up).max(initial=high[2]) * axes.up - model.origins[0]
+    at += model.world.size * LIFT * axes.up
+    found, normals = [], model.world.normals
+    for _ in range(LAYERS):
+        distance, face = _below(model, model.static, at, axes.up, static=True)
+        at, distance, face = (x[face >= 0] for x in (at, distance, face))
+        if not len(at):
+            break
+        slope, over = normals[face] @ axes.up, (normals[face] * at).sum(axis=1) - model.world.height[face]
+        exact = np.divide(over, slope, out=distance.astype(np.float64), where=np.abs(slope) > LEVEL)
+        at = at - exact[:, None] * axes.up
+        found.append((at[_faces_up(model, model.static, face, axes.up)] + model.origins[0]) @ axes.up)
+        at = at - LIFT * np.maximum(np.abs(at).max(axis=1), model.world.reach[face])[:, None] * axes.up
+    heights = np.sort(np.concatenate([*found, np.zeros(0)]))
+    arrived = np.sort((lit.hits @ axes.up)[lit.normals @ axes.up > LEVEL])
+    tops = heights + FLOOR * (high - low).max()
+    sizes = np.searchsorted(heights, tops, "right") - np.arange(len(heights))
+    is_lit = np.searchsorted(arrived, tops, "right") > np.searchsorted(arrived, 2 * heights - tops)
+    large = np.flatnonzero(is_lit & (sizes >= FLOOR_SHARE * np.max(sizes, where=is_lit, initial=1)))
+    return float(np.median(heights[large[0] : large[0] + sizes[large[0]]])) if len(large) else float(low[2])
 
 
 def coarsest_cell(side: float) -> float:
@@ -184,11 +233,22 @@ def standard_points(width: float, depth: float) -> tuple[int, int]:
     return a, b
 
 
+def points_of(plane: MeasuringPlane) -> tuple[tuple[int, int], str]:
+    """Return the points of EN 12464-1 along the axes, at most MOST_GRID_POINTS, and a sentence if these are fewer."""
+    a, b = standard_points(*np.abs(np.subtract(plane.high, plane.low)).tolist())
+    if max(a, b) <= MOST_GRID_POINTS:
+        return (a, b), ""
+    fewer = min(a, MOST_GRID_POINTS), min(b, MOST_GRID_POINTS)
+    return (
+        fewer,
+        f"EN 12464-1 asks for {a} x {b} points; if the file is in millimetres, write scale = 0.001 in its table",
+    )
+
+
 def grid_of(plane: MeasuringPlane, level: Level) -> Grid:
     """Return the points of a plane: the centres of its cells."""
     low, high = np.minimum(plane.low, plane.high), np.maximum(plane.low, plane.high)
-    size = high - low
-    shape = plane.points or standard_points(*size.tolist())
+    size, shape = high - low, plane.points or points_of(plane)[0]
     a, b = ((np.arange(n) + 0.5) / n * s + o for n, s, o in zip(shape, size, low, strict=True))
     axes, height = level.axes, level.low[2] + plane.height
     at = a[:, None, None] * axes.across + b[None, :, None] * axes.along + height * axes.up
@@ -197,27 +257,47 @@ def grid_of(plane: MeasuringPlane, level: Level) -> Grid:
     return Grid(at.reshape(-1, 3), shape, np.array(corners))
 
 
-def is_inside(model: Model, at: Transforms, positions: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Return whether points (n, 3) [m] lie inside objects or outside a room, (n,) bool.
+def stands(model: Model, at: Transforms, points: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return whether the nearest surface below points (n, 3) [m] faces up, (n,) bool.
 
-    There, most rays into the hemisphere about `up` (3,) that hit anything hit backs. Those of two-sided surfaces do
-    not count.
+    Below a point inside a solid is a back, and below one outside a room is nothing.
     """
-    k = np.arange(RAYS) + 0.5
-    cosine, turn = 1 - k / RAYS, math.pi * (1 + math.sqrt(5)) * k  # a Fibonacci lattice
-    sine = np.sqrt(1 - cosine * cosine)
-    east, north, up = frame_of(up)
-    directions = np.outer(sine * np.cos(turn), east) + np.outer(sine * np.sin(turn), north) + np.outer(cosine, up)
-    d = np.tile(directions, (len(positions), 1))
-    o = np.repeat(positions - model.origins[0], RAYS, axis=0)
-    far = np.full(len(d), np.inf, np.float32)
-    _, face = nearest_in_world(model.accelerator, at, o.astype(np.float32), d.astype(np.float32), far)
-    hit = face >= 0
-    f, world = np.maximum(face, 0), model.world
-    normals = np.einsum("nij,nj->ni", at.rotation[world.face_object[f]], world.normals[f])
-    back = hit & ~world.two_sided[f] & (dot(d, normals) > 0)
-    hits, backs = (a.reshape(-1, RAYS).sum(axis=1) for a in (hit, back))
-    return 2 * backs > hits
+    o, ups = points - model.origins[0], np.broadcast_to(up, points.shape)
+    o = o + model.lifts_at(at, o, ups)[:, None] * up
+    _, face = _below(model, at, o, up)
+    return (face >= 0) & _faces_up(model, at, np.maximum(face, 0), up)
+
+
+def _below(model: Model, at: Transforms, origins: np.ndarray, up: np.ndarray, static=False):
+    """Return distance [m] and face of the nearest surface below points (n, 3), relative to the model's origin."""
+    far, down = np.full(len(origins), np.inf, np.float32), np.broadcast_to(-up, origins.shape)
+    if static:
+        return model.accelerator.nearest(0, origins.astype(np.float32), down.astype(np.float32), far)
+    return nearest_in_world(model.accelerator, at, origins, down, far)
+
+
+def _faces_up(model: Model, at: Transforms, face: np.ndarray, up: np.ndarray) -> np.ndarray:
+    world = model.world
+    normals = np.einsum("nij,nj->ni", at.rotation[world.face_object[face]], world.normals[face])
+    return world.two_sided[face] | (normals @ up > 0)
+
+
+def reached_steps(model: Model, points: np.ndarray, up: np.ndarray, poses: Mapping[str, Pose]) -> Iterator[np.ndarray]:
+    """Yield in short steps which points (n, 3) [m] light from above can reach, (n,) bool; the last array is final.
+
+    Paths look for it in the scene painted white, at the levels of the scene file: the way counts, not the colour.
+    """
+    ups = np.broadcast_to(up, points.shape)
+    white = Gatherer(model.scene, points, ups, 0, poses, model=model.white())
+    reached, first = np.zeros(len(points), bool), 0
+    yield reached
+    for paths in REACHING:
+        left = np.flatnonzero(~reached)
+        for k in range(0, len(left), AT_ONCE // paths):
+            rows = left[k : k + AT_ONCE // paths]
+            reached[rows] = white.paths(rows, first, paths).any(axis=(1, 2))
+            yield reached
+        first += paths
 
 
 # Light ----------------------------------------------------------------------------------------------
@@ -232,15 +312,18 @@ def plane_steps(
     levels (G, 3): of the lamps; noise: relative l1 noise at the end, that of each point is OF_POINT times it at most.
     Values are nan at first. Raises SceneError for bad poses.
     """
-    grid = grid_of(plane, level)
-    free = np.flatnonzero(~is_inside(model, model.transforms(poses), grid.positions, level.axes.up))
-    points = grid.positions[free]
-    up = np.broadcast_to(level.axes.up, points.shape)
-    rounds = point_rounds(model, points, up, poses, levels, seed)
+    grid, up = grid_of(plane, level), level.axes.up
     values, errors = np.full(len(grid.positions), np.nan), np.full(len(grid.positions), np.nan)
-    if not len(free):
-        yield PlaneLight(plane, grid, values, errors, 1.0)
-        return
+    free = np.arange(len(grid.positions))
+    standing = stands(model, model.transforms(poses), grid.positions, up)
+    free = free[standing] if standing.any() else free
+    lit = free
+    for reached in reached_steps(model, grid.positions[free], up, poses):
+        lit = free[reached]
+        yield PlaneLight(plane, grid, values, errors, 0.0)
+    free = lit if len(lit) else free
+    points = grid.positions[free]
+    rounds = point_rounds(model, points, np.broadcast_to(up, points.shape), poses, levels, seed)
     for E, error, fraction in light_steps(rounds, noise):
         values, errors = values.copy(), errors.copy()
         values[free], errors[free] = E, error

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from app.rest.measuring_plane import PlaneLight
+    from app.rest.measuring_plane import Level, PlaneLight
     from app.settings import MeasuringPlane
     from gi_core.solver import Solver
 
@@ -18,6 +18,7 @@ class PlaneJob:
         self._solver = solver
         self._steps: Iterator[PlaneLight] | None = None
         self._begun: tuple | None = None  # plane, poses and levels of the steps
+        self._level: Level | None = None
         self._plane: MeasuringPlane | None = None
         self._light: PlaneLight | None = None
         self._lit: tuple | None = None  # plane, poses and levels of the light
@@ -39,8 +40,8 @@ class PlaneJob:
             from app.rest.measuring_plane import level_of, plane_steps
 
             s = self._solver
-            level = level_of(s.chosen.low, s.chosen.high, s.scene.up)
-            self._begun, self._steps = asked, plane_steps(s.model, plane, level, s.poses, s.levels, s.seed)
+            self._level = self._level or level_of(s.model)
+            self._begun, self._steps = asked, plane_steps(s.model, plane, self._level, s.poses, s.levels, s.seed)
         return None if self._steps is None else self._step
 
     def _asked(self) -> tuple:

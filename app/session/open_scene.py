@@ -74,6 +74,7 @@ class OpenScene:
         self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
+        self.__dict__.pop("level", None)
 
     @property
     def scene(self) -> Scene:
@@ -95,10 +96,10 @@ class OpenScene:
 
     @cached_property
     def level(self) -> Level:
-        """The lit box along the axes of the scene, for measuring planes."""
+        """The lit box above the floor, along the axes of the scene, for measuring planes."""
         from app.rest.measuring_plane import level_of
 
-        return level_of(self.chosen.low, self.chosen.high, self.scene.up)
+        return level_of(self.model)
 
     @property
     def poses(self) -> dict[str, Pose]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from app.draw.units import Units
     from app.rest.measuring_plane import Level, PlaneLight
 
+LEFT_OUT = "inside objects or outside the room"
 COLUMNS = ("kind", "name", "x [m]", "y [m]", "z [m]")
 
 
@@ -39,8 +40,8 @@ def csv_text(rows: Sequence[Row], light: PlaneLight | None, units: Units) -> str
     write((*COLUMNS, f"{surface} [{per_area}]", f"standard error [{per_area}]",
            f"{seen} [{per_solid_angle}]", "object", "material"))  # fmt: skip
     for r in rows:
-        numbers = (*r.position, r.irradiance, r.error, r.radiance)
-        write((r.kind, _cell(r.name), *map(_number, numbers), _cell(r.object), _cell(r.material)))
+        numbers = *map(_place, r.position), *map(_number, (r.irradiance, r.error, r.radiance))
+        write((r.kind, _cell(r.name), *numbers, _cell(r.object), _cell(r.material)))
     if light is None:
         return out.getvalue()
     n, none = light.numbers, ("",) * 3
@@ -51,20 +52,26 @@ def csv_text(rows: Sequence[Row], light: PlaneLight | None, units: Units) -> str
         write(("measuring plane", name, *none, _number(value), _number(error), *none))
     for k, (position, value, error) in enumerate(zip(light.grid.positions, light.values, light.errors, strict=True)):
         a, b = divmod(k, light.grid.shape[1])
-        numbers = (*position, value, error)
-        write(("plane point", f"{a + 1} {b + 1}", *map(_number, numbers), *none))
+        write(("plane point", f"{a + 1} {b + 1}", *map(_place, position), _number(value), _number(error), *none))
     return out.getvalue()
 
 
 def text_lines(rows: Sequence[Row], light: PlaneLight | None, level: Level, units: Units) -> list[str]:
     """Return all read-outs as lines of text."""
+    from app.rest.measuring_plane import points_of
+
     lines = []
     if light is not None:
         n, (a, b), unit = light.numbers, light.grid.shape, units.per_area
         width, depth = np.abs(np.subtract(light.plane.high, light.plane.low)).tolist()
         lines += [
             f"measuring plane    {width:.4g} x {depth:.4g} m, {light.plane.height:.4g} m above the floor, "
-            f"{a} x {b} points" + (f", {n.left_out} of them inside objects" if n.left_out else ""),
+            f"{a} x {b} points" + (f", {n.left_out} of them {LEFT_OUT}" if n.left_out else ""),
+            *(
+                [f"                   {note}"]
+                if (note := "" if light.plane.points else points_of(light.plane)[1])
+                else []
+            ),
             f"mean               {shown(n.mean, n.mean_error, unit)}",
             f"minimum            {shown(n.least, n.least_error, unit)}",
             f"maximum            {shown(n.most, n.most_error, unit)}",
@@ -85,8 +92,9 @@ def _map(light: PlaneLight, level: Level, units: Units) -> list[str]:
     columns, rows = along[0].reshape(a, b)[:, 0], along[1].reshape(a, b)[0]
     head = f"{axes.names[1]} \\ {axes.names[0]} [m]"
     cells = ["-" if math.isnan(v) else _rounded(v, e) for v, e in zip(light.values, light.errors, strict=True)]
-    width = max(9, 2 + max(map(len, cells)))
-    out = [f"{units.on_surface} [{units.per_area}]", head.rjust(11) + "".join(f"{c:{width}.2f}" for c in columns)]
+    places = [f"{c:.2f}" for c in columns]
+    width = max(9, 2 + max(map(len, [*cells, *places])))
+    out = [f"{units.on_surface} [{units.per_area}]", head.rjust(11) + "".join(c.rjust(width) for c in places)]
     for k, place in enumerate(rows):
         out.append(f"{place:11.2f}" + "".join(cell.rjust(width) for cell in cells[k::b]))
     return [*out, ""]
@@ -115,6 +123,10 @@ def _digits(error: float) -> int:
 
 def _number(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.7g}"
+
+
+def _place(coordinate: float) -> str:
+    return f"{coordinate:.12g}"  # micrometres at survey coordinates
 
 
 def _cell(text: str) -> str:

@@ -165,6 +165,29 @@ def _pilot(model: Model) -> tuple[Pilot, tuple[float, float]]:
     return pilot_of(m, paths), (float((first == NONE).mean()), float(behind.mean()))
 
 
+class LitPart(NamedTuple):
+    """Hits of a pilot trace on surfaces that are no lamps, and the box of the central ones; a sky may be a mesh."""
+
+    low: np.ndarray  # (3,) [m]
+    high: np.ndarray
+    hits: np.ndarray  # (n, 3) float64 [m]
+    normals: np.ndarray  # (n, 3) float64 unit, of the side that was hit
+
+
+def lit_part(model: Model) -> LitPart:
+    """Return the lit part of a scene. The box is that of all such surfaces if hits are few, of all if all are lamps."""
+    pilot, _ = _pilot(model)
+    s, dark = model.surfaces, model.surfaces.emission.max(axis=1, initial=0.0) == 0
+    rows = dark[_arrived(pilot.paths)[1] >> 1] if len(pilot.hits) else slice(0)
+    hits, faces = pilot.hits[rows], s.faces[0][dark[s.face_range(0)]]
+    if len(hits) >= FEWEST_HITS:
+        low, high = central_box(hits)
+    else:
+        low, high = box(s.vertices[0][faces].reshape(-1, 3)) if len(faces) else _box(model, pilot.hits)
+    origin = model.origins[0]
+    return LitPart(low + origin, high + origin, hits + origin, pilot.normals[rows])
+
+
 def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if len(hits) >= FEWEST_HITS:
         return central_box(hits)
@@ -200,11 +223,16 @@ class Pilot(NamedTuple):
 
 def pilot_of(model: Model, paths: PathVertices) -> Pilot:
     """Return the hits of the paths of a pilot trace."""
-    arrived = paths.side != NONE
-    arrived[paths.offsets[:-1]] = False  # the first vertex of a path is on the light
-    side = paths.side[arrived]
+    arrived, side = _arrived(paths)
     normals = model.world.normals[side >> 1] * np.where(side & 1, -1.0, 1.0)[:, None]
     return Pilot(len(paths.offsets) - 1, paths, paths.position[arrived].astype(np.float64), normals)
+
+
+def _arrived(paths: PathVertices) -> tuple[np.ndarray, np.ndarray]:
+    """Return which vertices of paths are hits, bool, and the sides that they hit."""
+    arrived = paths.side != NONE
+    arrived[paths.offsets[:-1]] = False  # the first vertex of a path is on the light
+    return arrived, paths.side[arrived]
 
 
 def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: float) -> Places:

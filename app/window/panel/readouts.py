@@ -128,7 +128,7 @@ def _points(plane: MeasuringPlane, shape: tuple[int, int], actions: set[Any]) ->
 
 
 def _numbers(light: PlaneLight | None, units: Units) -> None:
-    from app.session.readouts import shown
+    from app.session.readouts import LEFT_OUT, shown
 
     unit = units.per_area
     if light is None:
@@ -148,6 +148,6 @@ def _numbers(light: PlaneLight | None, units: Units) -> None:
     state = (
         "measured at rest" if not light.is_current else "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"
     )
-    inside = f"{n.left_out} inside objects" if n.left_out else ""
+    inside = f"{n.left_out} {LEFT_OUT}" if n.left_out else ""
     ui.number("   points", ", ".join(part for part in (str(n.points), inside, state) if part),
               "Points that count, those that do not, and how far measuring is.")  # fmt: skip

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.settings import Settings
@@ -110,7 +111,7 @@ def fields(
         imgui.set_next_item_width(width)
         changed, value = imgui.drag_float(f"##{name} {axis}", unsigned_zero(values[k], digits), speed, 0, 0, digits)
         if changed and abs(value) < 1e6:
-            numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
+            numbers[k], edited = float(str(np.float32(value))), True  # the field has float32
         first |= imgui.is_item_activated()
         last |= imgui.is_item_deactivated()
     imgui.end_group()

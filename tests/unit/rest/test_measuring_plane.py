@@ -13,22 +13,26 @@ import pytest
 
 from app.draw.units import PHOTOMETRIC
 from app.rest.measuring_plane import (
+    BORDER,
+    PlaneLight,
     axes_of,
+    box_along,
     default_plane,
     grid_of,
-    is_inside,
     level_of,
     light_steps,
     plane_steps,
+    points_of,
     standard_points,
     uniformity,
 )  # fmt: skip
 from app.session.readouts import Row, csv_text, shown, text_lines
 from app.settings import MeasuringPlane
+from app.values import MOST_GRID_POINTS
 from gi_core.model import Model
-from gi_core.scene import Material, Mobile, Pose, Scene, SpotLight
+from gi_core.scene import Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
 from tests.support import closed_form
-from tests.support.scene_builders import box, furnace_scene, quad
+from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, sphere
 
 UP = (0.0, 0.0, 1.0)
 INTENSITY, LAMP = 400.0, 2.75  # [cd], [m] above the floor
@@ -45,7 +49,7 @@ def downlight(*mobiles: Mobile) -> Scene:
 
 def measured(scene: Scene, plane: MeasuringPlane, low, high, seed: int = 0, noise: float = 0.01):
     model = Model(scene)
-    level = level_of(low, high, scene.up)
+    level = box_along(low, high, scene.up)
     levels = np.ones((model.emitters.lamps.count, 3))
     *_, light = plane_steps(model, plane, level, model.start_poses(), levels, seed, noise)
     return light, level
@@ -67,21 +71,21 @@ def test_the_grid_is_that_of_en_12464_1(width, depth, points):
 
 
 def test_points_are_the_centres_of_cells_on_horizontal_axes():
-    level = level_of((-1, 0, -2), (3, 2.5, 2), (0, 1, 0))
+    level = box_along((-1, 0, -2), (3, 2.5, 2), (0, 1, 0))
     assert level.axes.names == ("x", "z") and level.low[2] == 0
     grid = grid_of(MeasuringPlane((-1, -2), (3, 2), 0.75, (2, 4)), level)
     assert grid.shape == (2, 4)
     assert grid.positions[:5].tolist() == [[0, 0.75, z] for z in (-1.5, -0.5, 0.5, 1.5)] + [[2, 0.75, -1.5]]
     assert sorted(map(tuple, grid.corners.tolist())) == [(-1, 0.75, -2), (-1, 0.75, 2), (3, 0.75, -2), (3, 0.75, 2)]
     assert axes_of((0, 0, 1)).names == ("x", "y") and axes_of((1, 1, 0)).names == ("east", "north")
-    upside_down = level_of((0, 0, 0), (1, 1, 4), (0, 0, -1))
+    upside_down = box_along((0, 0, 0), (1, 1, 4), (0, 0, -1))
     assert upside_down.low[2] == -4, "the floor is below"
     assert grid_of(MeasuringPlane((0, 0), (1, 1), 1.0, (1, 1)), upside_down).positions.tolist() == [[0.5, 0.5, 3.0]]
 
 
 def test_the_default_is_desk_height_without_the_border_along_walls():
-    assert default_plane(level_of((0, 0, 0), (6, 4, 3), UP)) == MeasuringPlane((0.5, 0.5), (5.5, 3.5), 0.75)
-    tiny = default_plane(level_of((0, 0, 0), (0.6, 0.6, 0.5), UP))
+    assert default_plane(box_along((0, 0, 0), (6, 4, 3), UP)) == MeasuringPlane((0.5, 0.5), (5.5, 3.5), 0.75)
+    tiny = default_plane(box_along((0, 0, 0), (0.6, 0.6, 0.5), UP))
     assert tiny == MeasuringPlane((0.0, 0.0), (0.6, 0.6), 0.25)
 
 
@@ -119,14 +123,111 @@ def test_a_downlight_over_a_desk_by_hand():
 
 def test_points_inside_objects_and_outside_a_room_do_not_count():
     mesh = box((-0.6, -0.6, 0.3), (0.6, 0.6, 1.2))
-    plane = MeasuringPlane((-2, -2), (2, 2), 0.75, (4, 4))  # x, y in -1.5, -0.5, 0.5, 1.5
-    light, _ = measured(downlight(Mobile("cabinet", mesh, Pose())), plane, (-2, -1.5, 0), (2, 1.5, 2.75))
+    plane = MeasuringPlane((-2, -1.6), (2, 1.6), 0.75, (4, 4))  # x in -1.5, -0.5, 0.5, 1.5
+    light, level = measured(downlight(Mobile("cabinet", mesh, Pose())), plane, (-2, -1.5, 0), (2, 1.5, 2.75))
     inside = np.abs(light.grid.positions[:, :2]).max(axis=1) < 0.6
     assert inside.sum() == 4 and np.array_equal(np.isnan(light.values), inside)
     assert light.numbers.left_out == 4 and light.numbers.points == 12
-    model = Model(furnace_scene(1.0, 0.5, divisions=2))
-    at, points = model.transforms(model.start_poses()), np.array([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [0.5, 0.5, 3.0]])
-    assert is_inside(model, at, points, np.array(UP)).tolist() == [False, True, False], "nothing is above the last one"
+    assert (
+        "4 of them inside objects or outside the room"
+        in text_lines([], light, level_of(Model(downlight())), PHOTOMETRIC)[0]
+    )
+
+
+WALL, SHEET, GLOW = range(3)  # one-sided, two-sided, and a lamp
+
+
+def level_quad(x0, y0, x1, y1, z, material=WALL, up=True):
+    u, v = ((x1 - x0, 0, 0), (0, y1 - y0, 0)) if up else ((0, y1 - y0, 0), (x1 - x0, 0, 0))
+    return quad((x0, y0, z), u, v, (4, 4), material)
+
+
+def walls(*corners, height=3.0):
+    """Return a wall per side of a polygon, two-sided."""
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    return [quad((*a, 0), (b[0] - a[0], b[1] - a[1], 0), (0, 0, height), (3, 3), SHEET) for a, b in ends]
+
+
+def room(*parts, lights=(), at=(0, 0, 0), scale=1.0) -> Scene:
+    mesh, bulbs = merge(*parts), [PointLight(f"bulb {k}", place, (50.0,) * 3) for k, place in enumerate(lights)]
+    mesh = mesh._replace(vertices=mesh.vertices * scale + at)
+    lamps = tuple(b._replace(position=tuple(np.multiply(b.position, scale) + at)) for b in bulbs)
+    return Scene(mesh, (grey(0.5), grey(0.5, True), lamp(1.0)), (), lamps, up=UP, name="room")
+
+
+def l_room(**place) -> Scene:
+    """6 x 6 m without a quarter of 3 x 3 m; walls, floor and ceiling are two-sided."""
+    flats = [level_quad(*area, z, SHEET) for z in (0, 3) for area in ((0, 0, 6, 3), (0, 3, 3, 6))]
+    return room(*flats, *walls((0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)), lights=[(1.5, 1.5, 2.5)], **place)
+
+
+def shell(height=3.0, z=0.0):
+    return box((0, 0, z), (6, 6, z + height), 4, WALL, inward=True)
+
+
+def stairs() -> list:
+    steps = [level_quad(2 + 0.3 * k, 2, 2.3 + 0.3 * k, 4, 0.18 * (k + 1), SHEET) for k in range(10)]
+    return [shell(), *steps, level_quad(5, 0, 6, 6, 1.8, SHEET)]
+
+
+CUPBOARD = box((4, 1, 0.2), (5.5, 5, 2), 2, SHEET)
+BLINDS = [level_quad(0.25 * k, 0, 0.25 * k + 0.23, 6, 2.4) for k in range(24)]
+DESKS = [box((x, 1, 0.7), (x + 1.5, 5, 0.75), 2) for x in (1, 3.5)]
+ABOVE, BELOW = [(3, 3, 5.5)], [(3, 3, 1.5)]
+SKY = replace(room(level_quad(0, 0, 6, 6, 0), level_quad(0, 0, 6, 6, 3), *walls((6, 6), (6, 0), (0, 0), (0, 6))[:3]),
+              lights=(SkyLight("sky", (1.0,) * 3),))  # fmt: skip
+DOME = sphere((3, 3, 0), 50, 3, GLOW)
+DOME = DOME._replace(faces=DOME.faces[:, ::-1].copy())
+ROOMS = {  # scene; height of the floor; points of 6 x 6 that count, 0.5 to 5.5 m along both axes, 0.75 m above it
+    "L": (l_room(), 0.0, 27),
+    "L at 4e5 m": (l_room(at=(4e5, 4e5, 100)), 100.0, 27),
+    "L at 5e6 m": (l_room(at=(5e6, 5e6, 100)), 100.0, 27),
+    "L in mm": (l_room(scale=1000.0), 0.0, 27),
+    "hall open on one side, its roof facing up": (SKY, 0.0, 36),
+    "blinds": (room(shell(), *BLINDS, lights=[(3, 3, 2.8)]), 0.0, 36),
+    "desks": (room(shell(), *DESKS, lights=[(3, 3, 2.8)]), 0.0, 36),
+    "closed two-sided cupboard": (room(shell(), CUPBOARD, lights=[(3, 3, 2.8)]), 0.0, 28),
+    "two floors": (room(shell(), shell(z=3.3), lights=[*ABOVE, *BELOW]), 0.0, 36),
+    "two floors, light above": (room(shell(), shell(z=3.3), lights=ABOVE), 3.3, 36),
+    "stairs": (room(*stairs(), lights=[(1, 3, 2.8)]), 0.0, 36),
+    "ground in a dome that is a lamp": (room(level_quad(0, 0, 6, 6, 0, SHEET), DOME), 0.0, 36),
+    "no lamp": (room(shell()), 0.0, 36),
+}
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_the_floor_and_the_points_that_count(name):
+    scene, floor, points = ROOMS[name]
+    model = Model(scene)
+    level = level_of(model)
+    size = 1000.0 if "mm" in name else 1.0
+    assert level.low[2] == pytest.approx(floor, abs=1e-6 * (size + floor))
+    low = scene.static.vertices[: -len(DOME.vertices) if "dome" in name else None].min(axis=0)[:2]
+    ends = (tuple((low + x * size).tolist()) for x in (0.5, 5.5))
+    plane = MeasuringPlane(*ends, 0.75 * size, (6, 6))
+    levels = model.emitters.lamps.full()
+    *_, light = plane_steps(model, plane, level, model.start_poses(), levels, 0, 0.5)
+    assert light.numbers.points == points and (light.numbers.least > 0) == (name != "no lamp")
+    default = default_plane(level)
+    border = BORDER * np.array([1, 1, -1, -1])
+    if size == 1:
+        assert (*default.low, *default.high) == pytest.approx((*low, *low + 6) + border, abs=0.1)
+        assert points_of(default) == ((8, 8), "")
+    else:
+        (a, b), note = points_of(default)
+        assert a == b == MOST_GRID_POINTS == len(np.unique(grid_of(default, level).positions[:, 0]))
+        assert "600 x 600 points" in note and "scale = 0.001" in note
+
+
+def test_places_of_points_have_micrometres_at_survey_coordinates():
+    level = level_of(Model(l_room(at=(2600123, 5100456, 100))))
+    plane = default_plane(level)
+    assert plane.low == pytest.approx((2600123.5, 5100456.5), abs=0.06)
+    light = PlaneLight(plane, grid_of(plane._replace(points=(2, 2)), level), np.ones(4), np.zeros(4), 1.0)
+    rows = list(csv.reader(io.StringIO(csv_text([], light, PHOTOMETRIC))))[-4:]
+    assert np.array([row[2:5] for row in rows], float) == pytest.approx(light.grid.positions, abs=1e-6)
+    head = next(line for line in text_lines([], light, level, PHOTOMETRIC) if "\\" in line)
+    assert len(head.split()) == 6, "columns of the map stay apart"
 
 
 class RoundsOfErrors:
