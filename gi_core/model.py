@@ -31,7 +31,7 @@ from gi_core.scene.types import DirectionalLight, PlacedLight, Pose, Scene, SkyL
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
-WHITE = 0.9  # reflectance: paths have ten bounces on average
+WHITE_PAINT = 0.9  # reflectance: paths have ten bounces on average
 FARTHEST_REACH = 1000  # sizes of the static part; at 3000, float32 loses 5 % of the light in corners
 
 
@@ -147,7 +147,7 @@ class Model:
     def white(self) -> Model:
         """Return this model with all surfaces painted white: light goes wherever a path leads."""
         other, bsdfs = copy.copy(self), self.world.bsdfs
-        white = np.full(bsdfs.reflectance.shape, WHITE)
+        white = np.full(bsdfs.reflectance.shape, WHITE_PAINT)
         changes = {"kind": np.full_like(bsdfs.kind, -1)} if not isinstance(bsdfs, Diffuse) else {}
         other.world = self.world._replace(bsdfs=bsdfs._replace(reflectance=white, albedo=white, **changes))
         return other

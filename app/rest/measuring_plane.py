@@ -38,12 +38,12 @@ COARSEST = 10.0  # [m], the largest cell of EN 12464-1
 FEWEST = 3  # cells along a side of less than a metre, EN 12464-1, table A.1
 LOW_SCENE = 0.9  # of the scene's height: a plane above that lies at half the height
 DIGITS = 5  # of the scene's size that the ends of the default plane have
-LEVEL = 0.1  # cosine of a face that a vertical line meets at a clear height
-LINES, LAYERS = 32, 64  # vertical lines per axis that look for the floor, and surfaces along each
-FLOOR = 0.002  # of the box's longest side: a floor is level within that; of a dome's bottom, few lines hit so little
-FLOOR_SHARE = 0.5  # of the largest level surface: the floor is the lowest one that is so large
+LEAST_SLOPE = 0.1  # cosine of a face that a vertical line meets at a clear height
+FLOOR_LINES, LAYERS = 32, 64  # vertical lines per axis that look for the floor, and surfaces along each
+FLATNESS = 0.002  # of the box's longest side: a floor is level within that; of a dome's bottom, few lines hit so little
+LARGE_SHARE = 0.5  # of the largest level surface: the floor is the lowest one that is so large
 REACHING = (16, 32, 64, 128, 256)  # paths from points that light has not reached yet
-AT_ONCE = 1024  # of these paths per step: 10 ms
+PATHS_PER_STEP = 1024  # of these paths per step: 10 ms
 NOISE = 0.01  # relative l1 noise that is small enough
 OF_POINT = 3.0  # times that: standard error of each point, relative to its value ...
 DIM = 0.05  # ... or to this share of the mean, if larger
@@ -191,28 +191,28 @@ def floor_of(model: Model, level: Level, lit: LitPart) -> float:
     blind or ground below the house. The lowest point of the box, where nothing is level.
     """
     axes, (low, high) = level.axes, (level.low, level.high)
-    a, b = ((np.arange(LINES) + 0.5) / LINES * (high[k] - low[k]) + low[k] for k in (0, 1))
+    a, b = ((np.arange(FLOOR_LINES) + 0.5) / FLOOR_LINES * (high[k] - low[k]) + low[k] for k in (0, 1))
     at = (a[:, None, None] * axes.across + b[None, :, None] * axes.along).reshape(-1, 3)
     vertices = model.surfaces.vertices[0] + model.origins[0]
     at += (vertices @ axes.up).max(initial=high[2]) * axes.up - model.origins[0]
     at += model.world.size * LIFT * axes.up
-    found, normals = [], model.world.normals
+    passed, normals = [], model.world.normals
     for _ in range(LAYERS):
         distance, face = _below(model, model.static, at, axes.up, static=True)
         at, distance, face = (x[face >= 0] for x in (at, distance, face))
         if not len(at):
             break
         slope, over = normals[face] @ axes.up, (normals[face] * at).sum(axis=1) - model.world.height[face]
-        exact = np.divide(over, slope, out=distance.astype(np.float64), where=np.abs(slope) > LEVEL)
+        exact = np.divide(over, slope, out=distance.astype(np.float64), where=np.abs(slope) > LEAST_SLOPE)
         at = at - exact[:, None] * axes.up
-        found.append((at[_faces_up(model, model.static, face, axes.up)] + model.origins[0]) @ axes.up)
+        passed.append((at[_faces_up(model, model.static, face, axes.up)] + model.origins[0]) @ axes.up)
         at = at - LIFT * np.maximum(np.abs(at).max(axis=1), model.world.reach[face])[:, None] * axes.up
-    heights = np.sort(np.concatenate([*found, np.zeros(0)]))
-    arrived = np.sort((lit.hits @ axes.up)[lit.normals @ axes.up > LEVEL])
-    tops = heights + FLOOR * (high - low).max()
+    heights = np.sort(np.concatenate([*passed, np.zeros(0)]))
+    arrived = np.sort((lit.hits @ axes.up)[lit.normals @ axes.up > LEAST_SLOPE])
+    tops = heights + FLATNESS * (high - low).max()
     sizes = np.searchsorted(heights, tops, "right") - np.arange(len(heights))
     is_lit = np.searchsorted(arrived, tops, "right") > np.searchsorted(arrived, 2 * heights - tops)
-    large = np.flatnonzero(is_lit & (sizes >= FLOOR_SHARE * np.max(sizes, where=is_lit, initial=1)))
+    large = np.flatnonzero(is_lit & (sizes >= LARGE_SHARE * np.max(sizes, where=is_lit, initial=1)))
     return float(np.median(heights[large[0] : large[0] + sizes[large[0]]])) if len(large) else float(low[2])
 
 
@@ -293,8 +293,8 @@ def reached_steps(model: Model, points: np.ndarray, up: np.ndarray, poses: Mappi
     yield reached
     for paths in REACHING:
         left = np.flatnonzero(~reached)
-        for k in range(0, len(left), AT_ONCE // paths):
-            rows = left[k : k + AT_ONCE // paths]
+        for k in range(0, len(left), PATHS_PER_STEP // paths):
+            rows = left[k : k + PATHS_PER_STEP // paths]
             reached[rows] = white.paths(rows, first, paths).any(axis=(1, 2))
             yield reached
         first += paths
