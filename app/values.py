@@ -17,7 +17,7 @@ MOST_ISOLINES = 16
 LEAST_LIGHT_MAP = 16  # pixels per side
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 MOST_EXPOSURE = 64.0  # EV, of either sign; beyond, every picture is black or white
-LEAST, LARGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
+TINIEST, BIGGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
 LEAST_ERROR = 0.01  # %
 MOST_LEVEL = 1000.0  # level of a lamp, as in `gi_core.lights.lamps`
 
@@ -59,7 +59,7 @@ def finite(text: str) -> float:
         value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be a number, got {text}") from None
-    _require(abs(value) <= LARGEST, f"a number of at most {LARGEST:g}", text)
+    _require(abs(value) <= BIGGEST, f"a number of at most {BIGGEST:g}", text)
     return value
 
 
@@ -71,13 +71,13 @@ def exposure(text: str) -> float:
 
 def positive(text: str) -> float:
     value = finite(text)
-    _require(value >= LEAST, f"over 0, from {LEAST:g} to {LARGEST:g}", text)
+    _require(value >= TINIEST, f"over 0, from {TINIEST:g} to {BIGGEST:g}", text)
     return value
 
 
 def not_negative(text: str) -> float:
     value = finite(text)
-    _require(value == 0 or value >= LEAST, f"0, or from {LEAST:g} to {LARGEST:g}", text)
+    _require(value == 0 or value >= TINIEST, f"0, or from {TINIEST:g} to {BIGGEST:g}", text)
     return value
 
 
@@ -134,8 +134,8 @@ def size(text: str) -> tuple[int, int]:
 def value_range(text: str) -> tuple[float, float]:
     low, comma, high = text.partition(",")
     values = (finite(low), finite(high)) if comma else (0.0, 0.0)
-    low_fits = values[0] == 0 or values[0] >= LEAST
-    _require(low_fits and values[0] < values[1] >= LEAST, f"LOW,HIGH with 0 <= LOW < HIGH, 0 or from {LEAST:g}", text)
+    fits = (values[0] == 0 or values[0] >= TINIEST) and values[0] < values[1] >= TINIEST
+    _require(fits, f"LOW,HIGH with 0 <= LOW < HIGH, 0 or from {TINIEST:g}", text)
     return values
 
 

@@ -184,7 +184,7 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
 
 
 BACKGROUND, CHANGED, ANEW, BY_PATHS = range(4)  # of receivers, see `recomputed`
-SAMPLE = 120  # photons drawn, and as many again of those that mobiles cut
+PHOTONS_DRAWN = 120  # photons drawn, and as many again of those that mobiles cut
 MOST_SEARCHED_PHOTONS = 200_000  # that are searched for a receiver
 
 
@@ -257,8 +257,8 @@ def recomputed(solver: Solver) -> np.ndarray | None:
 def _sample(solver: Solver, paths: PathVertices, changed: PoseChange) -> Strokes:
     """Return the paths of photons spread over all, and of some that mobiles cut."""
     removed, n = changed.removed_suffixes, len(paths.offsets) - 1
-    whole = np.setdiff1d(np.unique(np.linspace(0, n - 1, SAMPLE).astype(np.int64)), removed.photon)
-    rows = np.unique(np.linspace(0, max(len(removed.photon) - 1, 0), SAMPLE).astype(np.int64))
+    whole = np.setdiff1d(np.unique(np.linspace(0, n - 1, PHOTONS_DRAWN).astype(np.int64)), removed.photon)
+    rows = np.unique(np.linspace(0, max(len(removed.photon) - 1, 0), PHOTONS_DRAWN).astype(np.int64))
     rows = rows[: len(removed.photon)]
     cut = removed.photon[rows]
     photons, vertices = _vertices(paths.offsets[whole], paths.offsets[whole + 1] - 1, whole)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gi_core.rays.leaf_boxes import LeafBoxes
 
 FULL, EMPTY, OTHER = (1.0, 0.75, 0.2, 0.95), (1.0, 0.75, 0.2, 0.4), (*theme.DIM_TEXT, 0.45)
-RAY = (1.0, 1.0, 1.0, 0.9)
+RAY_COLOUR = (1.0, 1.0, 1.0, 0.9)
 THICK, THIN = 2.0, 1.0  # [points]
 CORNERS = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)], bool)
 EDGES = np.array([(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit])
@@ -99,7 +99,7 @@ class RayCells:
         )
         self._lines = (
             *((on_picture(edges(boxes.low[k], boxes.high[k]), matrix), colour, width) for k, colour, width in shown),
-            (on_picture(np.array([[eye, end]]), matrix), RAY, THICK),
+            (on_picture(np.array([[eye, end]]), matrix), RAY_COLOUR, THICK),
         )
         self.text = (
             f"{name}: {full.sum():,} cells of {boxes.triangles[full].mean():.1f} triangles  \N{MIDDLE DOT}  "

@@ -14,12 +14,10 @@ from statistics import median
 
 from gi_core.frames.frame_size import PATHS, FrameSize
 
-REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
 GATHERING = 0.7  # share of the budget for up to ...
 ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off
-LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
-FAR = 1.5  # times the budget: longer frames are late
+LEAST_PHOTONS = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
 
 
@@ -30,7 +28,7 @@ class FrameTimes:
         self._seconds: dict[int, deque[float]] = {}
 
     def add(self, size: int, seconds: float) -> None:
-        self._seconds.setdefault(size, deque(maxlen=REMEMBERED)).append(seconds)
+        self._seconds.setdefault(size, deque(maxlen=9)).append(seconds)  # 9 frames per size, whose median counts
 
     def of(self, size: int) -> Sequence[float]:
         """Return the times of the last frames of a size [s]."""
@@ -130,10 +128,11 @@ class FrameBudget:
 
     def moved(self, seconds: float) -> None:
         """Record the total time of a motion's frame [s]."""
-        late = self._size[0] is not None and seconds > FAR * self._chosen_for
+        # frames longer than 1.5 times the budget are late
+        late = self._size[0] is not None and seconds > 1.5 * self._chosen_for
         self._late = self._late + 1 if late else 0
 
 
 def good_enough(subsets: Sequence[int]) -> list[int]:
     """Return the photon subsets with acceptable noise."""
-    return [n for n in subsets if n >= min(LEAST, subsets[-1])]
+    return [n for n in subsets if n >= min(LEAST_PHOTONS, subsets[-1])]

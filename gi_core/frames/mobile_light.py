@@ -48,7 +48,7 @@ class MobileLight:
         """
         photons = b.estimate.photons
         if self._coarse is None or self._coarse[:2] != (b, photons):
-            paths, _ = b.store.subset(min(photons, coarse_faces.MOST_PHOTONS))
+            paths, _ = b.store.subset(min(photons, coarse_faces.MOST_COUNTED))
             self._coarse = b, photons, CoarseFaces.of(b.model, paths, math.pi * b.setting.radius**2)
         inputs = static, unreached, levels
         if self._reflectance is None or not all(map(operator.is_, self._reflectance[0], inputs)):

@@ -20,7 +20,7 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.area import AreaLights, largest_cosine
 
 BRIGHT = 4.0  # times the mean light of faces that face a mobile
-LEAST = 0.2  # of their light, from bright ones
+LEAST_BRIGHT = 0.2  # of their light, from bright ones
 RED, GREEN, BLUE = REC709
 
 
@@ -71,7 +71,7 @@ class StaticFaces(NamedTuple):
         total, seen = _bring(luminance, view, brought)
         rows = np.flatnonzero((luminance * seen > BRIGHT * total) & (brought > 0.0))
         share = brought[rows]
-        if share.sum() < LEAST * total:
+        if share.sum() < LEAST_BRIGHT * total:
             rows, share = rows[:0], share[:0]
         share /= max(share.sum(), 1e-300)
         cdf = np.cumsum(share)

@@ -15,7 +15,7 @@ from gi_core.lights.mix import mix
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 
-MOST_PHOTONS = 1 << 16  # that are counted: some 5 ms
+MOST_COUNTED = 1 << 16  # that are counted: some 5 ms
 LEAST_HITS = 100  # of a face: noise of a tenth
 
 

@@ -23,11 +23,12 @@ from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
 from gi_core.geometry.mesh_neighbours import neighbours
 
 KINDS = 4  # at 8 bounces, 2 kinds leave a sixth to a quarter more error, 8 kinds a tenth
-NEAR = 16  # receivers per mean at most; 10 leave a twentieth more error, 20 a twentieth less
-LOOKED_AT = 4 * NEAR  # receivers along the mesh, of which NEAR are taken
+AVERAGED = 16  # receivers per mean at most; 10 leave a twentieth more error, 20 a twentieth less
+LOOKED_AT = 4 * AVERAGED  # receivers along the mesh, of which AVERAGED are taken
 SAME_WAY = 0.9  # least cosine between normals
 CHANCE = 4.0  # a neighbour has weight 1/2 where CHANCE x Ward's squared error x bounces = 1; 2 to 8 are as good
-LEAST, MOST, LEVELS = 0.5, 4.0, 4  # bounces of a receiver over the mean, and levels of these per doubling
+LEAST_BOUNCES, MOST_BOUNCES = 0.5, 4.0  # of a receiver, over the mean
+LEVELS = 4  # of these per doubling
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a full turn, between successive directions
 
 
@@ -46,10 +47,10 @@ def near_receivers(positions: np.ndarray, normals: np.ndarray, corners: np.ndarr
     positions [m] and normals (n, 3). No face joins receivers across a crease or on the two sides of a sheet.
     """
     n = len(positions)
-    room, count = np.empty((n, NEAR), np.int32), np.empty(n, np.int64)
-    apart, turned = np.empty((2, n, NEAR))
+    room, count = np.empty((n, AVERAGED), np.int32), np.empty(n, np.int64)
+    apart, turned = np.empty((2, n, AVERAGED))
     _find(*neighbours(corners, n), positions, normals, room, apart, turned, count)
-    taken = np.arange(NEAR) < count[:, None]
+    taken = np.arange(AVERAGED) < count[:, None]
     return NearReceivers(np.concatenate([[0], np.cumsum(count)]), room[taken], apart[taken], turned[taken])
 
 
@@ -72,7 +73,7 @@ def _find(first, of, positions, normals, room, apart, turned, count):
                     off = difference(positions[i], positions[j])
                     distance[ends] = dot(off, off)
                     ends += 1
-        count[i] = min(ends, NEAR)
+        count[i] = min(ends, AVERAGED)
         for k in range(count[i]):
             least = k
             for other in range(k + 1, ends):
@@ -87,8 +88,8 @@ def _find(first, of, positions, normals, room, apart, turned, count):
 def bounce_shares(areas: np.ndarray) -> np.ndarray:
     """Return the bounces (n,) of the receivers of a mobile over their mean, by areas (n,) [m2].
 
-    They are in proportion to areas^(2/3), rounded to LEVELS per doubling, from LEAST to MOST, of a mean just below 1.
-    Such shares make the error over the whole area least where each bounce has the same variance.
+    They are in proportion to areas^(2/3), rounded to LEVELS per doubling, from LEAST_BOUNCES to MOST_BOUNCES, of a
+    mean just below 1. Such shares make the error over the whole area least where each bounce has the same variance.
     """
     wanted = np.log2(np.maximum(areas / max(areas.mean(), 1e-300), 1e-30)) / 1.5
     low, high = -100.0, 100.0  # of the number that is added to all exponents
@@ -99,7 +100,7 @@ def bounce_shares(areas: np.ndarray) -> np.ndarray:
 
 
 def _rounded(exponents: np.ndarray) -> np.ndarray:
-    return np.exp2(np.clip(np.rint(LEVELS * exponents) / LEVELS, math.log2(LEAST), math.log2(MOST)))
+    return np.exp2(np.clip(np.rint(LEVELS * exponents) / LEVELS, math.log2(LEAST_BOUNCES), math.log2(MOST_BOUNCES)))
 
 
 def kinds(near: NearReceivers) -> np.ndarray:

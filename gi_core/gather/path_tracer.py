@@ -34,7 +34,7 @@ from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 
 # Dimensions after those of path_ends.py; scattering needs a pair.
-PART, SCATTER_U, SCATTER_V = 5, 6, 7
+SCATTER_PART, SCATTER_U, SCATTER_V = 5, 6, 7
 
 
 class PathTracer(NamedTuple):
@@ -142,7 +142,7 @@ def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
             x, y, z = lambertian.sample(u, v)
             x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
         else:
-            part = strata.uniform(seed, ends.path[k], vertex, PART, m)
+            part = strata.uniform(seed, ends.path[k], vertex, SCATTER_PART, m)
             i, n, t = row(ends.arrival, k), row(ends.normal, k), row(ends.tangent, k)
             (x, y, z), weight, p = surface.sampled(bsdfs, f, i, n, t, u, v, part)
             ends.density[k] = p

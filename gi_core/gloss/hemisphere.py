@@ -19,7 +19,7 @@ SIDE = 8  # cells along a side of the square: three divisions
 CELLS = SIDE * SIDE
 SUMS = 7  # of a cell: light red, green, blue; weight times direction x, y, z in the object's space; weight
 GRAZING = 0.05  # least cosine of a direction
-FINE = 8  # points along a side of a cell, for its means
+POINTS_PER_SIDE = 8  # points along a side of a cell, for its means
 T0, T1, T2, T3, T4, T5, T6 = np.float32(  # of _turn()
     (1.2732346, -0.4242099, 0.2522009, -0.16849202, 0.10137978, -0.042786028, 0.0086729813)
 )
@@ -107,9 +107,9 @@ def centres() -> np.ndarray:
 
 def even_light() -> np.ndarray:
     """Return the cells (CELLS, 6) float64 of a `GlossLight` under equal radiance from everywhere, normal z."""
-    fine = (2 * (np.arange(SIDE * FINE) + 0.5) / (SIDE * FINE) - 1).reshape(SIDE, FINE)
+    fine = (2 * (np.arange(SIDE * POINTS_PER_SIDE) + 0.5) / (SIDE * POINTS_PER_SIDE) - 1).reshape(SIDE, POINTS_PER_SIDE)
     points = np.stack(np.broadcast_arrays(fine[:, None, :, None], fine[None, :, None, :]), axis=-1)
-    rays = directions(points.reshape(-1, 2)).reshape(CELLS, FINE * FINE, 3)
+    rays = directions(points.reshape(-1, 2)).reshape(CELLS, POINTS_PER_SIDE * POINTS_PER_SIDE, 3)
     cosine, weight = rays[:, :, 2], np.sqrt(rays[:, :, 2:])
     share = cosine.sum(axis=1) / cosine.sum()
     return np.c_[share, share, share, (weight * rays).sum(axis=1) / weight.sum(axis=1)]

@@ -20,7 +20,7 @@ from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 
 TRIAL_PHOTONS = 1 << 17  # per trial: about a second
-COUNTS = 5  # numbers of photons per trial: all, one half, ...
+PHOTON_COUNTS = 5  # numbers of photons per trial: all, one half, ...
 RECEIVERS = 300  # per pose
 MOST_TRIAL_PATHS = 2048  # per receiver
 
@@ -76,7 +76,7 @@ def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, 
     additive = ESTIMATORS[twin.setting.estimator].additive
     if additive:
         twin.solve()
-    counts = twin.frame.subsets[-COUNTS:] if additive else _halved(twin.photons)
+    counts = twin.frame.subsets[-PHOTON_COUNTS:] if additive else _halved(twin.photons)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(samples), 2, len(counts)))
     for kind, subset_only in enumerate((True, False)):
         twin.configure(subset_only=subset_only)
@@ -93,8 +93,8 @@ def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, 
 
 
 def _halved(photons: int) -> list[int]:
-    """Return a number of photons, its half, quarter, ... of at least LOWEST, ascending; at most COUNTS."""
-    smaller = (photons >> k for k in range(COUNTS - 1, 0, -1))
+    """Return a number of photons, its half, quarter, ... of at least LOWEST, ascending; at most PHOTON_COUNTS."""
+    smaller = (photons >> k for k in range(PHOTON_COUNTS - 1, 0, -1))
     return [*(n for n in smaller if n >= LOWEST), photons]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather import mobile as mobile_gather
-from gi_core.gather.bright_faces import BRIGHT, LEAST
+from gi_core.gather.bright_faces import BRIGHT, LEAST_BRIGHT
 from gi_core.gather.mobile import MobileGather
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
@@ -75,7 +75,7 @@ def test_light_without_bright_faces_has_the_same_bits():
 
 def test_bright_faces_that_bring_little_light_get_no_rays():
     model, at, light = room()
-    light[light[:, 0] < 1] = 20.0 / BRIGHT * 0.5 * LEAST
+    light[light[:, 0] < 1] = 20.0 / BRIGHT * 0.5 * LEAST_BRIGHT
     gather = MobileGather(model, 0)
     faces = gather._faces
     luminance = faces.luminance(light, model.world.bsdfs.albedo)

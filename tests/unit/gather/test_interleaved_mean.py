@@ -7,10 +7,10 @@ import pytest
 
 from gi_core.gather import interleaved_mean, mobile
 from gi_core.gather.interleaved_mean import (
+    AVERAGED,
     KINDS,
-    LEAST,
-    MOST,
-    NEAR,
+    LEAST_BOUNCES,
+    MOST_BOUNCES,
     SAME_WAY,
     bounce_shares,
     closeness,
@@ -40,9 +40,9 @@ def test_the_nearest_count_and_the_receiver_itself_first():
     near = near_receivers(positions, normals, corners)
     for i, of in enumerate(rows(near)):
         distance = np.sort(((positions - positions[i]) ** 2).sum(axis=1))
-        assert of[0] == i and len(set(of)) == len(of) == NEAR
-        assert np.allclose(np.sort(((positions[of] - positions[i]) ** 2).sum(axis=1)), distance[:NEAR])
-    assert np.array_equal(near.apart, ((positions[near.of] - np.repeat(positions, NEAR, axis=0)) ** 2).sum(axis=1))
+        assert of[0] == i and len(set(of)) == len(of) == AVERAGED
+        assert np.allclose(np.sort(((positions[of] - positions[i]) ** 2).sum(axis=1)), distance[:AVERAGED])
+    assert np.array_equal(near.apart, ((positions[near.of] - np.repeat(positions, AVERAGED, axis=0)) ** 2).sum(axis=1))
     assert not near.turned.any()
 
 
@@ -57,7 +57,7 @@ def test_neither_a_crease_nor_a_sheet_is_crossed():
     assert len(normals) == 6 * 25 + 2 * 25
     assert ((normals[of] * normals[gather._near.of]).sum(axis=1) > SAME_WAY).all()
     there = (gather._near.of >= 6 * 25) == (of >= 6 * 25)
-    assert there.all() and np.diff(gather._near.first).min() == NEAR
+    assert there.all() and np.diff(gather._near.first).min() == AVERAGED
 
 
 def test_kinds_are_mixed():
@@ -154,8 +154,8 @@ def test_closeness_is_the_geometric_mean():
 def test_shares_of_bounces_follow_areas():
     areas = np.random.default_rng(0).lognormal(0, 1.5, 4000)
     shares = bounce_shares(areas)
-    assert 0.99 < shares.mean() <= 1 and shares.min() == LEAST and shares.max() == MOST
-    between = (shares > LEAST) & (shares < MOST)
+    assert 0.99 < shares.mean() <= 1 and shares.min() == LEAST_BOUNCES and shares.max() == MOST_BOUNCES
+    between = (shares > LEAST_BOUNCES) & (shares < MOST_BOUNCES)
     ratio = shares[between] / areas[between] ** (2 / 3)
     assert between.mean() > 0.3 and ratio.max() / ratio.min() < 2**0.251, "rounded to quarters of a doubling"
     assert (np.diff(shares[np.argsort(areas)]) >= 0).all()
