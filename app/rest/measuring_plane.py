@@ -34,20 +34,13 @@ if TYPE_CHECKING:
 
 HEIGHT = 0.75  # [m] above the floor: desks
 BORDER = 0.5  # [m] along walls, EN 12464-1
-COARSEST = 10.0  # [m], the largest cell of EN 12464-1
-FEWEST = 3  # cells along a side of less than a metre, EN 12464-1, table A.1
-LOW_SCENE = 0.9  # of the scene's height: a plane above that lies at half the height
-DIGITS = 5  # of the scene's size that the ends of the default plane have
 LEAST_SLOPE = 0.1  # cosine of a face that a vertical line meets at a clear height
 FLOOR_LINES, LAYERS = 32, 64  # vertical lines per axis that look for the floor, and surfaces along each
-FLATNESS = 0.002  # of the box's longest side: a floor is level within that; of a dome's bottom, few lines hit so little
-LARGE_SHARE = 0.5  # of the largest level surface: the floor is the lowest one that is so large
 REACHING = (16, 32, 64, 128, 256)  # paths from points that light has not reached yet
 PATHS_PER_STEP = 1024  # of these paths per step: 10 ms
 NOISE = 0.01  # relative l1 noise that is small enough
-OF_POINT = 3.0  # times that: standard error of each point, relative to its value ...
-DIM = 0.05  # ... or to this share of the mean, if larger
-FIRST, ENOUGH = 3, 8  # rounds before values are shown, and before the end: a deviation of fewer says little
+OF_POINT = 3.0  # times that: standard error of each point, relative to its value
+FIRST_ROUNDS, LAST_ROUNDS = 3, 8  # rounds before values are shown, and before the end: a deviation of fewer says little
 MOST_PATHS = 1 << 16  # per point
 
 
@@ -177,8 +170,10 @@ def default_plane(level: Level) -> MeasuringPlane:
     low[inside] += BORDER
     high[inside] -= BORDER
     top = float(level.high[2] - level.low[2])
-    height = HEIGHT if top * LOW_SCENE >= HEIGHT else top / 2
-    decimals = DIGITS - math.floor(math.log10(max(*(high - low).tolist(), top, 1e-9)))
+    # a plane above 0.9 of the scene's height lies at half the height
+    height = HEIGHT if top * 0.9 >= HEIGHT else top / 2
+    # 5 digits of the scene's size at the ends of the default plane
+    decimals = 5 - math.floor(math.log10(max(*(high - low).tolist(), top, 1e-9)))
     a, b, c, d, h = (round(float(x), decimals) for x in (*low, *high, height))
     return MeasuringPlane((a, b), (c, d), h)
 
@@ -209,16 +204,18 @@ def floor_of(model: Model, level: Level, lit: LitPart) -> float:
         at = at - LIFT * np.maximum(np.abs(at).max(axis=1), model.world.reach[face])[:, None] * axes.up
     heights = np.sort(np.concatenate([*passed, np.zeros(0)]))
     arrived = np.sort((lit.hits @ axes.up)[lit.normals @ axes.up > LEAST_SLOPE])
-    tops = heights + FLATNESS * (high - low).max()
+    # a floor is level within 0.002 of the box's longest side; of a dome's bottom, few lines hit so little
+    tops = heights + 0.002 * (high - low).max()
     sizes = np.searchsorted(heights, tops, "right") - np.arange(len(heights))
     is_lit = np.searchsorted(arrived, tops, "right") > np.searchsorted(arrived, 2 * heights - tops)
-    large = np.flatnonzero(is_lit & (sizes >= LARGE_SHARE * np.max(sizes, where=is_lit, initial=1)))
+    # the floor is the lowest level surface of 0.5 of the largest one's size
+    large = np.flatnonzero(is_lit & (sizes >= 0.5 * np.max(sizes, where=is_lit, initial=1)))
     return float(np.median(heights[large[0] : large[0] + sizes[large[0]]])) if len(large) else float(low[2])
 
 
 def coarsest_cell(side: float) -> float:
     """Return the largest cell [m] of EN 12464-1 for a side [m]."""
-    return min(0.2 * 5.0 ** math.log10(side), COARSEST)
+    return min(0.2 * 5.0 ** math.log10(side), 10.0)  # 10.0 m: the largest cell of EN 12464-1
 
 
 def standard_points(width: float, depth: float) -> tuple[int, int]:
@@ -228,7 +225,8 @@ def standard_points(width: float, depth: float) -> tuple[int, int]:
     """
     short, long = sorted((max(width, 1e-9), max(depth, 1e-9)))
     side = long if long < 2 * short else short
-    cell = side / max(round(side / coarsest_cell(side)), FEWEST)
+    # 3 cells along a side of less than a metre, EN 12464-1, table A.1
+    cell = side / max(round(side / coarsest_cell(side)), 3)
     a, b = (max(round(x / cell), 1) for x in (width, depth))
     return a, b
 
@@ -341,11 +339,11 @@ def point_rounds(
 def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
     """Trace rounds until their noise is small; yield values (n,), standard errors (n,) and the fraction done.
 
-    nan before round FIRST. The last standard errors are those of ENOUGH sets of paths or more.
+    nan before round FIRST_ROUNDS. The last standard errors are those of LAST_ROUNDS sets of paths or more.
     """
     state, weights, fraction = rounds.state, np.ones(len(rounds.state.sets)), 0.0
     E, error = np.full((2, len(weights)), np.nan)
-    seen = FIRST - 1
+    seen = FIRST_ROUNDS - 1
     while fraction < 1:
         rounds.step()
         if state.rounds > seen:
@@ -353,9 +351,10 @@ def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndar
             E, error = luminance(state.mean), luminance(state.standard_error) / small_sample_bias(state.sets)
             mean, left = float(E.mean()), 0.0
             if mean > 0:
-                of_points = float((error / np.maximum(E, DIM * mean)).max())
+                # relative to 0.05 of the mean where a point is dimmer
+                of_points = float((error / np.maximum(E, 0.05 * mean)).max())
                 left = max(math.sqrt(2 / math.pi) * float(error.mean()) / mean, of_points / OF_POINT) / noise
-            done = seen >= ENOUGH and (left <= 1 or state.paths.mean() >= MOST_PATHS)
-            now = min(1 / max(left, 1e-9) ** 2, seen / ENOUGH, 0.99)
+            done = seen >= LAST_ROUNDS and (left <= 1 or state.paths.mean() >= MOST_PATHS)
+            now = min(1 / max(left, 1e-9) ** 2, seen / LAST_ROUNDS, 0.99)
             fraction = 1.0 if done else max(fraction, now)  # the noise is measured, and may rise again
         yield E.copy(), error.copy(), fraction

@@ -2,7 +2,7 @@
 
 A photon subset is a valid smaller solution with more noise. The noise differs between subsets, so switching between
 them flickers. The size is therefore chosen when a motion begins. It becomes smaller only after several late frames in
-a row, and larger with the next motion. Mobiles that gather their light come first: time for ENOUGH paths in a share of
+a row, and larger with the next motion. Mobiles that gather their light come first: time for ENOUGH_PATHS in a share of
 the budget, then photons, then as many paths as the time that is left has room for.
 """
 
@@ -16,7 +16,7 @@ from gi_core.frames.frame_size import PATHS, FrameSize
 
 TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
 GATHERING = 0.7  # share of the budget for up to ...
-ENOUGH = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off
+ENOUGH_PATHS = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off
 LEAST_PHOTONS = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
 
@@ -99,7 +99,7 @@ class FrameBudget:
         """
         if not gathers:
             return (self._photon_times.largest_within(seconds, good_enough(subsets)) if subsets else None), None
-        paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= ENOUGH])
+        paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= ENOUGH_PATHS])
         if not subsets:
             return None, paths
         left = seconds - (self._path_times.expected(paths) or 0.0)

@@ -15,7 +15,7 @@ from app.measure.tuning import Tuned
 from app.settings import BUDGET, Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting
-from gi_core.frames.frame_budget import ENOUGH
+from gi_core.frames.frame_budget import ENOUGH_PATHS
 from gi_core.frames.frame_size import PATHS, PATHS_AT_REST
 from gi_core.solver import Solver
 
@@ -170,9 +170,9 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
     """Return photons and paths of frames with gathered light, in the order in which a budget takes them."""
     # 8 paths at least of a frame with gathered light
-    few = [(counts[0], paths) for paths in PATHS if 8 <= paths < ENOUGH]
-    more = [(n, 4 * ENOUGH) for n in counts[1:-2]]
-    return [*few, *((n, ENOUGH) for n in counts[:-1]), *more, (counts[-1], PATHS_AT_REST)]
+    few = [(counts[0], paths) for paths in PATHS if 8 <= paths < ENOUGH_PATHS]
+    more = [(n, 4 * ENOUGH_PATHS) for n in counts[1:-2]]
+    return [*few, *((n, ENOUGH_PATHS) for n in counts[:-1]), *more, (counts[-1], PATHS_AT_REST)]
 
 
 def _round(x: float) -> float:
