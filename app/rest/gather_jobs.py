@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from app.rest.results import GatherProgress
-from gi_core.frames.frame_gloss import STAGE as GLOSS
 from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:
-    from app.rest.reference_store import StaticStore
     from gi_core.frames.progress import Progress
     from gi_core.gather.estimate import Estimate
     from gi_core.gather.pose_gather import PoseGather
@@ -23,8 +21,8 @@ class StaticJob:
     def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
         self._solver, self._clock, self._stop = solver, clock, stop
         self._steps: Iterator[Progress] | None = None
-        self._store: StaticStore | None = None
-        self._saved_at, self._saved = 0.0, 0  # sets of paths in the file
+        self._saved_at = 0.0
+        self._saved: tuple | None = None  # photons, and noise and sets of gathered light, in the file
 
     @property
     def progress(self) -> GatherProgress:
@@ -45,9 +43,9 @@ class StaticJob:
 
         solver, static = self._solver, self._solver.frame_light.static
         if self._steps is None:
-            self._store = StaticStore(solver.model, solver.seed)
-            state = self._store.load() if static.gathered is None else None
-            self._steps = solver.gather_steps(state, self._stop)
+            if static.gathered is None:
+                static.gathered = StaticStore(solver.model, solver.seed).load()
+            self._steps = solver.gather_steps(stop=self._stop)
             self._saved_at = self._clock()
         progress = next(self._steps, None)
         if progress is None:
@@ -57,12 +55,18 @@ class StaticJob:
         return progress is not None and progress.picture
 
     def keep(self) -> None:
-        """Save the state of whole paths if the file has fewer; single bounces are not saved."""
-        gathered = self._solver.frame_light.static.gathered
-        state = gathered and gathered.state
-        if self._store and state and (sets := int(state.sets.sum())) > self._saved:
-            self._store.keep(state)
-            self._saved_at, self._saved = self._clock(), sets
+        """Save the light on show and its paths if the file has others."""
+        from app.rest.reference_store import StaticStore
+
+        solver = self._solver
+        b, g = solver.frame.background, solver.frame_light.static.gathered
+        photons = 0 if b is None else b.estimate.photons
+        now = photons, g and g.noise, g and g.state and int(g.state.sets.sum())
+        store = StaticStore(solver.model, solver.seed)
+        if solver.light != "best" or now == self._saved or not (g or (photons and not store.path.exists())):
+            return  # a file that was not read may have less error
+        store.keep_light(solver.frame_light.static, b)
+        self._saved_at, self._saved = self._clock(), now
 
 
 class PoseJob:
@@ -97,18 +101,6 @@ class PoseJob:
         if progress is None:
             self._steps = None
         return progress is not None and progress.picture
-
-
-def load(solver: Solver) -> Iterator[Progress]:
-    """Load the stored light in steps, without tracing; needs two stored rounds of paths."""
-    from app.rest.reference_store import StaticStore
-
-    state = StaticStore(solver.model, solver.seed).load()
-    if state is not None and state.rounds > 1:
-        for progress in solver.gather_steps(state):
-            if solver.frame_light.static.gathered.state is not state or progress.stage == GLOSS:
-                return  # this step has traced new paths
-            yield progress
 
 
 def restore(solver: Solver, light: Estimate) -> None:

@@ -7,26 +7,40 @@ Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in
 from __future__ import annotations
 
 import contextlib
+import enum
+import itertools
+import math
 import os
+import stat
+import struct
 import time
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import platformdirs
 
-from app.cli.writable import replacing
+from app.cli.writable import remove_parts, replacing
 from gi_core.base.results import digest
+from gi_core.files.formats.boundary import at_once
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
+from gi_core.gather.static import StaticGather
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
 
-FORMAT = "gi-viewer reference 4"  # raise the number when paths change: old files are then ignored
-STATIC = "static 2"  # the same of the static part's light, when its paths are distributed otherwise
+if TYPE_CHECKING:
+    from gi_core.frames.background import Background
+    from gi_core.frames.static_light import StaticLight
+
+FORMAT = "gi-viewer reference 5"  # raise the number when paths change: old files are then ignored
+KEY_NAME = "key"  # name of the array that holds a file's key
+HEADERS = 1 << 16  # bytes of a file that are no numbers
+MOST_BYTES = 2 << 30  # of all files of static light; those of references stay
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 REFERENCE_SEED = 0
 SAVE_SECONDS = 20.0
@@ -39,59 +53,106 @@ def reference_folder() -> Path:
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / "reference"
 
 
-class StateFile:
-    """The state of a run at some points, in a file."""
+class RecordFile:
+    """A NamedTuple of arrays, numbers and records, in a file: an .npz with one array per field."""
 
-    def __init__(self, key: str, points: int, folder: Path | None, channels: int = 3) -> None:
+    def __init__(self, key: str, folder: Path | None) -> None:
+        self.key_text = np.array(key)
         self.path = (reference_folder() if folder is None else folder) / f"{key}.npz"
-        self._shape = points, channels
 
-    def load(self) -> ReferenceState | None:
-        """Return the stored state; None without a readable file."""
+    def read(self, like: Any) -> Any | None:
+        """Return the stored record; None without a readable file of this key.
+
+        like: a record with arrays of the same dtypes and columns, and of as many rows or more: no more is read.
+        """
         try:
-            with np.load(self.path) as file:
-                state = ReferenceState(*(file[name] for name in ReferenceState._fields))
-        except (OSError, ValueError, KeyError, EOFError, MemoryError, NotImplementedError, RuntimeError):
+            with open(self.path, "rb", opener=at_once) as file:
+                of, most = os.fstat(file.fileno()), sum(a.nbytes for a in _arrays("", like).values()) + HEADERS
+                if not stat.S_ISREG(of.st_mode) or of.st_size > most:
+                    return None
+                with zipfile.ZipFile(file) as parts:
+                    if _read(parts, KEY_NAME, self.key_text) != self.key_text:
+                        return None
+                    return _read(parts, "", like)
+        except (OSError, ValueError, KeyError, IndexError, EOFError, MemoryError, NotImplementedError, RuntimeError):
             return None
-        except (zipfile.BadZipFile, zlib.error):
+        except (zipfile.BadZipFile, zlib.error, SyntaxError, TypeError, struct.error):
             return None
-        empty = ReferenceState.empty(*self._shape)
-        fits = all((a.shape, a.dtype) == (b.shape, b.dtype) for a, b in zip(state, empty, strict=True))
-        return state if fits else None
 
-    def save(self, state: ReferenceState) -> None:
-        """Replace the file by a state. Raises OSError."""
+    def save(self, record: Any) -> None:
+        """Replace the file by a record. Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
+        remove_parts(self.path.parent)
         with replacing(self.path) as part, open(part, "wb") as file:
-            np.savez(file, **state._asdict())
+            np.savez(file, **{KEY_NAME: self.key_text}, **_arrays("", record))  # type: ignore[arg-type]
 
-    def keep(self, state: ReferenceState) -> None:
-        """Save a state if possible; without a file the next run starts again."""
+    def keep(self, record: Any) -> None:
+        """Save a record if possible; without a file the next run starts again."""
         with contextlib.suppress(OSError):
-            self.save(state)
+            self.save(record)
 
 
-class StaticStore(StateFile):
+def _arrays(name: str, value: Any) -> dict[str, np.ndarray]:
+    """Return the arrays of a record by their names; None has none."""
+    if value is None:
+        return {}
+    if isinstance(value, tuple):
+        parts = zip(value._fields, value, strict=True)  # type: ignore[attr-defined]
+        return {k: a for field, part in parts for k, a in _arrays(f"{name}.{field}" if name else field, part).items()}
+    return {name: np.asarray(list(type(value)).index(value) if isinstance(value, enum.Enum) else value)}
+
+
+def _read(parts: zipfile.ZipFile, name: str, like: Any) -> Any:
+    """Return the value of a name; None where nothing is stored. Raises ValueError for another dtype or shape."""
+    if isinstance(like, tuple):
+        names = [f"{name}.{field}" if name else field for field in like._fields]  # type: ignore[attr-defined]
+        if name and not any(n.startswith(f"{name}.") for n in parts.namelist()):
+            return None
+        return type(like)(*(_read(parts, n, part) for n, part in zip(names, like, strict=True)))
+    asked = np.asarray(0 if isinstance(like, enum.Enum) else like)
+    with parts.open(f"{name}.npy") as file:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise ValueError
+        shape, by_columns, dtype = np.lib.format.read_array_header_1_0(file)
+        if dtype != asked.dtype or by_columns or shape[1:] != asked.shape[1:] or len(shape) != asked.ndim:
+            raise ValueError
+        if shape and shape[0] > len(asked):
+            raise ValueError
+        size = math.prod(shape) * dtype.itemsize
+        data = file.read(size + 1)
+    if len(data) != size:
+        raise ValueError
+    array = np.frombuffer(bytearray(data), dtype).reshape(shape)
+    if isinstance(like, enum.Enum):
+        return list(type(like))[array.item()]
+    return array.item() if isinstance(like, int | float) else array
+
+
+class StaticStore(RecordFile):
     """The static part's light without mobiles, see `gi_core.gather.static`: one file for any mobiles."""
 
     def __init__(self, model: Model, seed: int) -> None:
-        s, rows, faces = model.surfaces, model.surfaces.receiver_range(0), model.surfaces.face_range(0)
-        r = model.object_receivers
-        arrays: tuple[np.ndarray, ...]
-        arrays = s.vertices[0], s.faces[0], s.reflectance[faces], s.emission[faces], s.two_sided[faces]
-        if not np.isnan(s.lobe[faces]).all():
-            arrays = *arrays, s.lobe[faces]
-        if len(s.tables.head):
-            arrays = *arrays, *s.tables, s.tangent[faces]
-        lamps = model.emitters.lamps
-        if lamps.count > 1:  # light per lamp follows the sum
-            arrays = *arrays, np.array([lamps.sources.get(light.name, 0) for light in model.scene.lights])
-            arrays = *arrays, model.lamp_of_face[faces]
-        key = _digest(model, seed, STATIC, *arrays, r.positions[rows], r.normals[rows], r.areas[rows])
-        super().__init__(key, rows.stop, None, 3 + lamps.channels * (lamps.count > 1))
+        super().__init__("static-" + digest(FORMAT, model.static_key, int(seed)), None)
+        self._model, self._seed = model, seed
+
+    def load(self) -> StaticGather | None:
+        """Return gathered light that goes on from the stored one; None without a sound file."""
+        gathered = StaticGather(self._model, self._seed)
+        kept = self.read(gathered.empty())
+        return gathered if kept is not None and gathered.go_on_from(kept) else None
+
+    def keep_light(self, static: StaticLight, shown: Background | None) -> None:
+        """Save the light on show and what its gathering goes on from; the oldest files beyond MOST_BYTES go."""
+        gathered = static.gathered or StaticGather(self._model, self._seed)
+        self.keep(gathered.kept(static.on_show(shown)))
+        with contextlib.suppress(OSError):
+            files = sorted(self.path.parent.glob("static-*.npz"), key=lambda file: -file.stat().st_mtime)
+            for file, bytes_so_far in zip(files, itertools.accumulate(f.stat().st_size for f in files), strict=True):
+                if bytes_so_far > MOST_BYTES and file != self.path:
+                    file.unlink()
 
 
-class ReferenceStore(StateFile):
+class ReferenceStore(RecordFile):
     """The reference of some receivers of a model at one set of poses: its file and its steps."""
 
     def __init__(
@@ -117,7 +178,12 @@ class ReferenceStore(StateFile):
         self.rows = np.arange(len(positions)) if rows is None else np.asarray(rows)
         self.positions, self.normals = positions[self.rows], normals[self.rows]
         self.weights = receivers.areas[self.rows] if weights is None else np.asarray(weights, np.float64)
-        super().__init__(self.key(), len(self.rows), folder)
+        super().__init__(self.key(), folder)
+
+    def load(self) -> ReferenceState | None:
+        """Return the stored state; None without a readable file."""
+        state = self.read(ReferenceState.empty(len(self.rows)))
+        return state if state is not None and state.is_sound(len(self.rows)) else None
 
     def key(self) -> str:
         """Return the hash of all inputs."""

@@ -18,7 +18,6 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.rest.gather_jobs import load
 from app.settings import Settings, as_asked, make_solver, of_files, read_scene
 from app.worker import daemon, without_frames
 
@@ -161,6 +160,7 @@ class Opening:
                     self._refused = received
 
     def _open(self, scene: Scene, versions: Versions) -> Opened:
+        from app.rest.reference_store import StaticStore
         from gi_core.base.kernel_cache import problems
         from gi_core.display.first_look import LookLight
 
@@ -170,8 +170,9 @@ class Opening:
         if self.look is not None and math.isfinite(self.look.noise):
             solver.begin_with_look(LookLight(self.look.drawn, self.look.noise))
         meshes, picker = self._drawn(solver.model, None if before is None else before.opened.solver.model)
-        for _ in load(solver) if solver.light == "best" and solver.frame_light.static.gathered is None else ():
-            self._stop_if_cancelled()
+        static = solver.frame_light.static
+        if solver.light == "best" and static.gathered is None:
+            static.gathered = StaticStore(solver.model, solver.seed).load()  # shown if it has less error than photons
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()

@@ -86,7 +86,7 @@ class StaticLight:
     @property
     def lacks_gathered(self) -> bool:
         """Whether there is no light but that of photons."""
-        return self.gathered is None and self._edited is None
+        return (self.gathered is None or self.gathered.estimate is None) and self._edited is None
 
     def irradiance(self, b: Background, levels: np.ndarray) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] at levels of the lamps; the same array for the same light.
@@ -205,6 +205,19 @@ class StaticLight:
         if self._error is None or self._error[0] is not light or not np.array_equal(self._error[1], levels):
             self._error = light, levels, light.error_at(levels, self._areas if g is None else g.weights)
         return self._error[2]
+
+    def on_show(self, b: Background | None) -> Estimate | None:
+        """Return the light on show per lamp, with its error; None before there is some of known error."""
+        if self.best is not None:
+            return self.best
+        if b is None or not b.estimate.photons:
+            return None
+        photons = self.of_photons(b, per_lamp=self._model.emitters.lamps.count > 1)
+        return (
+            photons._replace(error=max(photons.error, self._error_of(photons)))
+            if math.isfinite(photons.noise)
+            else None
+        )
 
     # -- edits ------------------------------------------------------------------------------------
 

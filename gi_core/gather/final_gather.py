@@ -13,7 +13,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable, Iterator
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -35,6 +35,16 @@ FIRST_SECONDS = 1e-5  # per path, before measurements
 LEAST, MOST = 1 << 8, 1 << 16  # paths per step
 SET = 1 << 40  # stride of set numbers, above the number of receivers
 CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
+
+
+class BounceSums(NamedTuple):
+    """Sums of single bounces at n receivers, by which they go on."""
+
+    per_lamp: np.ndarray  # (n, 3 G) float64 [W/m2]
+    last: np.ndarray  # as `per_lamp`, of the last pair alone
+    variance: np.ndarray  # (n, 3) float64 [W2/m4]
+    lamp_variance: np.ndarray  # (n, 3 G) float64 [W2/m4]
+    pairs: int  # of sets
 
 
 class FinalGather:
@@ -61,6 +71,16 @@ class FinalGather:
         other = copy.copy(self)
         other._model = cast(Model, model)
         return other
+
+    @property
+    def sums(self) -> BounceSums:
+        return BounceSums(self.per_lamp, self.last, self._variance, self._lamp_variance, self._pairs)
+
+    @sums.setter
+    def sums(self, sums: BounceSums) -> None:
+        self.per_lamp, self.last, self._variance, self._lamp_variance, self._pairs = sums
+        self.mean = sum_of_lamps(self.per_lamp)
+        self.paths = sum(2 << min(SMALLEST + pair, LARGEST) for pair in range(sums.pairs))
 
     @property
     def standard_error(self) -> np.ndarray:

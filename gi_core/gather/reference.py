@@ -34,6 +34,7 @@ FLOOR = 0.1  # of the mean deviation: least deviation of a point, since a pilot'
 EVEN_SET = 4  # log2 of the paths per point and round without weights
 FIRST_SECONDS = 1e-5  # per path, before measurements
 SMALLEST_STEP = 1 << 6  # paths
+LARGEST_SQUARE = 1e60  # squared irradiance of the strongest lamps in a scene file
 PATHS_AT_ONCE = 1 << 16  # where nothing waits
 
 
@@ -51,6 +52,22 @@ class ReferenceState(NamedTuple):
         """Return the state of n points before the first path."""
         zeros = np.zeros((n, channels))
         return cls(np.full((n, 2), np.nan), np.full(n, -1, np.int8), np.zeros(n, np.int32), zeros, zeros.copy())
+
+    def is_sound(self, n: int, channels: int = 3) -> bool:
+        """Return whether this can be a state of n points: files hold any numbers."""
+        shapes = (n, 2), (n,), (n,), (n, channels), (n, channels)
+        if tuple(a.shape for a in self) != shapes or not all(map(may_be_light, (self.mean, self.squares))):
+            return False
+        m, never = self.log2_set.astype(np.int64), self.sets == 0
+        sizes = ((m >= -1) & (m <= strata.LARGEST_SET) & (never | (m >= 0))).all()
+        piloted = np.isnan(self.pilot) | ((self.pilot >= 0) & (self.pilot < LARGEST_SQUARE))
+        return bool(
+            sizes
+            and (self.sets >= 0).all()
+            and piloted.all()
+            and (self.paths < PATHS_PER_POINT).all()
+            and not self.mean[never].any()
+        )
 
     @property
     def rounds(self) -> int:
@@ -74,6 +91,11 @@ class ReferenceState(NamedTuple):
             return float("inf")
         error = self.standard_error[:, :3] / small_sample_bias(self.sets[:, None])
         return relative_noise(luminance(error), self.mean[:, :3], weights, rows)
+
+
+def may_be_light(values: np.ndarray) -> bool:
+    """Return whether all values can be irradiance [W/m2] or its square."""
+    return bool(((values >= 0) & (values < LARGEST_SQUARE)).all())
 
 
 def reference_irradiance(

@@ -17,9 +17,9 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from gi_core.gather.denoise import averaged, denoise
-from gi_core.gather.estimate import Estimate, Source, variance_per_lamp
-from gi_core.gather.final_gather import FinalGather
-from gi_core.gather.reference import ReferenceRounds, ReferenceState
+from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
+from gi_core.gather.final_gather import BounceSums, FinalGather
+from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
 from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
@@ -35,6 +35,7 @@ SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1 ..
 SAMPLE_NOISE = 2.0  # ... by paths of so many times its noise, ...
 SAMPLE_ROUNDS = 48  # ... in smaller rounds: the first two are known sooner
 POOLED = 8  # means over neighbours by which pilots and squared errors of whole paths are pooled
+MOST_PAIRS = 1 << 20  # of sets of single bounces
 GROUPS = 8  # of receivers whose paths are alike in noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
@@ -67,6 +68,17 @@ class ErrorSample(NamedTuple):
         squares = [off[g].sum() ** 2 - 2 / math.pi * deviation[g].sum() ** 2 for g in groups]
         light = float((w * truth).sum())
         return float(np.sqrt(np.maximum(squares, 0.0)).sum()) / light if light > 0 else 0.0
+
+
+class Kept(NamedTuple):
+    """What gathering goes on from, also in another session; None: nothing yet."""
+
+    estimate: Estimate | None
+    bounces: BounceSums | None
+    state: ReferenceState | None
+    sample: ErrorSample | None
+    weights: np.ndarray  # (n,) float64
+    numbers: np.ndarray  # (4,) float64: noise; first phase, fraction, done; least noise of whole paths
 
 
 def _unbiased(E: np.ndarray, noise: float) -> Generator[bool, None, float]:
@@ -132,6 +144,57 @@ class StaticGather:
         if self._sample is not None:
             g._sample = self._sample._replace(state=ReferenceState(*(a.copy() for a in self._sample.state)))
         return g
+
+    def kept(self, shown: Estimate | None = None) -> Kept:
+        """Return what gathering goes on from. shown: the light on show, kept if it has less error."""
+        numbers = np.array([self.noise, self._first_phase, self._fraction, self._left])
+        bounces = self._final.sums if self._final.paths else None
+        weights = self.weights if self._is_weighed else np.zeros(0)
+        return Kept(better(self.estimate, shown), bounces, self.state, self._sample, weights, numbers)
+
+    def empty(self) -> Kept:
+        """Return arrays of the shapes and dtypes of kept(), or of more rows, that take no memory."""
+        n, c, k = len(self._areas), self._channels, SAMPLE
+
+        def zeros(*shape: int) -> np.ndarray:
+            return np.broadcast_to(np.zeros(()), shape)
+
+        estimate = Estimate(Source.PHOTONS, zeros(n, c), zeros(n, c // 3), 0.0, 0.0)
+        sample = ErrorSample(np.zeros(k, np.int64), np.zeros(k), ReferenceState.empty(k))
+        bounces = BounceSums(zeros(n, c), zeros(n, c), zeros(n, 3), zeros(n, c), 0)
+        return Kept(estimate, bounces, ReferenceState.empty(n, self._path_channels), sample, zeros(n), zeros(4))
+
+    @property
+    def _path_channels(self) -> int:
+        return 3 + self._channels * (self._channels > 3)
+
+    def go_on_from(self, kept: Kept) -> bool:
+        """Go on from what another session kept; return False, and change nothing, if it can't be of these receivers."""
+        n, c, (light, bounces, state, sample, weights, numbers) = len(self._areas), self._channels, kept
+        sound = weights.shape in ((0,), (n,)) and may_be_light(weights)
+        sound &= numbers.shape == (4,) and bool((numbers >= 0).all())
+        if light is not None:
+            sound &= (light.light.shape, light.variance.shape) == ((n, c), (n, c // 3))
+            sound &= may_be_light(light.light) and may_be_light(light.variance) and min(light.noise, light.error) >= 0
+        if bounces is not None:
+            sound &= tuple(a.shape for a in bounces[:4]) == ((n, c), (n, c), (n, 3), (n, c))
+            sound &= all(map(may_be_light, bounces[:4])) and 0 < bounces.pairs < MOST_PAIRS
+        if state is not None:
+            sound &= state.is_sound(n, self._path_channels)
+        if sample is not None:
+            k = len(sample.rows)
+            sound &= sample.state.is_sound(k) and sample.times.shape == (k,) and may_be_light(sample.times)
+            sound &= bool(((sample.rows >= 0) & (sample.rows < n)).all())
+        if not sound:
+            return False
+        self.estimate, self.state, self._sample = light, state, sample
+        self.noise, self._first_phase, self._fraction, self._left = numbers.tolist()
+        if bounces is not None:
+            self._final.sums = bounces
+        if len(weights):
+            self._weigh(weights)
+            self._is_weighed = True
+        return True
 
     def error_of(self, E: np.ndarray) -> float:
         """Return the relative l1 error of other irradiance E (n, 3) [W/m2] by the sample; 0 before there is one."""
@@ -285,6 +348,9 @@ class StaticGather:
         of_lamps = standard_error if several is None else lamp_error
         of_lamps = luminance(of_lamps.reshape(len(light), self._channels // 3, 3))
         variance = variance_per_lamp(share * luminance(standard_error), of_lamps)
+        earlier, self.noise = self.estimate, noise
+        if earlier is not None and earlier.source in (Source.PHOTONS, Source.EDITED) and earlier.error <= left:
+            return  # light that another session has shown
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
-        self.estimate, self.noise = Estimate(source, light, variance, share * noise, left), noise
+        self.estimate = Estimate(source, light, variance, share * noise, left)
         yield True

@@ -14,8 +14,10 @@ from app.rest.reference_store import StaticStore
 from app.session.log import Log
 from app.session.opening import Opened, Opening
 from app.session.session import Session
-from app.settings import Settings
+from app.settings import LampSetting, Settings
 from gi_core.gather import static
+from gi_core.gather.estimate import better
+from gi_core.lights.mix import mix
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
@@ -30,17 +32,17 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setattr(static, "ENOUGH", 0.05)
 
 
-def opened(light: str = "best") -> Session:
+def opened(light: str = "best", photons: int = 3000) -> Session:
     settings = Settings(
         estimator="tangent_plane",
-        photons=3000,
+        photons=photons,
         radius=0.06,
         neighbours=20,
         exposure=0.0,
         light=light,
         measure_errors=False,
     )
-    solver = Solver(SCENE, photons=3000, radius=0.06)
+    solver = Solver(SCENE, photons=photons, radius=0.06)
     solver.configure(light=light)
     session = Session(settings, Log(), open_with=lambda settings: None)
     session.adopt(Opened(settings, solver, None, (), None))
@@ -121,7 +123,7 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         timed_gathering.gather(solver, 3600.0, bar)
     kept = StaticStore(solver.model, solver.seed).load()
-    assert kept is not None and np.array_equal(kept.mean, solver.frame_light.static.gathered.state.mean)
+    assert kept is not None and np.array_equal(kept.state.mean, solver.frame_light.static.gathered.state.mean)
 
 
 def test_other_mobiles_find_the_same_file_other_walls_do_not():
@@ -190,26 +192,39 @@ def test_work_at_rest_is_stored_at_quit(monkeypatch):
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
     assert store.load() is None
     session.close(patience=PATIENCE)
-    assert np.array_equal(store.load().sets, session.light._solver.frame_light.static.gathered.state.sets)
+    assert np.array_equal(store.load().state.sets, session.light._solver.frame_light.static.gathered.state.sets)
 
 
-@pytest.mark.parametrize("complete", [True, False])
-def test_stored_light_is_in_the_first_picture(complete, monkeypatch):
-    monkeypatch.setattr(static, "ENOUGH", 0.05 if complete else 0.01)
-    first = opened()
-    done = (
-        (lambda: is_finished(first)) if complete else (lambda: gathered(first).fraction > 0.5)
-    )  # two rounds of whole paths
-    rest_until(first, done)
+STAGES = {
+    "photons": lambda s: not s.refining,
+    "single bounces": lambda s: (g := s.light._solver.frame_light.static.gathered) and g.estimate,
+    "whole paths": lambda s: gathered(s).fraction > 0.5,  # two rounds
+    "complete": lambda s: is_finished(s),
+}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_the_light_last_on_show_is_in_the_first_picture(stage, monkeypatch):
+    """Single bounces and photons were lost, and so were whole paths before the second round at every receiver."""
+    monkeypatch.setattr(static, "ENOUGH", 0.05 if stage == "complete" else 0.01)
+    first = opened(photons=100_000)
+    rest_until(first, lambda: STAGES[stage](first))
     first.close(patience=PATIENCE)
-    kept = first.light._solver.frame_light.static.gathered
-    assert complete == kept.enough
-    again = Opening(first.settings, load=lambda settings: SCENE)
-    again._thread.join()
-    light = again.result.solver.frame_light.static
-    assert again.result.solver.frame_light.is_gathered and light.gathered.enough == complete
-    assert np.array_equal(light.gathered.estimate.irradiance, kept.estimate.irradiance) or not complete
-    assert (light.gathered.state.sets >= kept.state.sets).all()
+    solver = first.light._solver
+    before = solver.frame_light.static
+    g = before.gathered
+    shown, paths = better(g and g.estimate, before.on_show(solver.frame.background)), g and g.state
+    assert paths is None or stage in ("whole paths", "complete")
+    for lamps in ((), (LampSetting(solver.lamps.names[0], 0.3),)):
+        again = Opening(replace(first.settings, lamps=lamps), load=lambda settings: SCENE)
+        again._thread.join()
+        now = again.result.solver
+        light = now.frame_light.static
+        assert now.frame.photons < 100_000 and now.frame_light.is_gathered
+        assert light.best.source is shown.source and light.best.error == shown.error
+        assert np.array_equal(now.static_irradiance, mix(shown.light, now.levels))
+        assert paths is None or (light.gathered.state.sets >= paths.sets).all()
+        assert light.gathered.enough == (stage == "complete")
 
 
 def test_nothing_stored_delays_no_first_picture():

@@ -68,7 +68,7 @@ class Boundary:
         """
         if not os.path.isfile(path):
             raise FileNotFoundError(errno.ENOENT, "there is no such file")
-        with open(path, "rb", opener=_at_once) as file:
+        with open(path, "rb", opener=at_once) as file:
             state = os.fstat(file.fileno())
             if not stat.S_ISREG(state.st_mode):
                 raise FileNotFoundError(errno.ENOENT, "there is no such file")
@@ -93,7 +93,7 @@ class Boundary:
         self.taken[what] = total
 
 
-def _at_once(path: str, flags: int) -> int:
+def at_once(path: str, flags: int) -> int:
     """Open a file without waiting for the other end of a pipe."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
+from app.measure.results import peak_rss_mb
 from app.rest import reference_store
 from app.rest.reference_store import ReferenceStore, StaticStore, reference_folder
+from gi_core.frames.static_light import StaticLight
+from gi_core.gather.static import Kept
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Pose
+from gi_core.solver import Solver
 from tests.support import scene_builders as build
 from tests.support.photometry import luminaire, uneven
 
@@ -90,6 +96,84 @@ def test_reference_is_saved_while_gathering(monkeypatch):
         next(steps)
     assert room().load() is not None
     steps.close()
+
+
+@pytest.fixture(scope="module")
+def kept() -> tuple[Model, Kept]:
+    solver = Solver(build.coloured_room(()), photons=2000, radius=0.1, light="best")
+    solver.solve()
+    for _ in solver.gather_steps():
+        if (g := solver.frame_light.static.gathered) and g.state is not None and g.state.rounds > 1:
+            return solver.model, g.kept()
+    raise AssertionError
+
+
+def put(array: np.ndarray, value) -> np.ndarray:
+    out = array.copy()
+    out.flat[-1] = value
+    return out
+
+
+DAMAGES = {
+    "nothing": lambda k: k,
+    "NaN": lambda k: k._replace(estimate=k.estimate._replace(light=put(k.estimate.light, np.nan))),
+    "below 0": lambda k: k._replace(estimate=k.estimate._replace(variance=put(k.estimate.variance, -1.0))),
+    "sure of itself": lambda k: k._replace(estimate=k.estimate._replace(error=-1.0)),
+    "inf": lambda k: k._replace(state=k.state._replace(mean=put(k.state.mean, np.inf))),
+    "pilot": lambda k: k._replace(state=k.state._replace(pilot=put(k.state.pilot, np.inf))),
+    "-3 sets": lambda k: k._replace(state=k.state._replace(sets=put(k.state.sets, -3))),
+    "2^31 sets": lambda k: k._replace(state=k.state._replace(sets=put(k.state.sets, 2**31 - 1))),
+    "2^100 paths": lambda k: k._replace(state=k.state._replace(log2_set=put(k.state.log2_set, 100))),
+    "bounces": lambda k: k._replace(bounces=k.bounces._replace(last=put(k.bounces.last, -1e-9))),
+    "pairs": lambda k: k._replace(bounces=k.bounces._replace(pairs=-1)),
+    "sample": lambda k: k._replace(sample=k.sample._replace(rows=put(k.sample.rows, 10**9))),
+    "weights": lambda k: k._replace(weights=k.weights[1:]),
+    "numbers": lambda k: k._replace(numbers=put(k.numbers, -1.0)),
+    "a receiver less": lambda k: k._replace(estimate=k.estimate._replace(light=k.estimate.light[1:])),
+    "float32": lambda k: k._replace(weights=k.weights.astype(np.float32)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_stored_light_is_taken_by_its_values(damage, kept):
+    """Light of NaN, or of less than none, was shown; 2^100 paths ended in an OverflowError."""
+    s = StaticStore(kept[0], 0)
+    s.save(DAMAGES[damage](kept[1]))
+    loaded = s.load()
+    assert (loaded is not None) == (damage == "nothing")
+    if loaded is not None:
+        assert np.array_equal(loaded.estimate.light, kept[1].estimate.light)
+        assert loaded.kept().estimate[3:] == kept[1].estimate[3:]
+
+
+def test_a_file_is_that_of_its_scene_and_read_no_further_than_its_light(kept, folder):
+    """A file of another scene of as many receivers was shown; 3 MB unpacked to 3.2 GB; a pipe was waited for."""
+    s, other = StaticStore(kept[0], 0), StaticStore(kept[0], 1)
+    other.save(kept[1])
+    other.path.rename(s.path)
+    assert s.load() is None
+    zeros = np.zeros((10_000_000, 3))
+    vast = {f"estimate.{name}": zeros for name in ("light", "variance")}
+    np.savez_compressed(s.path, key=s.key_text, **vast)
+    before = peak_rss_mb()
+    del zeros
+    assert s.load() is None and peak_rss_mb() < before + 100
+    if hasattr(os, "mkfifo"):
+        s.path.unlink()
+        os.mkfifo(s.path)
+        assert s.load() is None
+
+
+def test_the_oldest_static_light_goes(kept, folder, monkeypatch):
+    static = StaticLight(kept[0], 0)
+    static.gathered = StaticStore(kept[0], 0).load()
+    for seed in range(3):
+        StaticStore(kept[0], seed).keep_light(static, None)
+        os.utime(StaticStore(kept[0], seed).path, (seed, seed))
+    size = StaticStore(kept[0], 0).path.stat().st_size
+    monkeypatch.setattr(reference_store, "MOST_BYTES", 2 * size)
+    StaticStore(kept[0], 3).keep_light(static, None)
+    assert {p.name for p in folder.iterdir()} == {StaticStore(kept[0], seed).path.name for seed in (2, 3)}
 
 
 def test_damaged_file_is_ignored():

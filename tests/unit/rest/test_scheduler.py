@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.rest import live_error
-from app.rest.reference_store import SAVE_SECONDS, StateFile, StaticStore
+from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
@@ -70,7 +70,7 @@ def test_all_work_at_rest_is_done_and_stored_in_a_new_folder(folder, capfd):
     assert shown.errors is not None and len(shown.sides) == 2 and not shown.coming
     assert errors(session) == [] and capfd.readouterr().err == ""
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
-    assert np.array_equal(store.load().mean, session.light._solver.frame_light.static.gathered.state.mean)
+    assert np.array_equal(store.load().state.mean, session.light._solver.frame_light.static.gathered.state.mean)
     assert len(list(folder.iterdir())) == 2, "the static light and the reference"
     assert np.array_equal(session.irradiance, session.light._solver.from_scratch())
 
@@ -128,11 +128,10 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
 
 @pytest.mark.parametrize("what", ["empty", "text", "truncated", "another shape", "another type", "a number"])
 def test_unusable_stored_file_counts_as_none(what, folder):
-    file = StateFile("key", 5, folder)
-    state = ReferenceState.empty(5)
+    file, state = RecordFile("key", folder), ReferenceState.empty(5)
     file.save(state)
     whole = file.path.read_bytes()
-    assert file.load() is not None
+    assert file.read(state) is not None
     match what:
         case "another shape":
             file.save(state._replace(mean=np.zeros(5)))
@@ -142,7 +141,7 @@ def test_unusable_stored_file_counts_as_none(what, folder):
             file.save(state._replace(sets=np.int32(0)))
         case _:
             file.path.write_bytes({"empty": b"", "text": b"what?", "truncated": whole[: len(whole) // 2]}[what])
-    assert file.load() is None
+    assert file.read(state) is None
 
 
 @pytest.mark.slow
