@@ -89,6 +89,17 @@ def test_mobiles_do_not_overlap():
             assert (a.min(axis=0) >= b.max(axis=0)).any() or (b.min(axis=0) >= a.max(axis=0)).any(), (i, j)
 
 
+@pytest.mark.parametrize("gap", [0.01, 0.05])
+def test_a_board_behind_cards_is_viewed_from_its_front(gap):
+    """Light caught between them is best seen edge-on, and half of the hits are on the board's back."""
+    corners = [(x, y, 0) for x in (-1.2, 0.2) for y in (-1.2, 0.2)]
+    board = quad((-1, -1, -gap), (2, 0, 0), (0, 2, 0))
+    scene = completed(merge(board, *(quad(c, (1, 0, 0), (0, 1, 0)) for c in corners)), materials=(grey(0.7, True),))
+    x, y = in_frame(scene.camera, Y, board.vertices).T
+    assert scene.camera.position[2] > 1
+    assert np.ptp(x) * np.ptp(y) > 0.4, "a tenth of the picture"
+
+
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_outward_closed_box_is_viewed_from_outside(two_sided):
     """Its inside is invisible, so a lamp inside would light nothing in view."""

@@ -27,12 +27,13 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
     """
     up = np.array(scene.up)
     around = np.roll(ring(up, 24), -2, axis=0)
+    front = np.array((0.0, -1.0, 0.0) if up[2] > up[1] else (0.0, 0.0, 1.0))
     middle = (box.low + box.high) / 2
-    shown = (middle if subject is None else subject + up * 0.04 * box.size)[None]
+    centre, shown = middle if subject is None else subject + up * 0.04 * box.size, np.zeros((0, 3))
     if scene.mobiles:
         mesh, pose = scene.mobiles[0].mesh, scene.mobiles[0].pose
         shown = to_world(pose, mesh.vertices[:: max(len(mesh.vertices) // 24, 1)])  # 24 points of the mobile
-    centre = (shown.min(axis=0) + shown.max(axis=0)) / 2
+        centre = (shown.min(axis=0) + shown.max(axis=0)) / 2
     seen = spread(box, 240)  # 240 points of the scene whose visibility is counted for each camera tried
 
     tries = []
@@ -44,8 +45,8 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
             far = _distance(low, high, d, up)
             # Nearer, a room fills the picture; a lone object would be cut off.
             shares = (1.0, 0.85) if indoors else (1.0,)
-            # 0.35: bonus of a view straight into an open room
-            worth = (0.35 if k % 6 == 4 else 0.0) if indoors else bonus
+            # 0.35: bonus of a view straight into an open room; 0.1: of a view of the front, which is +z in glTF and OBJ
+            worth = (0.35 if k % 6 == 4 else 0.0) if indoors else bonus + 0.1 * float(level @ front)
             tries += [(whole + share * far * d, whole, OUTSIDE_FOV, worth) for share in shares]
     if scene.mobiles or indoors:
         heart = seen[2] @ seen[0]
@@ -108,11 +109,14 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     of, row = np.nonzero(visible)
     reached, _ = first_seen(rays, eyes[of], unit(to[of, row]))
     visible[of, row] = reached > (1 - AT_PLACE) * distance[of, row]
-    visible[:, :n] &= dot(to[:, :n], normals) <= 0
+    # A surface counts whole from a cosine of 0.2 on: at right angles to the view it shows nothing.
+    facing = np.clip(-dot(unit(to[:, :n]), normals) / 0.2, 0.0, 1.0)
+    # The scene's share in the picture has weight 2.0, the picture's share that shows the scene 1.
+    score = fill + 2.0 * (visible[:, :n] * facing * weight).sum(axis=1)
+    if not len(shown):
+        return score
     reach = float(length(np.ptp(shown, axis=0))) / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
-    mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
-    # the scene's share in the picture has weight 2.0, the picture's share that shows the scene 1
-    return fill + 2.0 * (visible[:, :n] * weight).sum(axis=1) + mobile
+    return score + (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
 
 
 def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
