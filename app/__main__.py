@@ -10,6 +10,7 @@ import argparse
 import difflib
 import re
 import sys
+import warnings
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
@@ -46,7 +47,9 @@ def did_you_mean(word: str, words: Iterable[str]) -> list[str]:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the program; return its exit code."""
+    """Run the program; return its exit code. Python's warnings, words of libraries, stay off the terminal."""
+    if not sys.warnoptions:  # of `python -W`
+        warnings.simplefilter("ignore")
     return guarded(lambda: _run(sys.argv[1:] if argv is None else argv))
 
 

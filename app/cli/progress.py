@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 BAR_CHARACTERS = 28
 REDRAW_SECONDS = 0.1
+COMPILING = "gi-viewer: compiling kernels, once per machine: about a minute"
 
 
 class Bar:
@@ -38,6 +39,11 @@ class Bar:
         text = f"{stage:<12.40} [{'=' * done}{' ' * (BAR_CHARACTERS - done)}] {100 * fraction:3.0f} %"
         print(text.ljust(self._drawn), end="\r", file=self._stream, flush=True)
         self._drawn = len(text)
+
+    def begin(self, line: str) -> None:
+        """Print a line about work of minutes where no bar is shown."""
+        if not self._shown:
+            self.say(line)
 
     def say(self, line: str) -> None:
         """Print a permanent line, to a terminal or a file."""
@@ -63,14 +69,20 @@ def time_left(seconds: float | None) -> str:
     return f", {seconds:.0f} s left" if seconds < 90 else f", {seconds / 60:.0f} min left"
 
 
-def compile_kernels(bar: Bar, rays: str | None = None) -> None:
-    """Compile kernels that this machine has not compiled yet, showing progress: about a minute, once."""
+def compile_kernels(bar: Bar, rays: str | None = None, scene: Scene | None = None) -> None:
+    """Compile kernels that this machine has not compiled yet, showing progress: about a minute, once.
+
+    scene: its kinds of surfaces need more of them.
+    """
     from gi_core.base.kernel_cache import problems
     from gi_core.instruments import compile_ahead
 
-    if not compile_ahead.is_warm(rays):
-        for name, fraction in compile_ahead.compile_kernels(rays):
-            bar(f"compiling {name}", fraction)
+    kinds = [compile_ahead.DIFFUSE] if scene is None else [compile_ahead.DIFFUSE, compile_ahead.surfaces_of(scene)]
+    for kind in dict.fromkeys(kinds):
+        if not compile_ahead.is_warm(rays, kind):
+            bar.begin(COMPILING)
+            for name, fraction in compile_ahead.compile_kernels(rays, kind):
+                bar(f"compiling {name}", fraction)
     for problem in problems:
         bar.say(f"gi-viewer: {problem}")
 
@@ -81,7 +93,7 @@ def opened(settings: Settings, open_scene: Callable[[Settings], Scene]) -> Itera
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_scene(settings)
-        compile_kernels(bar, settings.rays)
+        compile_kernels(bar, settings.rays, scene)
         yield bar, scene
 
 

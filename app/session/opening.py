@@ -140,7 +140,7 @@ class Opening:
                 if self._refused is not None:
                     raise self._refused
                 self.fraction = meter.fraction
-                self.detail = _time_left(time.perf_counter() - started, self.fraction)
+                self.detail = _time_left(time.perf_counter() - started, self.fraction or 0.0)
                 time.sleep(POLL)
             if looking.poll() and self._load is read_scene:  # other scenes have no file to look at
                 self.warnings.append(f"the first look failed: {_last_line(look_errors, looking.returncode)}")

@@ -69,9 +69,10 @@ class Meter:
         self._before, self._code = _code_size(), CODE[surfaces]
 
     @property
-    def fraction(self) -> float:
-        """Fraction of the work that is done, 0 .. 1."""
-        return min((_code_size() - self._before) / self._code, 1.0)
+    def fraction(self) -> float | None:
+        """Fraction of the work that is done, 0 .. 1; None: unknown, as kernels of other processes are measured too."""
+        fraction = (_code_size() - self._before) / self._code
+        return fraction if fraction < 1 else None
 
 
 def _code_size() -> int:
@@ -108,7 +109,7 @@ def compile_kernels(
             yield "first look", 0.0
             _light_backwards(_tiny_scene(surfaces), rays)
         for name, run in _parts(rays, surfaces):
-            yield name.replace("_", " "), meter.fraction
+            yield name.replace("_", " "), meter.fraction or 0.0
             run()
     with suppress(OSError):
         if not KernelCache.ended:

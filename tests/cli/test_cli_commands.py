@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import io
+import sys
 import types
+import warnings
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from app import __main__ as cli
+from app.cli import progress
 from app.cli.progress import Bar
+from app.measure import scene_info
+from gi_core.instruments import compile_ahead
+from gi_core.scene import Material, Scene
+from gi_core.scene.types import Gloss
 from tests.support.cli_support import FAST, one_line
 from tests.support.mesh_writers import BOX, write_obj, write_room
 
@@ -130,7 +137,6 @@ def test_info_lists_materials_of_one_name_by_object():
 def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
     from dataclasses import replace
 
-    from app.measure import scene_info
     from gi_core.scene import PointLight, Scene
     from tests.support.scene_builders import grey, quad
 
@@ -165,8 +171,6 @@ def test_extra_words_and_mistyped_names_get_a_suggestion(capsys, tmp_path):
 
 
 def test_ctrl_c_ends_quietly(capsys, monkeypatch):
-    from app.measure import scene_info
-
     def interrupted(_):
         raise KeyboardInterrupt
 
@@ -186,6 +190,30 @@ def test_the_progress_bar_draws_on_terminals_only_and_cleans_up():
             bar("tracing", 0.5)
         text = stream.getvalue()
         assert ("tracing" in text and " 50 %" in text and text.endswith("\r")) is drawn and (drawn or text == "")
+
+
+@pytest.mark.parametrize(("stream", "said"), [(_TtyStream(), False), (io.StringIO(), True)])
+def test_compiling_says_so_where_no_bar_is_shown(monkeypatch, stream, said):
+    """Of each kind of surfaces that the scene has."""
+    compiled = []
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays, kind: False)
+    monkeypatch.setattr(compile_ahead, "compile_kernels", lambda rays, kind: compiled.append(kind) or iter(()))
+    progress.compile_kernels(Bar(stream), None, Scene(None, (Material("steel", gloss=Gloss()),)))
+    assert compiled == ["diffuse", "gloss"]
+    assert stream.getvalue().startswith("gi-viewer: compiling kernels, once per machine") is said
+
+
+def test_warnings_of_libraries_stay_off_the_terminal(monkeypatch, capsys):
+    def warning(_):
+        warnings.warn("a library's word", stacklevel=1)
+        return ["contents"]
+
+    monkeypatch.setattr(sys, "warnoptions", [])
+    monkeypatch.setattr(scene_info, "info", warning)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert cli.main(["info"]) == 0
+    assert capsys.readouterr() == ("contents\n", "")
 
 
 def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):

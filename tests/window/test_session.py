@@ -330,6 +330,18 @@ while not pathlib.Path({str(shown)!r}).exists():
     assert (COMPILING["diffuse"], 0.25, "s left") in seen and any(looks) and not programs
 
 
+def test_progress_of_compiling_never_stands_at_the_end(monkeypatch, tmp_path):
+    """More code than expected, or that of other processes: the time left is unknown."""
+    from gi_core.instruments import compile_ahead
+
+    monkeypatch.setattr(compile_ahead, "cache_folder", lambda: tmp_path)
+    monkeypatch.setitem(compile_ahead.CODE, compile_ahead.GLOSS, 100)
+    meter = compile_ahead.Meter(compile_ahead.GLOSS)
+    for size, fraction in ((50, 0.5), (99, 0.99), (100, None), (300, None)):
+        (tmp_path / "a.nbc").write_bytes(bytes(size))
+        assert meter.fraction == fraction
+
+
 def test_an_opening_cancelled_while_kernels_compile_ends_both_processes(monkeypatch, tmp_path):
     """At once, also before they have begun; one that cannot begin takes no other with it."""
     from app.session.opening import Opening
