@@ -155,7 +155,7 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
         "photons": f"enough for noise of {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,}"
         f" or as many as {choose.MOST_SECONDS:g} s on two cores allow",
         "radius": f"at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces",
-        "neighbours": "enough to smooth, few enough to stay local (photon_map alone uses it)",
+        "neighbours": "the hits on a disc of that radius, 50 to 1,000 (photon_map alone uses it)",
     }
     texts = {
         "photons": f"{chosen.photons:,}",

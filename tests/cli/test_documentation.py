@@ -165,7 +165,7 @@ def test_numbers_in_the_text_are_those_of_the_program():
         f"noise of {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,} or as many as",
         f"as many as {choose.MOST_SECONDS:g} s on two cores allow",
         f"| at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces |",
-        f"| `neighbours` | {choose.NEIGHBOURS} |",
+        f"on a disc of that radius, {choose.NEIGHBOURS} to {choose.MOST_NEIGHBOURS:,} |",
         f"longer than {one_over(completion.LARGEST_MOBILE)} of the scene "
         f"or shorter than {one_over(completion.SMALLEST_MOBILE)} of it",
         f"split to {one_over(refinement.COARSEST)} of their length",

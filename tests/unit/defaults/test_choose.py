@@ -73,7 +73,19 @@ def test_given_settings_are_kept_and_photons_do_not_change_the_radius():
     assert wide.photons < free.photons
     assert choose.choose(model, 77, 0.3, 9)[:3] == (77, 0.3, 9)
     said = Model(replace(room(), defaults=Defaults(photons=500, radius=0.2, scene_size=3.0)))
-    assert choose.choose(said, None, None, None)[:4] == (500, 0.2, choose.NEIGHBOURS, 3.0)
+    assert choose.choose(said, None, None, None)[:2] == (500, 0.2)
+    assert choose.choose(said, None, None, None).scene_size == 3.0
+
+
+@pytest.mark.parametrize(("photons", "share"), [(20_000, 1.0), (2_000, 0.0), (100_000_000, 0.0)])
+def test_k_of_the_photon_map_is_the_hits_on_a_disc(photons, share):
+    """So that both smooth alike: hits spread over all faces. Within bounds."""
+    model = Model(room())
+    chosen = choose.choose(model, photons, 0.1, None)
+    pilot, _ = choose._pilot(model)
+    on_disc = len(pilot.hits) / pilot.photons * photons * math.pi * 0.1**2 / model.surfaces.areas.sum()
+    expected = on_disc if share else choose.NEIGHBOURS if photons < 20_000 else choose.MOST_NEIGHBOURS
+    assert chosen.neighbours == pytest.approx(expected, rel=0.5 * share)
 
 
 def test_the_choice_is_always_the_same():
