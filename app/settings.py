@@ -27,7 +27,8 @@ UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_setting
 GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.gloss.source
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
-TONE_MAPS = ("aces", "reinhard", "clip")
+TONE_MAPS = ("agx", "neutral", "aces", "reinhard", "clip")
+DEFAULT_TONE_MAP = "agx"
 ILLUMINANCE = "illuminance"
 LUMINANCE = "luminance"
 FALSE_COLOURS = ILLUMINANCE, LUMINANCE
@@ -197,7 +198,7 @@ class Display:
         None, values.exposure, "EV", "stops; +1 doubles the brightness (the scene's, else metered)", of_scene=True
     )
     white_balance: bool = switch(True, "draw coloured lamps coloured instead of neutral")
-    tone_map: str = choice("aces", TONE_MAPS, "(aces)")
+    tone_map: str = choice(DEFAULT_TONE_MAP, TONE_MAPS, f"({DEFAULT_TONE_MAP})")
     show: str = choice(  # in the window ERRORS too
         "radiance", SHOWS,
         "with reflectance, without, or false colours with a legend: of the light on surfaces, or of that seen by the"

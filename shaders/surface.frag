@@ -3,7 +3,7 @@
 // app/draw/tonemap.py does the same arithmetic for pictures without a window.
 
 uniform vec3 exposure;   // factor: 2^EV times the gain of the white balance
-uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c)
+uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c), 7 AgX, 8 Khronos PBR Neutral
 uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
 uniform bool of_luminance;  // the scale is of radiance, else of irradiance: colours are E / pi
 uniform vec3 map[33];    // display colours from low to high
@@ -191,7 +191,30 @@ vec3 reflected(vec3 flat_normal) {
 }
 #endif
 
+vec3 agx(vec3 c) {
+    c = mat3(0.842479062253094, 0.0423282422610123, 0.0423756549057051,
+             0.0784335999999992, 0.878468636469772, 0.0784336,
+             0.0792237451477643, 0.0791661274605434, 0.879142973793104) * c;
+    vec3 x = clamp((log2(max(c, exp2(-12.47393))) + 12.47393) / (4.026069 + 12.47393), 0.0, 1.0);
+    x = (((((15.5 * x - 40.14) * x + 31.96) * x - 6.868) * x + 0.4298) * x + 0.1191) * x - 0.00232;
+    x = mat3(1.19687900512017, -0.0528968517574562, -0.0529716355144438,
+             -0.0980208811401368, 1.15190312990417, -0.0980434501171241,
+             -0.0990297440797205, -0.0989611768448433, 1.15107367264116) * x;
+    return pow(clamp(x, 0.0, 1.0), vec3(2.2));
+}
+
+vec3 neutral(vec3 c) {
+    float low = min(c.r, min(c.g, c.b)), start = 0.8 - 0.04, d = 1.0 - start;
+    c -= low < 0.08 ? low - 6.25 * low * low : 0.04;
+    float peak = max(c.r, max(c.g, c.b));
+    if (peak < start) return c;
+    float highest = 1.0 - d * d / (peak + d - start);
+    return mix(c * highest / peak, vec3(highest), 1.0 - 1.0 / (0.15 * (peak - highest) + 1.0));
+}
+
 vec3 tone_mapped(vec3 c) {
+    if (tone_map == 7) c = agx(c);
+    if (tone_map == 8) c = neutral(c);
     if (tone_map == 1) c = c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
     if (tone_map == 2) { c *= 0.6; c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14); }
     return clamp(c, 0.0, 1.0);
@@ -239,10 +262,10 @@ void main() {
     vec3 more = reflected(flat_normal);
 #else
     vec3 more = vec3(0.0);
-    bool gloss = tone_map < 3 || tone_map > 4 || (tone_map == 4 && of_luminance);
+    bool gloss = (tone_map != 3 && tone_map != 4) || (tone_map == 4 && of_luminance);
     if (radiance.r >= -0.5 && gloss) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
 #endif
-    if (tone_map > 4) {
+    if (tone_map == 5 || tone_map == 6) {
         vec3 c = min(max(radiance, 0.0) * exposure + more, 6e4);
         if (tone_map == 6) c /= 1.0 + max(c.r, max(c.g, c.b));
         colour = vec4(c, 1.0 / (gl_FragCoord.w * reach));

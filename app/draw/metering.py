@@ -14,6 +14,7 @@ import numpy as np
 from app.draw.camera import Turntable
 from app.draw.tonemap import meter, view_weights
 from app.draw.vertex_colours import mean_radiance
+from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
@@ -43,9 +44,11 @@ def metered(
         if (above := gloss[o]) is not None:
             front, back = front + above[0], back + above[1]
         both = mesh.back >= 0
-        for rows, colour in ((mesh.front, front), (mesh.back[both], back[both])):
+        # A surface that emits most of its radiance is a lamp or a screen.
+        shines = luminance(mesh.emission) > 0.5 * luminance(front)
+        for rows, colour, counts in ((mesh.front, front, ~shines), (mesh.back[both], back[both], True)):
             radiance[rows] = colour
-            drawn[rows] = True
+            drawn[rows] = counts
     eye = camera.as_camera()
     areas = np.where(drawn, receivers.areas, 0.0)  # probes are not surfaces
     weights = view_weights(

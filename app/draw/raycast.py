@@ -18,7 +18,7 @@ from app.draw.false_colour import Scale, false_colours, per_radiance
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, Gains, to_display
 from app.draw.vertex_colours import colours, gloss_towards, mean_radiance, weights
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, draw_strips, pixel_rays, place, planar, visible_faces
-from app.settings import ILLUMINANCE, LUMINANCE
+from app.settings import DEFAULT_TONE_MAP, ILLUMINANCE, LUMINANCE
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
 from gi_core.geometry.texture_filter import footprints, lookup
@@ -42,7 +42,7 @@ def picture(
     camera: Turntable,
     size: tuple[int, int],
     exposure: float,
-    tone_map: str = "aces",
+    tone_map: str = DEFAULT_TONE_MAP,
     cull: bool = True,
     progress: Callable[[float], None] = lambda fraction: None,
     textured: bool = True,

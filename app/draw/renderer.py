@@ -21,7 +21,7 @@ from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, Gains
-from app.settings import LUMINANCE
+from app.settings import DEFAULT_TONE_MAP, LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 POINTED_OUTLINE = (0.95, 0.95, 0.95, 0.8)
-TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
+TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2, "agx": 7, "neutral": 8}  # as in surface.frag
 GLOSS_UNITS = {"cells": 1, "owners": 4}  # texture units; 2 and 3 are reflections
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
@@ -50,11 +50,12 @@ class Look:
     view_projection: np.ndarray  # (4, 4) float64 world to clip
     models: tuple[np.ndarray, ...]  # (4, 4) float64 object to world, static part first
     exposure: float = 0.0  # [EV]
-    tone_map: str = "aces"
+    tone_map: str = DEFAULT_TONE_MAP
     cull: bool = True
     outlined: tuple[int, ...] = ()  # objects with an outline: selected ones
     pointed: int = -1  # the object with a lighter one: under the cursor
     surface: np.ndarray | None = None  # (k,) faces of the static part with an outline where they are seen
+    surface_opacity: float = 1.0  # of that outline
     outline_width: float = 2.0  # pixels
     textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
@@ -362,7 +363,7 @@ class Renderer:
         self._objects[0].mark_faces(faces, look.cull)
         to_clip = look.view_projection @ look.models[0]
         area = self._objects[0].rectangle(to_clip, targets.size, look.outline_width, faces)
-        self._draw_line(targets, look, area, OUTLINE)
+        self._draw_line(targets, look, area, (*OUTLINE[:3], look.surface_opacity * OUTLINE[3]))
 
     def _draw_outline(self, targets: _Targets, look: Look, number: int, colour: tuple[float, ...]) -> None:
         """Draw a line round an object, also where others hide it."""

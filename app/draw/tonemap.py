@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from app.settings import DEFAULT_TONE_MAP
 from gi_core.geometry.error import luminance
 
-MID_GREY = 0.25  # linear, before the tone map: target of the metered median; rooms look dim at 0.18
+MID_GREY = 0.18  # linear, before the tone map: target of the metered median
 MOST_95TH_PERCENTILE = 2.0  # linear; keeps a spot-lit stage from saturating
 ACES_EXPOSURE = 0.6
 
@@ -42,7 +43,39 @@ def aces(c: np.ndarray) -> np.ndarray:
     return np.clip(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0)
 
 
-TONE_MAPS = {"aces": aces, "reinhard": reinhard, "clip": clip}
+AGX_IN = np.array([[0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+                   [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+                   [0.0423756549057051, 0.0784336, 0.879142973793104]])  # fmt: skip
+AGX_OUT = np.array([[1.19687900512017, -0.0980208811401368, -0.0990297440797205],
+                    [-0.0528968517574562, 1.15190312990417, -0.0989611768448433],
+                    [-0.0529716355144438, -0.0980434501171241, 1.15107367264116]])  # fmt: skip
+AGX_STOPS = -12.47393, 4.026069  # log2 of the darkest and the brightest value
+AGX_CURVE = 15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232  # a polynomial, highest power first
+
+
+def agx(c: np.ndarray) -> np.ndarray:
+    """Return AgX (Sobotka 2022) by the polynomial of Wrensch 2023: a curve over stops, bright colours turn white."""
+    low, high = AGX_STOPS
+    stops = np.clip(np.log2(np.maximum(c @ AGX_IN.T, 2.0**low)), low, high)
+    encoded = np.polyval(AGX_CURVE, (stops - low) / (high - low)) @ AGX_OUT.T
+    return np.clip(encoded, 0.0, 1.0) ** 2.2
+
+
+NEUTRAL_START, NEUTRAL_DESATURATION = 0.8 - 0.04, 0.15
+
+
+def neutral(c: np.ndarray) -> np.ndarray:
+    """Return Khronos PBR Neutral (2024): colours as they are, less 4 % of reflected white; highlights compressed."""
+    low = c.min(axis=-1, keepdims=True)
+    c = c - np.where(low < 0.08, low - 6.25 * low * low, 0.04)
+    peak = np.maximum(c.max(axis=-1, keepdims=True), 1e-12)
+    d = 1.0 - NEUTRAL_START
+    new = 1.0 - d * d / np.maximum(peak + d - NEUTRAL_START, d)
+    white = 1.0 - 1.0 / (NEUTRAL_DESATURATION * (peak - new) + 1.0)
+    return np.clip(np.where(peak < NEUTRAL_START, c, (1.0 - white) * c * (new / peak) + white * new), 0.0, 1.0)
+
+
+TONE_MAPS = {"agx": agx, "neutral": neutral, "aces": aces, "reinhard": reinhard, "clip": clip}
 
 
 def srgb_encode(c: np.ndarray) -> np.ndarray:
@@ -55,7 +88,9 @@ def srgb_decode(c: np.ndarray) -> np.ndarray:
     return np.where(c <= 0.04045, c / 12.92, ((np.maximum(c, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
-def to_display(radiance: np.ndarray, exposure: float, tone_map: str = "aces", gains: Gains = NEUTRAL) -> np.ndarray:
+def to_display(
+    radiance: np.ndarray, exposure: float, tone_map: str = DEFAULT_TONE_MAP, gains: Gains = NEUTRAL
+) -> np.ndarray:
     """Return sRGB bytes (..., 3) uint8 of linear radiance (..., 3) at an exposure [EV]: a stop doubles.
 
     gains: of the white balance, per channel.

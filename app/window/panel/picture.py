@@ -25,7 +25,13 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 
 EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
-TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
+TONE_MAP_NAMES = {
+    "agx": "AgX",
+    "neutral": "Khronos PBR Neutral",
+    "aces": "ACES (filmic)",
+    "reinhard": "Reinhard",
+    "clip": "Clip",
+}
 AUTOMATIC = "Automatic"
 SWITCHES = {
     "white_balance": (

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from app.draw.camera import from_camera, scene_bounds
+from app.draw.draw_mesh import draw_meshes
+from app.draw.metering import metered
 from app.draw.tonemap import MID_GREY, TONE_MAPS, meter, srgb_encode, to_display, view_weights
+from app.draw.vertex_colours import colours
 from app.settings import TONE_MAPS as NAMES
+from gi_core.model import Model
+from tests.support.viewer_support import room
 
 GREYS = np.linspace(0, 50, 2001)[:, None] * np.ones(3)
 
@@ -30,6 +38,17 @@ def test_known_values_of_each_curve():
     assert TONE_MAPS["clip"](white)[0, 0] == 1.0
 
 
+def test_published_values_of_agx_and_neutral():
+    """AgX: a grey of 0.18 becomes 0.2145, the grey at sRGB 56 stays within 8 of it. Neutral: colours below 0.76 less
+    0.04 are kept, white at 1 becomes 1 - 0.24^2 / 0.44."""
+    grey = TONE_MAPS["agx"](np.full((1, 3), 0.18))
+    assert np.ptp(grey) < 1e-3 and grey[0, 0] == pytest.approx(0.2145, abs=1e-3)
+    dark = np.full((1, 3), 0.0395)
+    assert to_display(dark, 0.0, "clip")[0, 0] == 56 and 48 <= to_display(dark, 0.0, "agx")[0, 0] <= 64
+    np.testing.assert_allclose(TONE_MAPS["neutral"](np.array([[0.5, 0.3, 0.2]])), [[0.46, 0.26, 0.16]])
+    np.testing.assert_allclose(TONE_MAPS["neutral"](np.ones((1, 3))), 1 - 0.24**2 / 0.44, rtol=1e-6)
+
+
 @pytest.mark.parametrize("name", TONE_MAPS)
 def test_every_curve_rises_from_black_and_stays_in_range(name):
     mapped = TONE_MAPS[name](GREYS)
@@ -50,7 +69,7 @@ def test_one_stop_doubles_the_light(name):
 
 
 def test_negative_and_huge_light_give_bytes():
-    assert to_display(np.array([[-1.0, 0.0, 1e6]]), 10.0).tolist() == [[0, 0, 255]]
+    assert to_display(np.array([[-1.0, 0.0, 1e6]]), 10.0, "clip").tolist() == [[0, 0, 255]]
 
 
 def test_meter_puts_the_median_at_mid_grey_and_lets_the_lamp_burn_out():
@@ -76,6 +95,21 @@ def test_meter_weights_and_empty_scenes():
     assert meter(np.zeros((0, 3))) == 0.0
     assert meter(np.zeros((5, 3))) == 0.0
     assert meter(radiance, np.zeros(2)) == 0.0
+
+
+@pytest.mark.parametrize("glow", [0.01, 100.0])
+def test_lamps_in_view_are_not_metered(glow):
+    """A wall that shines, by a hundredth of its reflected light or a hundred times as much."""
+    scene, exposures = room(4), []
+    for emission in (0.0, glow):
+        red = scene.materials[1]._replace(emission=(emission,) * 3)
+        model = Model(replace(scene, materials=(scene.materials[0], red, *scene.materials[2:])))
+        meshes, E = draw_meshes(model.surfaces), np.ones((len(model.object_receivers.areas), 3))
+        camera = from_camera(scene.camera, scene.up, scene_bounds(model, model.start_poses()))
+        receivers = model.receivers_at(model.start_poses())
+        none = [None] * len(meshes)
+        exposures.append(metered(receivers, meshes, lambda o: colours(meshes[o], E), none, False, 1.0, camera))  # noqa: B023
+    assert exposures[1] == pytest.approx(exposures[0], abs=0.1)
 
 
 def test_view_weights_count_visible_front_faces():
