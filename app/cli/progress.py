@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 BAR_CHARACTERS = 28
 REDRAW_SECONDS = 0.1
-COMPILING = "gi-viewer: compiling kernels, once per machine: about a minute"
 
 
 class Bar:
@@ -80,7 +79,7 @@ def compile_kernels(bar: Bar, rays: str | None = None, scene: Scene | None = Non
     kinds = [compile_ahead.DIFFUSE] if scene is None else [compile_ahead.DIFFUSE, compile_ahead.surfaces_of(scene)]
     for kind in dict.fromkeys(kinds):
         if not compile_ahead.is_warm(rays, kind):
-            bar.begin(COMPILING)
+            bar.begin("gi-viewer: compiling kernels, once per machine: about a minute")
             for name, fraction in compile_ahead.compile_kernels(rays, kind):
                 bar(f"compiling {name}", fraction)
     for problem in problems:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from gi_core.scene import Scene
     from gi_core.solver import Solver
 
-IMPORTING, LOADING, TRACING = "importing", "loading scene", "tracing"
+IMPORTING, LOADING, LIGHTING = "importing", "loading scene", "computing the first light"
 COMPILING = {  # by kind of surfaces, those of gi_core.instruments.compile_ahead
     "diffuse": "compiling kernels, once per machine",
     "gloss": "compiling kernels for gloss, once per machine",
@@ -173,10 +173,9 @@ class Opening:
         static = solver.frame_light.static
         if solver.light == "best" and static.gathered is None:
             static.gathered = StaticStore(solver.model, solver.seed).load()  # shown if it has less error than photons
-        self.phase, self.detail = TRACING, ""
+        self.phase, self.detail = LIGHTING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()
-            self.detail = "" if progress.stage == TRACING else progress.stage
             self.fraction = progress.fraction
             if progress.picture:
                 break

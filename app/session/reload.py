@@ -94,7 +94,7 @@ class Reload:
         opening = self.coming.opening
         if self.is_editing and not self._compiles and self.coming.clock() - self._begun < QUIET:
             return None
-        return ("ready", 1.0) if opening is None else opening.progress
+        return ("placing objects", None) if opening is None else opening.progress
 
     @property
     def _compiles(self) -> bool:

@@ -117,6 +117,11 @@ class Session(OpenScene):
         return 0.0 if self._to_apply or self.is_editing else self.light.refined
 
     @property
+    def is_current(self) -> bool:
+        """Whether the picture, and the numbers that belong to it, have the settings asked for."""
+        return self.light.is_current and self.settings.of_solver == self.requests.applied.of_solver
+
+    @property
     def in_motion(self) -> bool:
         """Whether objects are in motion, or their light is."""
         return self.motion.is_active or self.light.is_moving or self.light.partial

@@ -89,6 +89,7 @@ class SolverThread:
         self.grace = GRACE  # s per frame for a move
         self.budget = 0.0  # s per frame in motion; 0: always all photons
         self.move_failed = False  # the last one
+        self.is_current = True  # the picture has the settings configured last
         self.all_done = False  # the last call for a task at rest found none
         self.method: MethodView | None = None  # parts of the method that the window draws
         self._parts: MethodParts | None = None  # those asked for
@@ -161,6 +162,7 @@ class SolverThread:
                     self._refinement.steps = None
                 if snapshot is not None:
                     self._show(snapshot)
+                self.is_current |= snapshot is not None or progress is None
                 for kind, text in warnings.items():
                     if kind not in self._warned:
                         self._warned.add(kind)
@@ -248,7 +250,7 @@ class SolverThread:
         # The solver keeps the old picture until the new one is as good.
         self._worker.submit(functools.partial(_configure, self._solver, changes)).result()
         self._begin_refinement()
-        self._timing = Timing()
+        self._timing, self.is_current = Timing(), False
         return True
 
     def keep_results(self) -> Results:

@@ -1,11 +1,13 @@
-"""Dialogs: the system's for files, or a field for a path where it has none; and the question about unsaved changes."""
+"""Dialogs: the system's for files, or a list of files where it has none; and the question about unsaved changes."""
 
 from __future__ import annotations
 
+import fnmatch
 import os
 import shutil
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as native
@@ -29,6 +31,21 @@ def has_native() -> bool:
     return not sys.platform.startswith("linux") or any(map(shutil.which, NATIVE_LINUX))
 
 
+def entries_of(folder: str, patterns: Sequence[str]) -> tuple[str, ...]:
+    """Return a folder's folders, with a slash, then its files of some patterns; hidden ones and unreadable not."""
+    folders, files = [], []
+    with suppress(OSError), os.scandir(folder or ".") as entries:
+        for entry in entries:
+            name = entry.name
+            if name.startswith(".") or not name.isprintable():
+                continue
+            if entry.is_dir():
+                folders.append(f"{name}/")
+            elif any(fnmatch.fnmatch(name.lower(), pattern.lower()) for pattern in patterns):
+                files.append(name)
+    return *sorted(folders, key=str.lower), *sorted(files, key=str.lower)
+
+
 class FileDialog:
     """One dialog at a time: `open` or `save`; `poll` and `draw` once per frame."""
 
@@ -39,6 +56,9 @@ class FileDialog:
         self._title, self._path, self._appears = "", "", False
         self._suffix = ""  # that `answered` appends to a path without it; "": the file is read
         self._sure = ""  # path of a file that may be replaced
+        self._patterns: tuple[str, ...] = ()  # of files that are listed
+        self._listed: tuple[str, float] = "", 0.0  # folder, and when it was read [s]
+        self._entries: tuple[str, ...] = ()  # of that folder: folders, with a slash, then files
 
     @property
     def is_open(self) -> bool:
@@ -46,7 +66,7 @@ class FileDialog:
 
     def open(self, title: str, folder: str, filters: Sequence[str], answered: Callable[[str], None]) -> None:
         """Ask for a file that exists; `answered` receives its path."""
-        self._begin(title, "", answered)
+        self._begin(title, os.path.join(os.path.abspath(folder), ""), filters, answered)
         if has_native():
             self._native = native.open_file(title, folder, list(filters))
 
@@ -58,13 +78,14 @@ class FileDialog:
         `answered` receives its path. What it returns is the problem with that path, and the dialog stays;
         problem: of the path that it begins with.
         """
-        self._begin(title, path, answered)
+        self._begin(title, os.path.abspath(path), filters, answered)
         self._suffix = filters[1].removeprefix("*")
         self._problem = problem
         if has_native() and not problem:
             self._native = native.save_file(title, path, list(filters))
 
-    def _begin(self, title: str, path: str, answered: Callable[[str], str | None]) -> None:
+    def _begin(self, title: str, path: str, filters: Sequence[str], answered: Callable[[str], str | None]) -> None:
+        self._patterns, self._listed = tuple(filters[1].split()), ("", 0.0)
         self._native, self._answered, self._title, self._path, self._appears = None, answered, title, path, True
         self._suffix = self._sure = self._problem = ""
 
@@ -80,7 +101,7 @@ class FileDialog:
             self._end(answer if isinstance(answer, str) else answer[0] if answer else "")
 
     def draw(self) -> None:
-        """Draw the field for a path, where the system has no dialog."""
+        """Draw the field for a path, and the files of its folder, where the system has no dialog."""
         if self._answered is None or self._native is not None:
             return
         name = f"{self._title}###File"
@@ -96,18 +117,23 @@ class FileDialog:
             imgui.push_text_wrap_pos(FIELD_EM * imgui.get_font_size())
             imgui.text_colored((*theme.WARNING, 1.0), self._problem)
             imgui.pop_text_wrap_pos()
-        else:
-            imgui.text_disabled("No file dialog is installed (zenity or kdialog): write a path.")
+        chosen, done = self._draw_list()
         imgui.set_next_item_width(FIELD_EM * imgui.get_font_size())
         if self._appears:
             imgui.set_keyboard_focus_here()
+        elif chosen is not None:
+            self._path = chosen
         self._appears = False
         entered, self._path = imgui.input_text("##path", self._path, imgui.InputTextFlags_.enter_returns_true)
+        imgui.set_item_tooltip("A path. ~ is your home folder.")
         entered = entered or any(imgui.is_key_pressed(key, repeat=False) for key in RETURN)  # the field may lack focus
         replaced = self._replaced
         if replaced and self._sure == self._path:
             imgui.text_wrapped(f"{replaced} exists. OK replaces it.")
-        done = entered or imgui.button("OK")
+        done = imgui.button("OK") or entered or done
+        if done and os.path.isdir(folder := os.path.expanduser(self._path.strip())):
+            done, self._path = False, os.path.join(folder, "")  # its files are listed
+            imgui.set_keyboard_focus_here(-1)
         imgui.same_line()
         # The first Esc would only leave the field.
         cancelled = imgui.button("Cancel") or imgui.is_key_pressed(imgui.Key.escape, repeat=False)
@@ -120,6 +146,34 @@ class FileDialog:
         imgui.end_popup()
         if done or cancelled:  # last, as it may raise
             self._end(os.path.expanduser(self._path.strip()) if done else "")
+
+    def _draw_list(self) -> tuple[str | None, bool]:
+        """Draw the folder of the path: folders, then files whose names go on as typed.
+
+        Return a path clicked on, and whether it was clicked twice.
+        """
+        path = os.path.expanduser(self._path.strip())
+        folder, typed = os.path.split(path)
+        now, chosen, twice = imgui.get_time(), None, False
+        if self._listed[0] != folder or now - self._listed[1] > 1.0:
+            self._listed, self._entries = (folder, now), entries_of(folder, self._patterns)
+        typed = "" if self._suffix else typed.lower()  # a new name
+        rows = ["../", *(name for name in self._entries if name.lower().startswith(typed))]
+        height = 12 * imgui.get_text_line_height_with_spacing()
+        imgui.begin_child("##files", (FIELD_EM * imgui.get_font_size(), height))
+        clipper = imgui.ListClipper()
+        clipper.begin(len(rows))
+        while clipper.step():
+            for name in rows[clipper.display_start : clipper.display_end]:
+                flags = imgui.SelectableFlags_.allow_double_click
+                if not imgui.selectable(name, name == os.path.basename(path), flags)[0]:
+                    continue
+                twice = imgui.is_mouse_double_clicked(0) and not name.endswith("/")
+                chosen = os.path.join(os.path.dirname(folder), "") if name == "../" else os.path.join(folder, name)
+        imgui.end_child()
+        if chosen is not None and chosen.endswith("/") and self._suffix:
+            chosen += os.path.basename(path)  # the name to save stays
+        return chosen, twice
 
     @property
     def _replaced(self) -> str:

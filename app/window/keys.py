@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from app.window.actions import ACTIONS
+from app.window.dialogs import UNSAVED
 
 K = imgui.Key
 
@@ -33,21 +34,32 @@ class Keyboard:
 
     def __init__(self) -> None:
         self._held = 0  # modifiers of the last frame
+        self._used = False  # a key went down with them
 
     def pressed(self) -> list[str]:
-        """Return the actions whose keys went down in this frame; none during text input, none behind a dialog."""
+        """Return the actions whose keys went down in this frame; none during text input.
+
+        Behind the question about unsaved changes Ctrl+Q alone acts, behind other dialogs no key.
+        """
         io = imgui.get_io()
-        # A fast typist releases Ctrl in the frame in which Q goes down: the last frame's modifiers count too.
-        held, self._held = int(io.key_mods) | self._held, int(io.key_mods)
+        # A fast typist releases Ctrl in the frame in which Q goes down: the last frame's modifiers count too, unless
+        # they had their key. Then Ctrl was released before the next key.
+        now = int(io.key_mods)
+        held = now if self._used else now | self._held
+        went_down = any(imgui.is_key_pressed(key, repeat=False) for key in _KEYS)
+        self._held, self._used = now, now != 0 and (self._used or went_down)
         if io.want_text_input:
             return []
         if imgui.is_key_pressed(K.escape, repeat=False) and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             # Esc closes an open list first; without keyboard navigation ImGui leaves that to the program.
             imgui.internal.close_popup_to_level(0, True)
             return []
-        if imgui.internal.get_top_most_popup_modal() is not None:
-            return []
-        return [name for name, action in ACTIONS.items() if any(_is_pressed(chord, held) for chord in action.chords)]
+        names = [name for name, action in ACTIONS.items() if any(_is_pressed(chord, held) for chord in action.chords)]
+        dialog = imgui.internal.get_top_most_popup_modal()
+        return [name for name in names if dialog is None or (name == "quit" and dialog.name == UNSAVED)]
+
+
+_KEYS = {K(int(chord) & ~int(K.mod_mask_)) for action in ACTIONS.values() for chord in action.chords}
 
 
 def _is_pressed(chord: int, held: int) -> bool:

@@ -94,6 +94,8 @@ class Menus:
             shortcut = action.keys.partition(",")[0]
             if imgui.menu_item(action.label, shortcut, False, session.ready or not action.needs_scene)[0]:
                 self._do(entry)
+            if action.help:
+                imgui.set_item_tooltip(f"{action.help[0].upper()}{action.help[1:]}.")
 
     def _views(self, session: Session) -> None:
         """Draw the kept views, and a menu that removes them."""

@@ -11,9 +11,9 @@ from app.session.log import ERROR, INFO, WARNING, Log, LogEntry
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window import label, legend, theme
-from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES, Shown
+from app.window.panel.widgets import shortened
+from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
 from app.window.viewport import Viewport
-from app.window.wipe import Wipe
 
 if TYPE_CHECKING:
     from app.window.label import Box
@@ -29,11 +29,10 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     em = imgui.get_font_size()
     (x, y), (w, h) = viewport.view.origin, viewport.view.size
     if not ready:
-        seen = session.opening is not None and session.opening.look is not None
-        _draw_opening(session, x + w / 2, y + (h - 4 * em if seen else h / 2), em)
+        _draw_opening(session, (x, y, w, h), em)
         return
     corner, room = (x + em, y + h - 2.6 * em), w - 2 * em
-    _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
+    _draw_shown(viewport, (x, y, w, h), em)
     if viewport.shown is not None and viewport.shown.recomputed is not None:
         for k, (name, colour) in enumerate(zip(RECOMPUTED_NAMES, RECOMPUTED, strict=True)):
             label.write(name, x + w - em, y + (1 + 1.7 * k) * em, colour, right=True)
@@ -43,30 +42,42 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     hint = viewport.hint()
     if hint:
         label.write(hint, *corner, room=room)
-    elif reload.progress is not None:
-        label.write(reload.progress[0], *corner, theme.DIM_TEXT, room=room)
+    if reload.progress is not None:
+        if not reload.is_editing:  # another scene takes the place of this one
+            shade = imgui.get_color_u32(imgui.Col_.modal_window_dim_bg)
+            imgui.get_window_draw_list().add_rect_filled((x, y), (x + w, y + h), shade)
+        _draw_progress(*reload.progress, x + w / 2, y + h / 2, em)
 
 
-def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
-    """Label the picture where it is not the estimate alone: sides of a wipe, reference, error legend, pending work."""
+def _draw_shown(viewport: Viewport, area: tuple[float, float, float, float], em: float) -> None:
+    """Label the picture: sides of a wipe, reference, error legend, pending work, an estimator just chosen."""
+    shown, (x, y, w, _) = viewport.shown, area
     if shown is None:
         return
-    x, y, w, h = area
     if len(shown.sides) == 2:
-        wipe.draw(area, (shown.sides[0].label, shown.sides[1].label))
+        viewport.wipe.draw(area, (shown.sides[0].label, shown.sides[1].label))
     elif shown.named:
         label.write(shown.sides[0].label, x + em, y + em)
+    elif name := viewport.named_estimator():
+        label.write(name, x + em, y + em)
     if shown.coming:
         label.write(shown.coming, x + w - em, y + em, theme.DIM_TEXT, right=True)
 
 
-def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
-    opening = session.opening
+def _draw_opening(session: Session, area: tuple[float, float, float, float], em: float) -> None:
+    opening, (x, y, w, h) = session.opening, area
     if opening is None:
         problem = session.problem or "see the status line"
-        label.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
+        label.write(f"Could not open the scene: {problem}", x + w / 2, y + h / 2, theme.ERROR, centred=True)
         return
-    text, done = opening.progress
+    _draw_progress(*opening.progress, x + w / 2, y + h / 2, em)
+    if opening.look is not None:
+        objects = "; objects can be dragged when it is done" if len(opening.look.models) > 1 else ""
+        label.write(f"Drag to orbit{objects}", x + em, y + h - 2.6 * em, room=w - 2 * em)
+
+
+def _draw_progress(text: str, done: float | None, x: float, y: float, em: float) -> None:
+    """Write how far the opening of a scene is, with a bar below, about a point; done: the fraction, None: unknown."""
     label.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
@@ -87,11 +98,15 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
     state: in words, "" before the first picture; now: the log's time [s].
     """
     start, (x, y) = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos()
-    right = f"{state}    {KEY_HINT}" if state else KEY_HINT
-    room = imgui.get_content_region_avail().x - imgui.calc_text_size(right).x
-    message = message_at(log, now)
+    message, whole = message_at(log, now), imgui.get_content_region_avail().x
     colours = {ERROR: theme.ERROR, WARNING: theme.WARNING, INFO: theme.DIM_TEXT}
     text, colour = (readout, theme.TEXT) if message is None else (message.text, colours[message.level])
+    width, right = imgui.calc_text_size(text).x, f"{state}    {KEY_HINT}" if state else KEY_HINT
+    if width + imgui.calc_text_size(right).x >= whole and state:
+        right = state
+    room = whole - imgui.calc_text_size(right).x
+    if message is None:
+        text = shortened(text, room - imgui.get_font_size())
     if imgui.calc_text_size(text).x < room:
         imgui.set_cursor_pos((start.x + room, start.y))
         imgui.text_disabled(right)

@@ -25,6 +25,7 @@ class ScaleFit:
         self.scale: Scale | None = None
         self._asked: tuple | None = None  # arguments of the last scale
         self._fitting: Call | None = None  # the scale under way
+        self._levels: bytes | None = None  # of the lamps in the last scale; None: of another scene, or none
         self._worker = Worker("false colours")
         self._seen_from: Turntable | None = None  # camera of the last frame
 
@@ -34,15 +35,17 @@ class ScaleFit:
         return self._fitting is not None
 
     def update(self, s: Session, view: View, shown: Shown | None, at_rest: bool) -> None:
-        """Fit the scale to the picture: at rest, so that colours do not flicker in motion."""
+        """Fit the scale to the picture: with other lamps at once, else at rest, so that colours do not flicker."""
         at_rest, self._seen_from = at_rest and view.camera == self._seen_from, view.camera  # the wheel turns, or not
         if s.settings.show not in FALSE_COLOURS or shown is None:
             self.scale = self._asked = self._fitting = None
             return
         quantity, ends, lines = s.settings.show, s.settings.false_colour_range, s.settings.false_colour_lines
         asked = s.version, view.camera, view.aspect, s.settings.cull, quantity, ends, lines
-        if self._fitting is None and asked != self._asked and (at_rest or self.scale is None):
-            self._asked = asked
+        levels = s.light.snapshot.levels.tobytes()
+        due = at_rest or self.scale is None or levels != self._levels
+        if self._fitting is None and asked != self._asked and due:
+            self._asked, self._levels = asked, levels
             if ends is not None:
                 self.scale = fixed_scale(*ends, quantity).with_lines(lines)
                 return
@@ -69,7 +72,7 @@ class ScaleFit:
 
     def forget(self) -> None:
         """Fit again in the next frame."""
-        self._fitting = self._asked = None
+        self._fitting = self._asked = self._levels = None
 
     def close(self) -> None:
         """End the thread."""

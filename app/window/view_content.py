@@ -72,8 +72,13 @@ def shown(session: Session) -> Shown:
     sides = (left,) if right is None else (left, right)
     method = session.light.method
     recomputed = method.recomputed if s.show_recomputed and errors is None and method is not None else None
-    moves = session.motion.is_active
-    return Shown(sides, _coming(s, right, reference, moves), errors, s.reference or errors is not None, recomputed)
+    return Shown(
+        sides,
+        _coming(s, right, reference, session.motion.is_active),
+        errors,
+        s.reference or errors is not None,
+        recomputed,
+    )
 
 
 def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None, moves: bool) -> str:
@@ -81,7 +86,7 @@ def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None,
     names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
     if REFERENCE in s.beside_estimate and (reference is None or reference.seen < 1):
         names.append(REFERENCE if reference is None else f"{REFERENCE} ({100 * reference.seen:.0f} % of receivers)")
-    return f"{' and '.join(names)}: computed {'at rest' if moves else 'now'}" if names else ""
+    return f"{' and '.join(names)}: {'computed at rest' if moves else 'computing'}" if names else ""
 
 
 def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:

@@ -112,7 +112,7 @@ class Viewer:
     def _is_still(self) -> bool:
         """Whether the next frame would equal the last one; one that closes the window is still to come."""
         failed = self.session.problem is not None and not is_user_error(self.session.problem)
-        unchanged = self.painter.is_done if self._ready else failed
+        unchanged = self.painter.is_done and not self.viewport.is_fading if self._ready else failed
         waits = self.session.opening is None and self.reload.coming is None and not self.params.app_shall_exit
         return bool(unchanged and waits and not self._is_counted and not self.clock.is_awake)
 
@@ -202,7 +202,7 @@ class Viewer:
 
     def _draw_panel(self) -> None:
         if not self._ready:
-            imgui.text_disabled("The controls appear with the scene.")
+            imgui.text_wrapped("The controls appear with the first light that they can change.")
             return
         wanted, actions = panel.draw(self, self.folds)
         self.session.take(wanted, held=imgui.is_any_item_active())
@@ -215,8 +215,9 @@ class Viewer:
     def _draw_status(self) -> None:
         state = ""
         if self._ready and self.session.ready:
-            rate = panel.status.frame_rate(self.frame_seconds.value)
-            state = f"{panel.status.status_of(self.session).text}  ·  {rate}"
+            state = panel.status.status_of(self.session).text
+            if self.session.in_motion or self.viewport.control.is_moving:  # at rest, few new pictures are needed
+                state += f"  ·  {panel.status.frame_rate(self.frame_seconds.value)}"
         overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
 
     def draw_menus(self) -> None:

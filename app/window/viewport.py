@@ -6,6 +6,8 @@ when the cursor leaves the viewport.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from imgui_bundle import imgui
 
@@ -36,6 +38,7 @@ from app.window.wipe import Wipe
 from gi_core.scene.types import part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
+FADING_SECONDS, FADING_STEPS = 0.5, 4  # of the outline of a surface, with a picture per step
 OUTLINE_PIXELS = 2.0  # at 96 dots per inch
 
 
@@ -56,6 +59,7 @@ class Viewport:
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the selected surface of the static part; None: it has none selected
         self._surface: tuple[str, np.ndarray] | None = None  # material of that surface, and its faces
+        self._until = {"outline": 0.0, "name": 0.0}  # s of ImGui's clock: of a surface, of an estimator
         self.chosen_part = ""  # of the mobile pressed last, or chosen in the panel
         self.shown: Shown | None = None  # content of the colour buffers
         self.covered: Box | None = None  # by a control, where the mouse is not for the picture
@@ -228,6 +232,7 @@ class Viewport:
         if self._pressed is not None and self._pressed[0] == self.view.camera and not (io.key_ctrl or io.key_shift):
             self.select(())
             self.clicked = self._pressed[1]
+            self._until["outline"] = imgui.get_time() + 2.0 + FADING_SECONDS
             self._hold_receiver()
         self._pressed = None
 
@@ -316,12 +321,40 @@ class Viewport:
         self.pins.read(self.session, self.shown)
 
     @property
-    def _marked(self) -> tuple[tuple[int, ...], int, str]:
+    def _surface_opacity(self) -> float:
+        """Opacity of the selected surface's outline, which would cover a floor with grout lines, or false colours."""
+        left = self._until["outline"] - imgui.get_time()
+        return math.ceil(FADING_STEPS * min(max(left / FADING_SECONDS, 0.0), 1.0)) / FADING_STEPS
+
+    @property
+    def is_fading(self) -> bool:
+        """Whether an outline or a name will go without input."""
+        outlined = self.clicked is not None and self._surface_opacity > 0
+        return outlined or imgui.get_time() < self._until["name"]
+
+    def name_estimator(self) -> None:
+        """Write the estimator's name into the picture for a moment."""
+        self._until["name"] = imgui.get_time() + 3.0  # s
+
+    def named_estimator(self) -> str:
+        """Return the name of an estimator just chosen, and whether the picture is still that of another; "": none."""
+        s, now = self.session.settings, imgui.get_time()
+        if now >= self._until["name"]:
+            return ""
+        name = (s.estimator or "").replace("_", " ").capitalize()
+        if not self.session.is_current:
+            self.name_estimator()
+            return f"{name}: computing"
+        return f"{name}, photons only" if s.light == "photons" else f"{name}, best available light"
+
+    @property
+    def _marked(self) -> tuple[tuple[int, ...], int, str, float]:
         """What has an outline: the selected objects, the one under the cursor, -1: none, the material selected."""
         grab, hover, names = self.mobile_drag.grab, self.pointer.hover, self.session.model.names
         selected = tuple(sorted(1 + names.index(name) for name in self.selection))
         pointed = 1 + names.index(grab.mobile) if grab is not None else hover.object if hover is not None else -1
-        return selected, -1 if pointed in selected else pointed, self.clicked_material
+        material, opacity = self.clicked_material, self._surface_opacity
+        return selected, -1 if pointed in selected else pointed, material if opacity else "", opacity
 
     def _faces_of(self, material: str) -> np.ndarray | None:
         """Return the faces (k,) of the static part of a material, those that an edit changes; None for ""."""
@@ -338,7 +371,7 @@ class Viewport:
         settings, camera, _, split, scale, _ = self.picture
         near = camera.relative_to(self.session.model.origins[0])
         pixels = imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y
-        selected, pointed, material = self._marked if outlined else ((), -1, "")
+        selected, pointed, material, opacity = self._marked if outlined else ((), -1, "", 0.0)
         return Look(
             camera.projection(self.view.aspect) @ near.view(),
             self.session.models(),
@@ -348,6 +381,7 @@ class Viewport:
             selected,
             pointed,
             self._faces_of(material),
+            opacity,
             OUTLINE_PIXELS * pixels,
             textured=settings.shows_radiance,
             as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),

@@ -262,7 +262,9 @@ def _split_static(loading: Loading) -> None:
         before, after = len(scene.static.faces), len(mesh.faces)
         if after > before:
             loading.change(static=mesh)
-            loading.note(f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {after:,}")
+            loading.note(
+                f"mesh refined for light, edges up to {edge:.3g} m (max_edge): {before:,} triangles became {after:,}"
+            )
 
 
 def _classify_gloss(loading: Loading) -> None:

@@ -166,7 +166,7 @@ def test_a_bare_file_keeps_to_its_budget(tmp_path, monkeypatch):
     scene = load_scene(tmp_path / "room.obj")
     _, receivers = flatten(scene)
     assert 1500 < len(receivers.positions) < 3300
-    assert any(n.startswith("edges split to ") for n in scene.notes)
+    assert any(n.startswith("mesh refined for light, edges up to ") for n in scene.notes)
     whole = load_scene(tmp_path / "room.obj", max_edge=np.inf)
     assert len(whole.static.faces) == 14
     asked = load_scene(tmp_path / "room.obj", max_edge=0.2)

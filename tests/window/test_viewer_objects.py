@@ -174,7 +174,7 @@ def test_several_objects_are_selected_and_move_as_one(play):
         click("left")
         assert viewport.selection == ("left",)
         click("right", K.mod_ctrl)
-        assert viewport.selection == ("left", "right") and viewport._marked == ((1, 2), -1, "")
+        assert viewport.selection == ("left", "right") and viewport._marked == ((1, 2), -1, "", 0.0)
         click("right", K.mod_ctrl)
         assert viewport.selection == ("left",)
         click("right", K.mod_shift)

@@ -13,6 +13,7 @@ from PIL import Image
 from app.cli import saved_scene
 from app.session.log import Log
 from app.settings import MeasuringPlane
+from app.values import LampSetting
 from app.window import overlay, view_content
 from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
@@ -163,6 +164,13 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         plate = (saved[top:, left:].max(axis=2) < 40).mean()
         assert plate > 0.05 and (picture[top:, left:].max(axis=2) < 40).mean() < plate / 2, "the legend is in the file"
 
+        read, settings = viewport.read, viewer.session.settings
+        viewport.read = lambda at_rest: read(False)  # the scale of another lamp does not wait for rest
+        viewer.session.want(replace(settings, lamps=(LampSetting("lamp", 0.25),)))
+        hand.wait(lambda: viewport.picture.scale.high < 0.5 * scale.high)
+        viewer.session.want(settings)
+        hand.wait(lambda: viewport.picture.scale == scale)
+        viewport.read = read
         tile = hand.at((1.4, 1.2, 0.01))
         hand.move(tile)
         hand.ctx.mouse_down(0)

@@ -220,7 +220,7 @@ def test_old_scene_stays_usable_while_the_new_one_loads(play):
         assert viewer.reload.progress[0] == "loading scene: room"
         session.want(replace(session.settings, tone_map="reinhard"))
         files.gate.set()
-        hand.wait(lambda: viewer.reload.progress and viewer.reload.progress[0] == "ready")
+        hand.wait(lambda: viewer.reload.progress and viewer.reload.progress[0] == "placing objects")
         hand.ctx.yield_(10)
         assert viewer.session is session, "never under a hand"
         there = session.poses["block"]

@@ -60,7 +60,7 @@ def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(play):
         hand.wait_for_light()
         assert view.size[0] == 640
         camera, poses = view.camera, session.poses
-        for width in (320, 640, 320):
+        for width in (288, 640, 288):
             left, top, right, bottom = overlay.panel_handle_box(view)
             hand.move(((left + right) / 2, (top + bottom) / 2))
             hand.ctx.mouse_down(0)

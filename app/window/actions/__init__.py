@@ -151,11 +151,11 @@ ACTIONS = {
     ),
     "show disc": Action(
         partial(picture.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts at the cursor or a click",
-        label="What counts",
+        label="What the estimator counts",
     ),
     "show recomputed": Action(
         partial(picture.toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed",
-        label="Recomputed",
+        label="What the frame computed",
     ),
     "meter": Action(picture.meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
     "clear chart": Action(lambda w: w.session.points.clear()),

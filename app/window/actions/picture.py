@@ -27,6 +27,7 @@ def choose_estimator(k: int, window: Window) -> None:
 
     if k < len(ESTIMATORS):
         window.session.choose_estimator(list(ESTIMATORS)[k])
+        window.viewport.name_estimator()
 
 
 def reset_settings(window: Window) -> None:

@@ -38,6 +38,7 @@ from app.window.panel import (
     timings,
 )
 from app.window.panel import widgets as ui
+from app.window.panel.steady import Steady
 from app.window.parts import Window
 
 PREFERENCE = "sections"  # in the window's ini file
@@ -48,16 +49,19 @@ class Folds:
     """Fold state per section: `load` after the window opens, `header` per section, `save` before it closes."""
 
     def __init__(self) -> None:
+        self.steady = Steady()
         self._unfolded: dict[str, bool] = {}
         self._just_unfolded = ""
 
     def load(self) -> None:
         """Read the state that the last session saved; other sections keep their default."""
+        self.steady.load()
         for line in hello_imgui.load_user_pref(PREFERENCE).splitlines():
             if line[:1] in (FOLDED, UNFOLDED):
                 self._unfolded[line[1:]] = line[:1] == UNFOLDED
 
     def save(self) -> None:
+        self.steady.save()
         lines = [(UNFOLDED if unfolded else FOLDED) + title for title, unfolded in self._unfolded.items()]
         hello_imgui.save_user_pref(PREFERENCE, "\n".join(lines))
 
@@ -130,10 +134,12 @@ RESEARCH = (
 def draw(window: Window, folds: Folds) -> tuple[Settings, set[str]]:
     """Draw the panel; return the edited settings and the requested actions, keys of `app.window.actions`."""
     actions: set[str] = set()
+    folds.steady.begin()
     settings = _draw(SECTIONS, window.session.settings, window, folds, actions)
     imgui.separator()
     if folds.switch("Research", "Show the parameters, errors and timings of the method."):
         settings = _draw(RESEARCH, settings, window, folds, actions)
+    folds.steady.end()
     return settings, actions
 
 
@@ -141,6 +147,7 @@ def _draw(
     sections: tuple[Section, ...], settings: Settings, window: Window, folds: Folds, actions: set[str]
 ) -> Settings:
     for section in sections:
+        folds.steady.mark(section.title)
         if section.visible(window) and folds.header(section.title, section.unfolded):
             settings = section.draw(settings, window, actions)
             folds.show_whole(section.title)

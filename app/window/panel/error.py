@@ -20,6 +20,7 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     if changed:
         s = replace(s, measure_errors=measure_errors)
     ui.tip("Measure errors while nothing moves. A drag interrupts the measurement.")
+    imgui.begin_disabled(not window.session.is_current)  # numbers of the light before
     at = ui.DASH if r is None else f"{ui.thousands(r.receivers)} of {ui.thousands(r.of)}"
     about = "Receivers store light, one per vertex and side. A large scene is measured at a random sample of them."
     ui.number("Receivers", at, about)
@@ -47,6 +48,7 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
         _percent(r and r.reference_noise, "±"),
         f"Noise of the reference, included in the total.{paths}",
     )
+    imgui.end_disabled()
     return _compare(s)
 
 

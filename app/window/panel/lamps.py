@@ -87,7 +87,7 @@ def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
     choices.setdefault(OF_FILE, ())
     shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(names) == asked)
     now, chosen = next(shown, None), None
-    if imgui.begin_combo("##Light scene", "other levels" if now is None else now):
+    if imgui.begin_combo("##Light scene", "as set below" if now is None else now):
         for name in choices:
             chosen = name if imgui.selectable(name or NAMELESS, name == now)[0] else chosen
         imgui.end_combo()

@@ -112,8 +112,6 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         edited |= moved
     if finish.textured:
         _dim(_about_texture(model))
-    if (progress := window.reload.progress) is not None:  # first gloss: kernels compile
-        _dim(progress[0])
     if edited:
         new_values, target = tuple(values.items()), (surface, part)
         actions.add(Refinish(surface, _kept(new_values) if keeps else new_values, target not in _held, part))

@@ -43,11 +43,12 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
         ui.tip("Nearest photon hits per estimate of photon_map.")
     compared = s.compare not in ("", REFERENCE)
     with ui.idle("a comparison with an estimator shows the light of photons alone" if compared else ""):
-        s = ui.choice(s, "Light", "light", LIGHT_NAMES,
+        chosen = ui.choice(replace(s, light="photons") if compared else s, "Light", "light", LIGHT_NAMES,
                       "Best available: path tracing lights movable objects in each frame. It lights the static part "
                       "once its noise is below the photons'.\n"
                       "Photons only, as in the report: the estimator lights everything. Choosing another estimator "
                       "selects this mode; each estimator keeps its own mode.")  # fmt: skip
+        s = s if compared else chosen
     if snapshot.gloss is not None:
         s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
                       "How rays at glossy vertices are kept.\n"

@@ -45,10 +45,14 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     of = f" of {s.budget:.0f} ms" if s.budget > 0 else ""
     ui.number("Costs per move", cost + of,
               "Time for light per frame while something moves: median of the last moves, and its limit.")  # fmt: skip
+    if 0 < s.budget < 1e3 * light.gi_seconds.value:
+        imgui.text_wrapped("Above the limit: a lower quality, or smaller objects, cost less.")
     error = status.error_of(session)
+    imgui.begin_disabled(not session.is_current)  # the number of the light before
     ui.number("Error at rest", ui.DASH if error is None or session.in_motion else f"{100 * error:.1f} %",
               "Mean error of irradiance against an unbiased reference, relative to the mean irradiance. Places "
               "brighter than the view count less.")  # fmt: skip
+    imgui.end_disabled()
     status.draw(session)
     return s
 

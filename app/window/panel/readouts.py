@@ -32,10 +32,12 @@ class Edit(NamedTuple):
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     session, units = window.session, units_of(window.session.scene.units)
     snapshot, unit, surface = session.light.snapshot, units.per_area, units.on_surface
+    imgui.begin_disabled(not session.is_current)  # numbers of the light before
     for name, E in snapshot.probes.items():
         red, green, blue = (f"{float(c):.4g}" for c in E)
         tip = f"{surface} at the probe: red {red}, green {green}, blue {blue}."
         ui.number(name, f"{float(luminance(E)):.4g} {unit}", tip)
+    imgui.end_disabled()
     _pins(s, window.viewport.pins.shown, actions)
     if imgui.button("Pin a read-out", (-1, 0)):
         actions.add("pin")
@@ -114,14 +116,12 @@ def _edited(plane: MeasuringPlane, done: list[bool], actions: set[Any]) -> None:
 def _points(plane: MeasuringPlane, shape: tuple[int, int], actions: set[Any]) -> None:
     """Draw the number of points along the axes."""
     ui.label("   points")
-    em = imgui.get_font_size()
-    imgui.set_next_item_width(imgui.get_content_region_avail().x - 4.6 * em)
     changed, (a, b) = imgui.input_int2("##points", list(shape), imgui.InputTextFlags_.enter_returns_true)
     ui.tip("Points along the two axes.")
     if changed and all(1 <= n <= MOST_GRID_POINTS for n in (a, b)):
         actions.add(Edit("plane", plane._replace(points=(a, b))))
-    imgui.same_line()
-    changed, norm = imgui.checkbox("norm", plane.points is None)
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + ui.LABEL_EM * imgui.get_font_size())
+    changed, norm = imgui.checkbox("EN 12464 grid", plane.points is None)
     ui.tip("The grid of EN 12464-1: cells of 0.2 · 5^log10(d) m for a side of d m.")
     if changed:
         actions.add(Edit("plane", plane._replace(points=None if norm else shape)))

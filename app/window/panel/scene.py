@@ -1,4 +1,4 @@
-"""The current scene: name, size, loading progress, reload."""
+"""The current scene: name, units, reload."""
 
 from __future__ import annotations
 
@@ -18,12 +18,7 @@ UNIT_NAMES = ["lx, cd/m², lm", "W/m², W/m²/sr, W"]  # of UNITS
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     imgui.text_wrapped(Path(s.document or s.scene).name)
     ui.tip(s.document or s.scene)
-    if (progress := window.reload.progress) is not None:
-        _, fraction = progress  # the phase is written over the picture
-        # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
-        imgui.progress_bar(-imgui.get_time() if fraction is None else fraction, (-1, imgui.get_frame_height()), "")
-        ui.write_over("opening" if fraction is None else f"{100 * fraction:.0f} %")
-    elif imgui.button("Reload", (-1, 0)):
+    if imgui.button("Reload", (-1, 0)):
         actions.add("reload")
     ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
            "To open another scene: menu File, or drop its file on the window.")  # fmt: skip

@@ -25,6 +25,8 @@ def status_of(session: Session) -> Status:
     light, gathered = session.light, session.gathered
     if session.in_motion:
         return Status("in motion", 0.0)
+    if not session.is_current:
+        return Status("computing", 0.0)
     photons, paths = min(light.snapshot.photons_at_rest / max(session.settings.photons, 1), session.refined), []
     if gathered is not None:
         paths.append(gathered.fraction)

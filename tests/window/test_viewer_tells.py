@@ -1,0 +1,260 @@
+"""The window says where it stands: progress, pictures of earlier settings, keys, files, sizes."""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from app.session.opening import Opening
+from app.window import dialogs, keys, label, overlay
+from app.window.panel.status import status_of
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors
+from tests.support.viewer_hand import keys as named_keys
+
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+pytest_plugins = ["tests.support.viewer_fixtures"]
+
+CTRL = int(named_keys().mod_ctrl)
+
+
+@pytest.fixture
+def written(monkeypatch):
+    """Texts of the plates over the picture, with their boxes, since the last clear()."""
+    seen, draw = {}, label.draw
+    monkeypatch.setattr(
+        label, "draw", lambda text, at, *more, **others: seen.update({text: at}) or draw(text, at, *more, **others)
+    )
+    return seen
+
+
+def test_opening_another_scene_is_said_in_the_middle_of_the_picture_beside_a_hint(play, written):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        view = viewer.viewport.view
+        hand.move(hand.at((0.5, 0.3, 0.62)))
+        opening = SimpleNamespace(progress=("loading scene: kitchen", None), done=False)
+        viewer.reload.coming = SimpleNamespace(
+            opening=opening, ready=False, problem=None, tick=lambda *_, **__: None, close=lambda *_: None
+        )
+        written.clear()
+        hand.ctx.yield_(3)
+        left, top, right, bottom = written["loading scene: kitchen"]
+        x, y = (
+            (c - o) / s
+            for c, o, s in zip(((left + right) / 2, (top + bottom) / 2), view.origin, view.size, strict=True)
+        )
+        assert abs(x - 0.5) < 0.02 and abs(y - 0.5) < 0.1
+        assert any(text.startswith("Drag block") for text in written)
+        viewer.reload.coming = None
+
+    assert errors(play(script)) == []
+
+
+def test_an_estimator_chosen_is_named_in_the_picture_and_old_numbers_are_dim(play, written, monkeypatch):
+    from imgui_bundle import imgui
+
+    dim, write = set(), imgui.text
+
+    def noted(text):
+        write(text)
+        if imgui.get_style().alpha < 1:
+            dim.add(text)
+
+    monkeypatch.setattr(imgui, "text", noted)
+
+    def script(hand, viewer):
+        session = viewer.session
+        hand.wait_for_light()
+        configure = session.light.configure
+        session.light.configure = lambda *_: False  # the solver stays busy
+        written.clear()
+        hand.press(named_keys()._2)
+        hand.ctx.yield_(3)
+        name = session.settings.estimator.replace("_", " ").capitalize()
+        assert f"{name}: computing" in written and "probe" not in dim
+        assert not session.is_current and status_of(session).text == "computing"
+        assert any(text.endswith("W/m²") for text in dim), "the probe's number"
+        session.light.configure = configure
+        hand.wait_for_light()
+        hand.wait(lambda: f"{name}, photons only" in written)
+        written.clear()
+        hand.wait(lambda: not viewer.viewport.is_fading)
+        written.clear()
+        hand.ctx.yield_(3)
+        assert not any(name in text for text in written)
+
+    assert errors(play(script)) == []
+
+
+def test_the_outline_of_a_clicked_surface_goes_without_input(play):
+    def script(hand, viewer):
+        viewport = viewer.viewport
+        hand.wait_for_light()
+        wall = hand.at((0.2, 0.8, 0.0))
+        hand.move(wall)
+        hand.ctx.mouse_click(0)
+        hand.ctx.yield_(3)
+        hand.move((5, 5))
+        assert viewport.surface == "white" and len(viewport.look().surface) and viewport.is_fading
+        hand.wait(lambda: not viewport.is_fading)
+        hand.ctx.yield_(2)
+        assert viewport.surface == "white" and viewport.look().surface is None
+
+    assert errors(play(script)) == []
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_frames_per_second_are_shown_in_motion_alone(play, monkeypatch, moving):
+    states = []
+    draw = overlay.draw_status
+    monkeypatch.setattr(
+        overlay, "draw_status", lambda log, readout, state, now: states.append(state) or draw(log, readout, state, now)
+    )
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        if moving:
+            hand.press(named_keys().space)
+        states.clear()
+        hand.ctx.yield_(5)
+        assert states[-1].endswith("frames/s") is moving
+
+    assert errors(play(script)) == []
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (720, 540)])
+def test_at_twice_the_size_the_panel_is_as_wide_in_letters_and_the_state_stays(play, size):
+    from imgui_bundle import imgui
+
+    widths = []
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.ctx.set_ref("##MainMenuBar")
+        for percent in (100, 200, 100):
+            hand.ctx.menu_click(f"View/Interface size/{percent} %")
+            hand.ctx.yield_(5)
+            widths.append(hand.ctx.get_window_by_ref("//Panel").size.x / imgui.get_font_size())
+
+    assert errors(play(script, replace(support.SETTINGS, size=size))) == []
+    assert widths[0] == widths[2]
+    assert widths[1] == pytest.approx(widths[0] if size[0] > 1000 else 0.55 * size[0] / 32, abs=0.1)
+
+
+def test_a_click_in_the_picture_leaves_the_panels_rows_where_they_are(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_open("Material")
+        hand.ctx.item_open("Lamps")
+        hand.ctx.mouse_move("Picture")
+        hand.ctx.yield_(2)
+        before = hand.ctx.item_info("Picture").rect_full.min.y
+        hand.move(hand.at((0.2, 0.8, 0.0)))
+        hand.ctx.mouse_click(0)  # a surface, in place of the object with parts
+        hand.ctx.yield_(4)
+        assert hand.ctx.item_info("Picture").rect_full.min.y == pytest.approx(before, abs=1)
+
+    assert errors(play(script)) == []
+
+
+def test_a_key_right_after_a_chord_is_not_lost():
+    """Ctrl+Z in one frame; in the next Ctrl is up and Tab down. Ctrl down, then Ctrl+Z and its release in a frame."""
+    from imgui_bundle import imgui
+
+    K, before = named_keys(), imgui.get_current_context()
+    context = imgui.create_context()
+    imgui.set_current_context(context)
+    try:
+        io, keyboard, seen = imgui.get_io(), keys.Keyboard(), []
+        io.display_size, io.delta_time = (100, 100), 0.1
+        io.backend_flags |= imgui.BackendFlags_.renderer_has_textures
+        ctrl = K.left_ctrl, K.mod_ctrl
+        frames = [
+            [*((k, True) for k in ctrl), (K.z, True)], [],
+            [(K.z, False), *((k, False) for k in ctrl), (K.tab, True)], [(K.tab, False)],
+            [(k, True) for k in ctrl], [(K.z, True), *((k, False) for k in ctrl)], [(K.z, False)],
+        ]  # fmt: skip
+        for events in frames:
+            for event in events:
+                io.add_key_event(*event)
+            imgui.new_frame()
+            seen.append(keyboard.pressed())
+            imgui.end_frame()
+        assert seen == [["undo"], [], ["toggle panel"], [], [], ["undo"], []]
+    finally:
+        imgui.destroy_context(context)
+        if before is not None:
+            imgui.set_current_context(before)
+
+
+def test_a_second_ctrl_q_quits_without_saving(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        poses = {"block": replace_place(viewer.session.poses["block"])}
+        viewer.session.move(poses)
+        hand.wait_for_light()
+        hand.press(CTRL | int(named_keys().q))
+        assert viewer.files.question.is_open and not viewer._may_leave
+        hand.press(CTRL | int(named_keys().q))
+        assert viewer._may_leave
+
+    play(script, quits=True)
+
+
+def replace_place(pose):
+    return pose._replace(position=(0.7, 0.4, 0.6))
+
+
+def test_files_are_chosen_from_a_list_where_the_system_has_no_dialog(play, folder, monkeypatch):
+    opened = []
+    monkeypatch.setattr(dialogs, "has_native", lambda: False)
+    (folder / "rooms").mkdir()
+    for name in ("kitchen.glb", "hall.OBJ", "notes.txt", ".hidden.glb"):
+        (folder / "rooms" / name).write_bytes(b"")
+
+    def script(hand, viewer):
+        viewer.menus._open = viewer.open_scene = lambda path: opened.append(path)
+        hand.wait_for_light()
+        dialog = viewer.files.dialog
+        dialog.open("Open a scene", str(folder), dialogs.SCENES[:2], opened.append)
+        hand.ctx.yield_(3)
+        hand.ctx.set_ref("//Open a scene###File")
+        hand.ctx.item_click("**/rooms\\/")
+        hand.ctx.yield_(3)
+        assert dialog._entries == ("hall.OBJ", "kitchen.glb")
+        hand.ctx.item_click("**/kitchen.glb")
+        hand.ctx.yield_(2)
+        hand.ctx.item_click("OK")
+        hand.ctx.yield_(2)
+
+    assert errors(play(script)) == []
+    assert opened == [str(folder / "rooms/kitchen.glb")]
+
+
+@pytest.mark.parametrize("objects", [0, 2])
+def test_a_first_look_says_that_objects_cannot_be_dragged_yet(play, written, objects):
+    seen = threading.Event()
+
+    def slow(settings):
+        assert seen.wait(support.PATIENCE)
+        return support.room()
+
+    def script(hand, viewer):
+        opening = viewer.session.opening
+        hand.wait(lambda: opening.phase == "loading scene")
+        viewer.painter.draw_look = lambda look, settings: None
+        opening.look = SimpleNamespace(models=(None,) * (1 + objects), noise=math.inf)
+        hand.ctx.yield_(3)
+        said = [text for text in written if text.startswith("Drag to orbit")]
+        assert len(said) == 1 and ("objects can be dragged when it is done" in said[0]) is bool(objects)
+        opening.look = None
+        seen.set()
+        hand.wait_for_light()
+
+    assert errors(play(script, open_with=lambda s: Opening(s, load=slow))) == []
