@@ -111,7 +111,9 @@ def bare_lights(
     strength: list[np.ndarray | None] = [None] * len(meshes)
     for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True)):
         if len(k) and len(strongest.kind) and mesh.normal is not None:
-            light = arriving(model.accelerator, at, points[o], mesh.normal[k] @ at.rotation[o].T, strongest, size)
+            normals = mesh.normal[k] @ at.rotation[o].T
+            lift = model.lifts_at(at, points[o], normals)
+            light = arriving(model.accelerator, at, points[o], normals, lift, strongest, size)
             far = np.where(strongest.distant, 1.0, light.distance)
             out = strength[o] = np.zeros((len(mesh.positions), HIGHLIGHTS), np.float32)
             out[k, : len(strongest.kind)] = light.strength * far * far

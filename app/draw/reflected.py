@@ -17,11 +17,11 @@ from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import join
 from gi_core.geometry.error import luminance
-from gi_core.gloss.highlights import OFFSET, arriving, highlights, without_surface
+from gi_core.gloss.highlights import arriving, highlights, without_surface
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone, lamp_rays, share_of_lamps
 from gi_core.gloss.reflectors import Reflector
 from gi_core.lights.light_sampling import Lights
-from gi_core.rays.accelerator import Accelerator, Transforms
+from gi_core.rays.accelerator import LIFT, Accelerator, Transforms
 
 RAYS_PER_PIXEL_RAY = 32  # per ray of the picture at most, at its first rough lobe; further lobes and mirrors have one
 LAMP_RAYS = 16  # as many to lamps there; further rough lobes have one
@@ -66,11 +66,11 @@ class Views(NamedTuple):
     lobe: LobeViews  # normals: shading normals
     flat: np.ndarray  # (n, 3) unit, normals of the faces
     points: np.ndarray  # (n, 3) [m]
+    starts: np.ndarray  # (n, 3) [m], of rays: past the rounding of the face
 
     def repeated(self, count: int) -> Views:
         """Return each view `count` times."""
-        flat, points = (np.repeat(a, count, axis=0) for a in (self.flat, self.points))
-        return Views(self.lobe.repeated(count), flat, points)
+        return Views(self.lobe.repeated(count), *(np.repeat(a, count, axis=0) for a in self[1:]))
 
 
 class Mirrors:
@@ -180,17 +180,19 @@ class Mirrors:
         along = self._tangents[world.draw[hits.face, 0]]
         along = along - normal * dot(normal, along)[:, None]
         along /= np.maximum(np.sqrt(dot(along, along)), 1e-30)[:, None]
-        return Views(LobeViews.of_lobes(self._lobes, k, -hits.direction, normal, along), flat, point)
+        start = point + LIFT * np.abs(world.corners[hits.face]).max(axis=(1, 2))[:, None] * flat
+        return Views(LobeViews.of_lobes(self._lobes, k, -hits.direction, normal, along), flat, point, start)
 
     def _highlights(self, world: PictureScene, views: Views) -> np.ndarray:
         """Return the radiance (n, 3) of lights without a surface in gloss."""
-        light = arriving(self._accelerator, self._at, views.points, views.flat, self._delta, world.size)
+        none = np.zeros(len(views.starts))
+        light = arriving(self._accelerator, self._at, views.starts, views.flat, none, self._delta, world.size)
         light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
         return highlights(views.lobe, light, self._delta.value)
 
     def _of_lamps(self, world: PictureScene, hits: Hits, views: Views, count: int, to_lamps: int) -> np.ndarray:
         """Return the radiance (n, 3) that `to_lamps` rays to lamps bring, beside `count` drawn from the lobe."""
-        start = views.points + OFFSET * world.size * views.flat
+        start = views.starts
         numbers = _numbers(hits, to_lamps, 1)[..., :2]
         rays = lamp_rays(self._lights.area, views.lobe, start, views.flat, numbers, count / to_lamps)
         out = np.zeros(rays.radiance.shape)
@@ -215,10 +217,9 @@ class Mirrors:
         travelled = np.sqrt(dot(many.points - eye, many.points - eye))[:, None]
         key = (hits.key[:, None] * count + np.arange(count)).reshape(-1)
         spread = hits.spread or len(self._reflectors[k].lobe.taps) > 1
-        start = many.points + OFFSET * lit.world.size * many.flat
         eye = many.points - travelled * new
         rival = density * count / to_lamps if to_lamps else np.full(len(density), np.inf)
-        radiance = self._radiance(lit, start, new, eye, key, rival, hits.bounce + 1, spread, hits.rays, k)
+        radiance = self._radiance(lit, many.starts, new, eye, key, rival, hits.bounce + 1, spread, hits.rays, k)
         return (factors * radiance).reshape(-1, count, 3).mean(axis=1)
 
     def _gloss_seen_in(self, k: int) -> Above:

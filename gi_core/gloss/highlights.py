@@ -19,10 +19,8 @@ from gi_core.gloss.lobe_rays import LobeViews
 from gi_core.lights.area import triangle_area
 from gi_core.lights.kinds import PHOTOMETRIC, arrived
 from gi_core.lights.light_sampling import DeltaLights, Lights
-from gi_core.rays.accelerator import FAR, Accelerator, Transforms
+from gi_core.rays.accelerator import FAR, GAP, Accelerator, Transforms
 from gi_core.rays.all_objects import occluded_in_world
-
-OFFSET = 2e-5  # of the scene size: rays start so far from their face
 
 
 def without_surface(lights: Lights) -> DeltaLights:
@@ -53,18 +51,20 @@ class Arriving(NamedTuple):
 
 
 def arriving(
-    accelerator: Accelerator, at: Transforms, points: np.ndarray, normals: np.ndarray, lights: DeltaLights, size: float
-) -> Arriving:
+    accelerator: Accelerator, at: Transforms, points: np.ndarray, normals: np.ndarray, lift: np.ndarray,
+    lights: DeltaLights, size: float,
+) -> Arriving:  # fmt: skip
     """Return what arrives at points (n, 3), by a shadow ray each to each light.
 
-    normals (n, 3): flat or smooth; rays start on the light's side of the surface; size [m]: of the scene.
+    normals (n, 3): flat or smooth; rays start at `lift` (n,) [m] from the surface, on the light's side; size [m]: of
+    the scene.
     """
     out = unoccluded(points, lights, size)
     rows, e = np.nonzero(out.strength)
-    way, normal = out.direction[rows, e], normals[rows]
-    side = np.where(dots(way, normal) < 0, -OFFSET, OFFSET)[:, None]
-    limits = np.maximum(out.distance[rows, e] - 2 * OFFSET * size, 0.0)
-    blocked = occluded_in_world(accelerator, at, points[rows] + side * size * normal, way, limits)
+    way, normal, off = out.direction[rows, e], normals[rows], lift[rows]
+    side = np.where(dots(way, normal) < 0, -off, off)[:, None]
+    limits = np.maximum((1 - GAP) * out.distance[rows, e] - 2 * off, 0.0)
+    blocked = occluded_in_world(accelerator, at, points[rows] + side * normal, way, limits)
     out.strength[rows[blocked], e[blocked]] = 0.0
     return out
 

@@ -19,11 +19,10 @@ from gi_core.base.nearest_points import nearest
 from gi_core.base.vectors import dot
 from gi_core.geometry.receivers import NONE
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.gloss.highlights import OFFSET
 from gi_core.gloss.sharp import SharpLobe, lobe_classes, noise_factor, sharp_faces
 from gi_core.model import Model
 from gi_core.photons.trace import trace_background
-from gi_core.rays.accelerator import Transforms
+from gi_core.rays.accelerator import GAP, Transforms
 from gi_core.rays.all_objects import nearest_in_world
 
 MOST_PLANES = 64  # candidates per scene, the largest first
@@ -196,7 +195,7 @@ def places(model: Model, o: int, faces: np.ndarray, size: float) -> list[Place]:
     corners = s.vertices[o][s.faces[o][faces - s.first_face[o]]]
     if o:
         return [_of_mobile(model, o, faces, corners, size)]
-    rays, part = _rays_where_light_is(model, faces, size), _parts(corners, size)
+    rays, part = _rays_where_light_is(model, faces), _parts(corners, size)
     low, high = _boxes(part, corners)
     # connected parts larger than 0.25 of the scene size look into the probes of rooms
     middle, is_compact = (low + high) / 2, (high - low).max(axis=1) <= 0.25 * size
@@ -221,7 +220,7 @@ def _of_mobile(model: Model, o: int, faces: np.ndarray, corners: np.ndarray, siz
     R, position, end = at.rotation[o], at.position[o], np.cumsum(s.areas[faces])
     row = np.minimum(np.searchsorted(end, rng.random(PROBE_POINTS) * end[-1]), len(end) - 1)
     points = corners[row].mean(axis=1) @ R.T + position
-    rays = _rays(model, at, row, points, s.normals[faces[row]] @ R.T, size)
+    rays = _rays(model, at, row, points, s.normals[faces[row]] @ R.T)
     low, high = (corner[0] for corner in _boxes(np.zeros(len(faces), np.int64), corners))
     place = Place((low + high) / 2, (high - low) / 2, faces, faces)
     in_world = place._replace(centre=R @ place.centre + position, half=np.abs(R) @ place.half)
@@ -291,7 +290,7 @@ def _boxes(group: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return low, high
 
 
-def _rays_where_light_is(model: Model, faces: np.ndarray, size: float) -> Rays:
+def _rays_where_light_is(model: Model, faces: np.ndarray) -> Rays:
     """Return rays from where photons meet sharp faces (n,) of the static part, on the side that they meet."""
     s = model.surfaces
     of, seed = (model.accelerator, model.world, model.static, model.emitters), 0x9EF1EC7
@@ -304,16 +303,16 @@ def _rays_where_light_is(model: Model, faces: np.ndarray, size: float) -> Rays:
     met = np.flatnonzero((faces[row] == face) & (~back | s.two_sided[face]))
     met = met[np.linspace(0, len(met) - 1, min(PROBE_POINTS, len(met))).astype(int)]
     normals = s.normals[face[met]] * np.where(back[met], -1.0, 1.0)[:, None]
-    return _rays(model, model.static, row[met], paths.position[hit][met].astype(np.float64), normals, size)
+    return _rays(model, model.static, row[met], paths.position[hit][met].astype(np.float64), normals)
 
 
-def _rays(model: Model, at: Transforms, row: np.ndarray, points: np.ndarray, normals: np.ndarray, size: float) -> Rays:
+def _rays(model: Model, at: Transforms, row: np.ndarray, points: np.ndarray, normals: np.ndarray) -> Rays:
     """Return PROBE_RAYS rays of a cosine distribution from points (n, 3) [m], on faces row (n,), normals (n, 3)."""
-    row, points, normals = (np.repeat(a, PROBE_RAYS, axis=0) for a in (row, points, normals))
+    starts = points + model.lifts_at(at, points, normals)[:, None] * normals
+    row, origins, normals = (np.repeat(a, PROBE_RAYS, axis=0) for a in (row, starts, normals))
     d = np.random.default_rng(0).normal(size=(len(row), 3))
     d = normals + d / np.maximum(np.sqrt(dot(d, d)), 1e-9)[:, None]
     d /= np.maximum(np.sqrt(dot(d, d)), 1e-9)[:, None]
-    origins = points + OFFSET * size * normals
     return Rays(origins, d, *_cast(model, at, origins, d), row)
 
 
@@ -340,7 +339,7 @@ def _serves(model: Model, at: Transforms, place: Place, rays: Rays, size: float)
         going = going[np.isin(face, place.omitted)]
         if not len(going):
             break
-        reached[going] += OFFSET * size
+        reached[going] += GAP * (reached[going] + np.abs(place.centre).max())
     # hits closer than 0.01 of the scene size are one
     seen = (reached >= far - 0.01 * size) & (start <= far) & ~np.isin(rays.face, place.omitted)
     return np.where(met, seen, np.isinf(reached))

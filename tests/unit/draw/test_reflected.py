@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from app.draw import reflected, visible
+from app.draw.bare_lights import bare_lights
 from app.draw.layers import layers
 from app.draw.shot import Shot
 from app.settings import Settings, make_solver
 from gi_core.bsdf.models import lobe
 from gi_core.geometry.error import luminance
 from gi_core.gloss.reflectors import reflectors
-from gi_core.scene.types import Camera, Gloss, Material, Mobile, Scene
+from gi_core.scene.types import Camera, Gloss, Material, Mobile, PointLight, Scene
 from tests.support.scene_builders import box, merge, quad, sphere
 from tests.window.test_reflections import kind_of
 
@@ -25,7 +26,7 @@ ROUGH = {
 }
 
 
-def shot_of(ball: Material) -> Shot:
+def shot_of(ball: Material, *more, lights=()) -> Shot:
     """A ball before a mirror, under a lamp that a board hides in part: lamps nearby, small and half seen."""
     materials = (
         Material("wall", (0.3, 0.3, 0.3)),
@@ -40,10 +41,11 @@ def shot_of(ball: Material) -> Shot:
         quad((0.4, -0.5, 0.7), (0, 0.02, 0), (0.1, 0, -0.1), (1, 3), 1),
         quad((-0.9, 0.98, 0.1), (1.8, 0, 0), (0, 0, 1.3), (2, 2), 2),
         quad((0.0, -0.6, 1.3), (0, 0.2, 0), (0.3, 0, 0), (1, 1), 3),
+        *more,
     )
     mobile = Mobile("ball", sphere((0, 0, 0.7), 0.3, 3, 4))
     camera = Camera((0.1, -0.9, 1.0), (0, 0.2, 0.7), 60.0)
-    scene = Scene(static, materials, (mobile,), camera=camera, up=(0, 0, 1), name="ball")
+    scene = Scene(static, materials, (mobile,), lights, camera=camera, up=(0, 0, 1), name="ball")
     shot = Shot(make_solver(scene, SETTINGS), SETTINGS)
     shot.solver.solve()
     assert len(reflectors(shot.solver.model)[1]) == 1, "the ball is sharp enough for reflections"
@@ -141,3 +143,18 @@ def test_a_picture_does_not_depend_on_the_number_of_threads(monkeypatch):
         assert reached == sorted(reached) and len(reached) > 2
     for one, several in zip(*pictures, strict=True):
         np.testing.assert_array_equal(one, several)
+
+
+def test_reflections_and_highlights_stay_where_a_triangle_is_far_away():
+    """Rays left sharp faces at a share of the size of everything: 9 m off with a triangle at 448 km."""
+    pictures = []
+    for far in (0.0, 448e3):
+        stray = quad((far - 0.9, -0.9, 0.01), (0.01, 0, 0), (0, 0.01, 0), (1, 1), 0)
+        light = PointLight("bulb", (0.5, -0.5, 1.2), (2.0, 2.0, 2.0))
+        shot = shot_of(ROUGH["GGX of alpha 0.1"], stray, lights=(light,))
+        pictures.append(drawn(shot, 16))
+        lights = bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels)
+        pictures.append(lights.strength[1])
+    near, strength, there, strength_there = pictures
+    assert noise(there, near) < 0.02
+    assert (strength > 0).any() and np.mean((strength > 0) != (strength_there > 0)) < 0.01
