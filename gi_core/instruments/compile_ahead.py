@@ -12,6 +12,7 @@ kernels of its light come first, from the last one on.
 from __future__ import annotations
 
 import functools
+import itertools
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -30,10 +31,12 @@ from gi_core.base.threads import available_cores
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
 from gi_core.display import vertex_light
+from gi_core.display.first_look import first_looks
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.frames.frame_gloss import GatheredGloss
+from gi_core.frames.frame_size import PATHS
 from gi_core.gather.bright_faces import add_reflected
 from gi_core.gather.denoise import denoise
 from gi_core.gather.direct_light import DirectLight
@@ -51,11 +54,13 @@ from gi_core.model import Model
 from gi_core.rays.structures import checked
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
-from gi_core.solver import Solver
+from gi_core.solver import Solver, edited_solver
 
 FROM_BEHIND, BESIDE_LOOK, RAYS, OF = "--from-behind", "--beside-look", "--rays", "--surfaces"
 SURFACES = DIFFUSE, GLOSS, TABLES = "diffuse", "gloss", "tables"
 STAMP = "complete"
+STEPS = 40  # of light at rest: each of its kernels has run by then
+PHOTONS = 1 << 14  # of the recorded solve: enough for direct light and for subsets
 # Bytes of compiled kernels that a kind adds to the cache folder: the end of the progress bar.
 CODE = {DIFFUSE: 8.2e6, GLOSS: 3.6e6, TABLES: 4.0e6}
 # Upright at a corner of the floor: mobile and floor shorten regions of each other.
@@ -122,6 +127,7 @@ def _parts(rays: str | None, surfaces: str = DIFFUSE) -> list[tuple[str, Callabl
     scene = _tiny_scene(surfaces)
     tiny = functools.cache(functools.partial(_trace, scene, rays))  # a solver compiles as soon as it is made
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
+    parts += [("frames", lambda: record(_with_second(scene), rays))]
     parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
     parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
     parts += [("loading", _prepare)]
@@ -151,6 +157,40 @@ def compile_backwards(rays: str | None, surfaces: str) -> None:
     """Run the steps in reverse order."""
     for _, run in reversed(_parts(rays, surfaces)):
         run()
+
+
+def record(scene: Scene, rays: str | None) -> Solver:
+    """Take the steps of a session through a scene with mobiles, by public functions alone; return its solver.
+
+    They are a first look, photons, frames, light at rest, and an edit that removes textures. Each kernel that they call
+    is compiled, so a new one needs no line here.
+    """
+    model = Model(scene, rays=rays)
+    next(first_looks(scene, model, np.ones((len(model.emitters.lamps.names), 3)), 0))
+    solver = Solver(scene, photons=PHOTONS, radius=0.3, light="best", rays=rays)
+    _live(solver)
+    other = edited_solver(solver, replace(scene, static=scene.static._replace(paint=None)))
+    _live(other)
+    return other
+
+
+def _live(solver: Solver) -> None:
+    """Solve; move, turn and dim before and after light at rest; draw."""
+    _run(solver.solve_steps())
+    name = solver.model.names[0]
+    for steps in solver.gather_steps, solver.gather_pose_steps:
+        for pose in Pose((0.0, 0.0, 0.4)), TOUCHING:
+            solver.move(name, pose)
+            solver.move_all({name: pose._replace(position=(0.1, 0.0, 0.4))}, solver.frame.subsets[0], PATHS[0])
+        solver.set_lamps({solver.lamps.names[0]: 0.5})
+        _run(itertools.islice(steps(), STEPS))
+    solver.drawn(solver.irradiance)
+    solver.from_scratch()
+
+
+def _run(steps: Iterator) -> None:
+    for _ in steps:
+        pass
 
 
 def _trace(scene: Scene, rays: str | None) -> Solver:
@@ -238,13 +278,20 @@ def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:
     return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
 
 
+def _with_second(scene: Scene) -> Scene:
+    """Return a scene with another mobile above the first one: a corner of two quadrilaterals, as discs have regions."""
+    (mobile,) = scene.mobiles
+    low = mobile.mesh.vertices
+    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 0, 4], [1, 4, 5]], np.int32)
+    corner = Mesh(np.concatenate([low, low[:2] + [0.0, 0.0, 0.5]]), faces, np.full(4, 2, np.int32))
+    return replace(scene, mobiles=(mobile, Mobile("above it", corner, Pose((0.0, 0.0, 0.7)))))
+
+
 def _gather(scene: Scene, rays: str | None) -> None:
     """Compile the kernels of path gathering and denoising."""
     up = np.array([[0.0, 0.0, 1.0]])
     ReferenceRounds(scene, 0.1 * up, up, 0, model=Model(scene, rays=rays)).step()
-    (mobile,) = scene.mobiles
-    mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
-    model = Model(replace(scene, mobiles=mobiles), rays=rays)
+    model = Model(_with_second(scene), rays=rays)
     at, direct = model.transforms(model.start_poses()), DirectLight(model, 0)
     dark = np.zeros((model.first_probe, 3))
     MobileGather(model, 0).irradiance(at, dark, 2, resting=dark)

@@ -100,3 +100,37 @@ assert [k.signatures for k in kernels] == before
 def test_kernels_of_gathered_gloss_are_compiled_ahead():
     """They were compiled at the first rest or in the first frame, where a drag waited for them."""
     subprocess.run([sys.executable, "-c", SHONE], cwd=ROOT, check=True)
+
+
+RECORDED = """
+from gi_core.base.kernel_cache import KernelCache
+from gi_core.instruments import compile_ahead
+from gi_core.scene.types import Pose
+from gi_core.solver import Solver
+from tests.support.viewer_support import room
+
+scene = compile_ahead._with_second(compile_ahead._tiny_scene())
+compile_ahead.record(scene, None)
+late, load = [], KernelCache.load_overload
+
+def noted(self, signature, context):
+    late.append((self._py_func.__qualname__, signature))
+    return load(self, signature, context)
+
+KernelCache.load_overload = noted  # called once per kernel and types, before it is compiled
+solver = Solver(room(), photons=20_000, light="best")
+for _ in solver.solve_steps():
+    pass
+for steps in (solver.gather_steps(), solver.gather_pose_steps()):
+    solver.move("block", Pose((0.4, 0.3, 0.5)))
+    solver.move_all({"block": Pose((0.5, 0.2, 0.5))}, solver.frame.subsets[0], 8)
+    for _ in zip(range(40), steps):
+        pass
+assert not late, late
+"""
+
+
+@pytest.mark.slow
+def test_no_kernel_is_needed_first_by_a_drag_or_at_rest():
+    """Some were compiled there: of direct light, regions and lamps, for arrays that the tiny scene never had."""
+    subprocess.run([sys.executable, "-c", RECORDED], cwd=ROOT, check=True)
