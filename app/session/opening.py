@@ -83,7 +83,9 @@ class Opening:
         """The phase in words, with the fraction done or the time left; and the fraction, None: unknown."""
         share = "" if self.fraction is None else f"{100 * self.fraction:.0f} %"
         detail = self.detail or share
-        return self.phase + (f": {detail}" if detail else ""), self.fraction
+        from gi_core.scene.errors import utf8
+
+        return utf8(self.phase + (f": {detail}" if detail else "")), self.fraction
 
     @property
     def done(self) -> bool:

@@ -13,6 +13,7 @@ from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as native
 
 from app.window import theme
+from gi_core.scene.errors import utf8
 
 NATIVE_LINUX = ("zenity", "kdialog", "matedialog", "qarma")  # programs that portable-file-dialogs runs
 SCENES = ["Scenes", "*.toml *.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
@@ -208,7 +209,7 @@ class Question:
         answer = "" if shown or self._appears else "cancel"  # Esc
         self._appears = False
         if shown:
-            imgui.text(f"Objects or settings of {name} have changed.")
+            imgui.text(f"Objects or settings of {utf8(name)} have changed.")
             for word, label in (("save", "Save"), ("discard", self._otherwise), ("cancel", "Cancel")):
                 if imgui.button(label):
                     answer = word

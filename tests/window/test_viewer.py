@@ -511,3 +511,14 @@ def test_work_at_rest_goes_on_between_frames(play, monkeypatch):
     monkeypatch.setattr("app.rest.live_error.NOISE_OF_ERROR", 0.0)
     assert errors(play(script, replace(support.SETTINGS, measure_errors=True))) == []
     assert ticks.count(waits[0]) >= 20, "tasks without a frame"
+
+
+def test_a_scene_whose_name_is_no_utf8_has_a_window(play):
+    """ImGui takes UTF-8 alone: TypeError, and no window."""
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.ctx.yield_(3)
+
+    viewer = play(script, replace(support.SETTINGS, scene="/rooms/r\udcff.obj"))
+    assert viewer.session.ready and errors(viewer) == []

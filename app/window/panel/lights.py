@@ -12,6 +12,7 @@ from app.session.session import Session
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.lights.lamps import OTHERS
+from gi_core.scene.errors import utf8
 from gi_core.scene.pose import three
 from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PlacedLight, PointLight, SpotLight
 
@@ -147,7 +148,7 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
         _changed(lamp, (("size", sides),), done, actions)
         ui.label("File")
         file = session.file_of(lamp)
-        if imgui.button((Path(file).name if file else "Choose...") + "###file", (-1, 0)):
+        if imgui.button((utf8(Path(file).name) if file else "Choose...") + "###file", (-1, 0)):
             actions.add("lamp file")
         ui.tip("Give this lamp the distribution of an IES or EULUMDAT file (.ies, .ldt).")
 

@@ -11,13 +11,15 @@ from app.settings import UNITS, Settings
 from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.scene.errors import utf8
 
 UNIT_NAMES = ["lx, cd/m², lm", "W/m², W/m²/sr, W"]  # of UNITS
 
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
-    imgui.text_wrapped(Path(s.document or s.scene).name)
-    ui.tip(s.document or s.scene)
+    file = utf8(s.document or s.scene)
+    imgui.text_wrapped(Path(file).name)
+    ui.tip(file)
     if imgui.button("Reload", (-1, 0)):
         actions.add("reload")
     ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
