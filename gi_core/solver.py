@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.pause import Progress, pause, steps, undivided
 from gi_core.base.results import KEPT, Results
 from gi_core.defaults.choose import choose
 from gi_core.discs.search import SEARCHES
@@ -22,7 +23,6 @@ from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
-from gi_core.frames.progress import Progress
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -33,7 +33,6 @@ from gi_core.scene.errors import shown
 from gi_core.scene.rules import one_of
 from gi_core.scene.types import Pose, Scene
 
-Stop = Callable[[], bool] | None
 Posed = Pose | np.ndarray
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
 
@@ -145,48 +144,60 @@ class Solver:
 
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
-        for _ in self.solve_steps(pictures=False):
-            pass
+        self._solve(pictures=False)
 
-    def solve_steps(self, pictures: bool = True, stop: Stop = None) -> Iterator[Progress]:
+    def solve_steps(self, pictures: bool = True) -> Iterator[Progress]:
         """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance as photons grow.
 
-        May be abandoned between steps and restarted; traced photons are reused. stop: as in move_all().
+        May be abandoned between steps and restarted; traced photons are reused. The first one's thread takes all.
         """
-        f, show = self._first_frame, partial(self._update, stop=stop)
+        return steps(partial(self._solve, pictures))
+
+    def _solve(self, pictures: bool) -> None:
+        f = self._first_frame
         f.share(self.model)
         first = self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered
         if pictures and first and self.light == "best":
             rough = self.chosen.noise_per_photon > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
             if rough and self._early is None and not f.is_begun:
                 self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
-        yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
-        yield Progress("done", 1.0, False)
+        f.extend(self.setting, lambda: self.frame, lambda: self._goal, pictures, self._update)
+        pause(Progress("done", 1.0, False))
 
     @property
     def _goal(self) -> int:
         return self.photons if len(self.model.emitters.kind) else 0
 
-    def gather_steps(self, state: ReferenceState | None = None, stop: Stop = None) -> Iterator[Progress]:
+    def gather_steps(self, state: ReferenceState | None = None) -> Iterator[Progress]:
         """Gather the static part's light, used where `light` is "best", in steps of some 10 ms to 0.7 % noise.
 
         May be abandoned between steps and begun again. state: an earlier run's `gathered.state`, for the same scene and
-        seed, else ValueError is raised; stop: as in move_all().
+        seed, else ValueError is raised.
         """
-        show = partial(self._update, stop=stop)
-        refresh = partial(self._first_frame.refresh, lambda: self.frame.background, lambda: self._goal, show)
-        yield from self.frame_light.gather_steps(state, lambda: self.frame.background, refresh)
-        yield Progress("done", 1.0, False)
+        return steps(partial(self._gather, state))
 
-    def gather_pose_steps(self, stop: Stop = None) -> Iterator[Progress]:
+    def _gather(self, state: ReferenceState | None) -> None:
+        self.frame_light.gather(state, lambda: self.frame.background, self._refresh)
+        pause(Progress("done", 1.0, False))
+
+    def _refresh(self) -> None:
+        """Compute the frame on show again, in new static light."""
+        if self.frame.background.added == self._goal:
+            self._first_frame.find_unreached(self.frame.background)
+        self._update()
+
+    def gather_pose_steps(self) -> Iterator[Progress]:
         """Gather light with mobiles in place at the current poses, in steps of some 10 ms, for frames at these poses.
 
-        To be abandoned at the next move; begun again, it continues. stop: as in move_all().
+        To be abandoned at the next move; begun again, it continues.
         """
-        f, refresh = self.frame, partial(self._update, stop=stop)
+        return steps(self._gather_at_poses)
+
+    def _gather_at_poses(self) -> None:
+        f = self.frame
         at = self.model.transforms(f.poses)
-        yield from self.frame_light.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
-        yield Progress("done", 1.0, False)
+        self.frame_light.gather_at_poses(f.background, f.photons, f.irradiance, f.gloss, at, self._update)
+        pause(Progress("done", 1.0, False))
 
     @property
     def poses(self) -> dict[str, Pose]:
@@ -201,20 +212,18 @@ class Solver:
         """Put one mobile at a pose (a Pose or a rigid (4, 4) matrix) and update irradiance; errors as move_all()."""
         self.move_all({name if isinstance(name, str) else shown(name): pose})
 
-    def move_all(
-        self, poses: Mapping[str, Posed], photons: int | None = None, paths: int | None = None, stop: Stop = None
-    ) -> None:
+    def move_all(self, poses: Mapping[str, Posed], photons: int | None = None, paths: int | None = None) -> None:
         """Put several mobiles at new poses and update irradiance once.
 
         photons: one of `subsets`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
-        `gi_core.frames.frame_size.PATHS`, None: 64; stop: called every few ms; where it is True, Interrupted
-        (`gi_core.frames.progress`) breaks off the move. Raises SceneError for a name that no mobile has, a pose that is
-        not rigid, and any other number of photons or paths. A move that any exception breaks off has not been made.
+        `gi_core.frames.frame_size.PATHS`, None: 64. Raises SceneError for a name that no mobile has, a pose that is not
+        rigid, and any other number of photons or paths. A move that any exception breaks off has not been made, such as
+        Interrupted at a pause (`gi_core.base.pause.breaking_off`).
         """
         if photons is not None:
             one_of(self.frame.subsets).check(f"{self.scene.name}: the photons of a frame", photons)
         self.frame_light.size(0, paths)  # raises before the first photon too
-        self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths, stop)
+        self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
         """Return photons and paths for move_all(), of the largest frame that past ones predict to fit (FrameBudget)."""
@@ -227,7 +236,7 @@ class Solver:
 
     def _update(
         self, background: Background | None = None, poses: dict[str, Pose] | None = None, photons: int | None = None,
-        paths: int | None = None, stop: Stop = None,
+        paths: int | None = None,
     ) -> None:  # fmt: skip
         """Compute the next frame, from the background on show and at the last poses where none are given, or raise."""
         shown, again = self.frame.background, self.frame if poses is None else None
@@ -236,7 +245,8 @@ class Solver:
             self.frame = self.frame._replace(poses=poses, levels=self.frame_light.setting.levels)
             return  # nothing traced yet
         size = self.frame_light.size(b.estimate.photons if photons is None else photons, paths)
-        frame = next_frame(b, self.frame_light, poses, size, self._buffers, stop, again)
+        with undivided():
+            frame = next_frame(b, self.frame_light, poses, size, self._buffers, again)
         budget = self.budget if b is shown else FrameBudget()
         if frame.evaluated is not self.frame.evaluated:
             budget.record(size, frame.timings, self.frame_light.mobiles.rays_traced)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.pause import pause, steps
 from gi_core.gather.reference_sample import draw_by_area
 from tests.support.receiver_samples import in_view
 
@@ -67,12 +68,7 @@ def unreached_rows(solver, light: np.ndarray) -> np.ndarray:
     """Return the receivers that pictures fill by the light (R, 3)."""
     from gi_core.display.dilation import Dilation
 
-    looking = Dilation(solver.model, solver.scene_size).find_static(light)
-    while True:
-        try:
-            next(looking)
-        except StopIteration as found:
-            return found.value.rows
+    return Dilation(solver.model, solver.scene_size).find_static(light).rows
 
 
 def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
@@ -80,8 +76,8 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
     from gi_core.gather.static import StaticGather
 
     g = StaticGather(solver.model, solver.seed)
-    for new in g.steps(lambda: None):  # whole paths alone
-        if new and g.state.sets.min() >= rounds:
+    for progress in steps(lambda: g.gather(lambda: None, lambda: pause(g.progress(picture=True)))):  # whole paths alone
+        if progress.picture and g.state.sets.min() >= rounds:
             break
     return g.state.mean.copy(), g.estimate.irradiance, g.noise
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from app.rest.scheduler import RestWork
 from app.settings import Settings, make_solver, open_scene
+from gi_core.base.pause import breaking_off
 
 
 def wait_quantile(gaps: np.ndarray, q: float) -> float:
@@ -42,11 +43,12 @@ def measure(scene: str, seconds: float, photons: int | None) -> None:
         looked[0] = now
         return False
 
-    work, found = RestWork(solver, time.perf_counter, look), {}
+    work, found = RestWork(solver, time.perf_counter), {}
     begun = time.perf_counter()
     while time.perf_counter() - begun < seconds and (task := work.next_task(settings)) is not None:
         looked[0], frame = time.perf_counter(), solver.frame
-        task.run()
+        with breaking_off(look):
+            task.run()
         look()
         stage = " with a frame" if solver.frame is not frame else ""
         found.setdefault(task.name + stage, []).extend(gaps)

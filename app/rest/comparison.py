@@ -5,7 +5,7 @@ The twin shares the photons, so nothing is traced twice. Only the solver's threa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from app.rest.results import Comparison
@@ -17,11 +17,10 @@ if TYPE_CHECKING:
 class ComparisonJob:
     """Call `step` until `is_done`; `result` is then the light of that estimator."""
 
-    def __init__(self, solver: Solver, stop: Callable[[], bool] | None = None) -> None:
-        """stop: whether to break off a frame, as for Solver.move_all()."""
-        self._solver, self._stop = solver, stop
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
         self._twin: Solver | None = None
-        self._steps: Iterator[Comparison | None] | None = None
+        self.steps: Iterator[Comparison | None] | None = None
         self._doing = ""
         self.result: Comparison | None = None
 
@@ -31,30 +30,28 @@ class ComparisonJob:
     def step(self, estimator: str) -> None:
         """Advance the light of an estimator by one step."""
         self._twin = self._twin or self._solver.twin()
-        steps, self._steps = self._steps, None  # a frame that is broken off ends its steps; new ones reuse its photons
+        steps, self.steps = self.steps, None  # a frame that is broken off ends its steps; new ones reuse its photons
         if steps is None or self._doing != estimator:
-            self._doing, steps = estimator, _steps_of(self._solver, self._twin, estimator, self._stop)
+            self._doing, steps = estimator, _steps_of(self._solver, self._twin, estimator)
         self.result = next(steps, None)
-        self._steps = steps
+        self.steps = steps
 
     def restart(self) -> None:
         """Discard the result, after a change of the light."""
-        self._steps = self.result = None
+        self.steps = self.result = None
 
     def drop(self) -> None:
         """Free twin and result."""
-        self._twin = self._steps = self.result = None
+        self._twin = self.steps = self.result = None
 
 
-def _steps_of(
-    solver: Solver, twin: Solver, estimator: str, stop: Callable[[], bool] | None
-) -> Iterator[Comparison | None]:
+def _steps_of(solver: Solver, twin: Solver, estimator: str) -> Iterator[Comparison | None]:
     """Yield None per step of the twin, then the result. Not a method: that would be a reference cycle."""
     fields = {**solver.setting._asdict(), "estimator": estimator}
     twin.configure(photons=solver.photons, light="photons", **fields)
     yield None
-    for _ in twin.solve_steps(stop=stop):
+    for _ in twin.solve_steps():
         yield None
-    twin.move_all(solver.poses, stop=stop)
+    twin.move_all(solver.poses)
     drawn = solver.drawn(twin.irradiance)
     yield Comparison(estimator, twin.frame.photons, twin.irradiance, drawn)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from app.rest.results import GatherProgress
-from gi_core.frames.progress import Interrupted
+from gi_core.base.pause import Interrupted
 
 if TYPE_CHECKING:
-    from gi_core.frames.progress import Progress
+    from gi_core.base.pause import Progress
     from gi_core.gather.estimate import Estimate
     from gi_core.gather.pose_gather import PoseGather
     from gi_core.solver import Solver
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class StaticJob:
     """One per solver; only the solver's thread uses it."""
 
-    def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
-        self._solver, self._clock, self._stop = solver, clock, stop
-        self._steps: Iterator[Progress] | None = None
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self._solver, self._clock = solver, clock
+        self.steps: Iterator[Progress] | None = None
         self._saved_at = 0.0
         self._saved: tuple | None = None  # photons, and noise and sets of gathered light, in the file
 
@@ -34,7 +34,7 @@ class StaticJob:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
         light = self._solver.frame_light
         g = light.static.gathered
-        finished = self._steps is None and g is not None and g.enough  # its light is in the picture
+        finished = self.steps is None and g is not None and g.enough  # its light is in the picture
         finished = finished and not light.lacks_gloss(self._solver.frame.background)
         return None if self._solver.light != "best" or finished else self._step
 
@@ -42,14 +42,14 @@ class StaticJob:
         from app.rest.reference_store import SAVE_SECONDS, StaticStore
 
         solver, static = self._solver, self._solver.frame_light.static
-        if self._steps is None:
+        if self.steps is None:
             if static.gathered is None:
                 static.gathered = StaticStore(solver.model, solver.seed).load()
-            self._steps = solver.gather_steps(stop=self._stop)
+            self.steps = solver.gather_steps()
             self._saved_at = self._clock()
-        progress = next(self._steps, None)
+        progress = next(self.steps, None)
         if progress is None:
-            self._steps = None
+            self.steps = None
         if progress is None or static.gathered.enough or self._clock() - self._saved_at > SAVE_SECONDS:
             self.keep()
         return progress is not None and progress.picture
@@ -72,9 +72,9 @@ class StaticJob:
 class PoseJob:
     """One per solver; only the solver's thread uses it."""
 
-    def __init__(self, solver: Solver, stop: Callable[[], bool] | None = None) -> None:
-        self._solver, self._stop = solver, stop
-        self._steps: Iterator[Progress] | None = None
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+        self.steps: Iterator[Progress] | None = None
         self._begun: tuple | None = None  # poses, photons and levels of the steps
 
     @property
@@ -89,17 +89,17 @@ class PoseJob:
         if solver.light != "best" or not solver.model.names or not solver.frame.photons:
             return None
         if self._begun != (now := (solver.poses, solver.frame.photons, solver.levels.tobytes())):
-            self._begun, self._steps = now, solver.gather_pose_steps(self._stop)
-        return None if self._steps is None else self._step
+            self._begun, self.steps = now, solver.gather_pose_steps()
+        return None if self.steps is None else self._step
 
     def _step(self) -> bool:
         try:
-            progress = next(self._steps, None)
+            progress = next(self.steps, None)
         except Interrupted:
             self._begun = None  # the frame was broken off, and the steps with it
             raise
         if progress is None:
-            self._steps = None
+            self.steps = None
         return progress is not None and progress.picture
 
 

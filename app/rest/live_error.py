@@ -117,11 +117,11 @@ class ReferenceJob:
 class LiveError:
     """One per solver; only the solver's thread uses it."""
 
-    def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
-        self.comparison = ComparisonJob(solver, stop)
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self.comparison = ComparisonJob(solver)
         self.report: Report | None = None
         self.point: MeasuredPoint | None = None  # of the chart
-        self._solver, self._clock, self._stop = solver, clock, stop
+        self._solver, self._clock = solver, clock
         self._light: np.ndarray | None = None  # irradiance that the results belong to
         self._measured: Measured | None = None
         self._references: dict[tuple, ReferenceJob] = {}  # newest last
@@ -187,7 +187,7 @@ class LiveError:
         twin = m.twin
         if len(m.seconds) < TIMED_FRAMES:
             started = self._clock()
-            twin.move_all({}, stop=self._stop)
+            twin.move_all({})
             m.seconds.append(self._clock() - started)
             m.photons = twin.frame.photons
             return
@@ -199,10 +199,10 @@ class LiveError:
     def _of_fewer(self, m: Measured, twin: Solver) -> np.ndarray:
         """Return the irradiance (R, 3) of a subset; differences on path-traced mobiles are scaled to its variance."""
         if not twin.frame.paths:
-            twin.move_all({}, m.subset, stop=self._stop)
+            twin.move_all({}, m.subset)
             return twin.irradiance
         E = twin.irradiance
-        twin.move_all({}, m.subset, twin.paths_at_rest // 2, self._stop)
+        twin.move_all({}, m.subset, twin.paths_at_rest // 2)
         fewer, mobile = twin.irradiance, slice(twin.surfaces.receiver_range(0).stop, None)
         # Half the paths are independent paths: variances v and 2 v add up. A subset's difference has v (N / n - 1).
         fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.subset - 1) / 3)

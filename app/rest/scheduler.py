@@ -25,10 +25,9 @@ FIRST_TURNS = 3  # of gathering static light per turn of measuring errors, until
 class RestWork:
     """Work at rest in short tasks, and its results. One per solver; only the solver's thread uses it."""
 
-    def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
-        """stop: whether to break off a frame, as for Solver.move_all()."""
-        self.gathering, self.live_error = StaticJob(solver, clock, stop), LiveError(solver, clock, stop)
-        self.at_poses = PoseJob(solver, stop)
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
+        self.at_poses = PoseJob(solver)
         self.plane = PlaneJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._wants = Wants()
@@ -61,10 +60,11 @@ class RestWork:
         return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
                            self.plane.light)  # fmt: skip
 
-    def keep(self) -> None:
-        """Save the static light and the references as far as they are."""
+    def end(self) -> None:
+        """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
+        self.gathering.steps = self.at_poses.steps = self.live_error.comparison.steps = None
 
     def next_static(self) -> Task | None:
         """Return a task that gathers the static part's light, None at the end."""

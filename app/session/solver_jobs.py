@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from app.cli.warnings import warnings_of
 from app.session.snapshot import Snapshot, snapshot_of
-from gi_core.frames.progress import Interrupted
+from gi_core.base.pause import Interrupted
 
 if TYPE_CHECKING:
     from app.rest.results import RestResults
     from app.rest.scheduler import RestWork
     from app.session.method_view import MethodParts, MethodView
     from app.settings import Settings
-    from gi_core.frames.progress import Progress
+    from gi_core.base.pause import Progress
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
@@ -62,7 +62,6 @@ class Move:
     hasty: bool  # as many photons as fit the budget
     begins: bool  # the first of a motion, which chooses the photons
     settles: bool  # the poses are those on show; the frame only has more photons
-    stop: Callable[[], bool]  # whether to break off the frame, unless it begins a motion: undo repeats by itself
     clock: Callable[[], float]
     name: ClassVar[str] = "moving"
     busy: ClassVar[bool] = True
@@ -74,7 +73,7 @@ class Move:
         if self.hasty:
             size = solver.budget.choose(self.budget, solver.frame.subsets, solver.paths_at_rest > 0)
         started = self.clock()
-        solver.move_all(self.poses, *size, stop=None if self.begins else self.stop)
+        solver.move_all(self.poses, *size)
         seconds = self.clock() - started
         if self.hasty:
             solver.budget.moved(seconds)

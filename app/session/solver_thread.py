@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,13 +19,13 @@ from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Show, Step, Time
 from app.worker import PATIENCE, Call, Worker
-from gi_core.frames.progress import Interrupted
+from gi_core.base.pause import Interrupted, breaking_off
 
 if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
     from app.session.method_view import MethodParts, MethodView
     from app.settings import Settings
+    from gi_core.base.pause import Progress
     from gi_core.base.results import Results
-    from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
@@ -57,7 +57,7 @@ class Waiting:
 class Refinement:
     """Steps to all photons."""
 
-    steps: Iterator[Progress] | None = None  # None: all is refined
+    steps: Generator[Progress, None, None] | None = None  # None: all is refined
     progress: Progress | None = None  # the last step
 
 
@@ -95,7 +95,7 @@ class SolverThread:
         self._parts: MethodParts | None = None  # those asked for
         self._warned: set[str] = set()  # kinds of warnings that the log has had
         self._waiting = Waiting()
-        self._solver, self._work, self._worker = solver, RestWork(solver, clock, self._waiting.breaks.is_set), worker
+        self._solver, self._work, self._worker = solver, RestWork(solver, clock), worker
         self._running: Running | None = None
         self._timing = Timing()
         self._refinement = Refinement()
@@ -216,12 +216,14 @@ class SolverThread:
 
     def _begin_refinement(self) -> None:
         """Start refining at the present state; photons already traced stay."""
-        self._refinement = Refinement(_steps(self._solver, self._waiting.breaks.is_set))
+        self._refinement = Refinement(_steps(self._solver))
 
     # -- jobs -------------------------------------------------------------------------------------
 
-    def _begin(self, job: Job) -> None:
-        self._running = Running(job, self._worker.submit(functools.partial(job.run, self._solver, self._work)))
+    def _begin(self, job: Job, stop: threading.Event | None = None) -> None:
+        """Begin a job; stop: set once its frames are no longer wanted."""
+        run = breaking_off(None if stop is None else stop.is_set)(job.run)
+        self._running = Running(job, self._worker.submit(functools.partial(run, self._solver, self._work)))
 
     def _wait(self, seconds: float) -> bool:
         """Wait for the job under way and take its result; return whether none is under way any more."""
@@ -263,7 +265,9 @@ class SolverThread:
     def close(self, patience: float = PATIENCE) -> None:
         """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
         self._wait(patience)
-        self._worker.submit(self._work.keep).wait(patience)
+        if (steps := self._refinement.steps) is not None:
+            self._worker.submit(steps.close)
+        self._worker.submit(self._work.end).wait(patience)
         self._worker.close()
         self._refinement, self._timing, self._running = Refinement(), Timing(), None
 
@@ -276,7 +280,7 @@ class SolverThread:
         while (steps := self._refinement.steps) is not None and not self._waiting:
             self.settle()  # at once: the refinement step that estimates all photons lasts twice as long
             if self.is_idle and not self._begin_show():
-                self._begin(Refine(steps))
+                self._begin(Refine(steps), self._waiting.breaks)
             if not self._wait(deadline - self.clock()):
                 return
         if self._waiting or not self._wait(deadline - self.clock()):
@@ -294,7 +298,7 @@ class SolverThread:
         self.all_done = False
         while self._wait(deadline - self.clock()) and not self.all_done:
             if not self._begin_show():
-                self._begin(Rest(settings))
+                self._begin(Rest(settings), self._waiting.breaks)
             if self.clock() >= deadline:
                 return
 
@@ -364,12 +368,13 @@ class SolverThread:
         waiting = self._waiting
         begins, waiting.begins = waiting.begins and hasty, waiting.begins and not hasty
         stop = waiting.breaks if settles else waiting.over
-        self._begin(Move(poses, self.budget, hasty, begins, settles, stop.is_set, self.clock))
+        # Undo repeats by itself: it would break off the first frame of a motion again and again.
+        self._begin(Move(poses, self.budget, hasty, begins, settles, self.clock), None if begins else stop)
 
 
-def _steps(solver: Solver, stop: Callable[[], bool]) -> Iterator[Progress]:
+def _steps(solver: Solver) -> Generator[Progress, None, None]:
     """Iterate over the solver's steps; the solver is first touched with the first step."""
-    yield from solver.solve_steps(stop=stop)
+    yield from solver.solve_steps()
 
 
 def _timings(solver: Solver, seconds: float) -> Iterator[bool]:

@@ -8,12 +8,13 @@ them up instead of searching, unless the cache is full. An entry takes eight byt
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import allocating, kernel
+from gi_core.base.pause import pause
 from gi_core.discs.search.predicate import begins
 from gi_core.photons.flux_sums import CHUNK_BITS, IntersectionLog, Sums
 from gi_core.photons.paths import Segments
@@ -79,10 +80,10 @@ class IntersectionCache:
         _by_vertex(segments.bounce, log, n, count, receiver, distance)
         self._parts.append(_Entries(int(segments.photon[0]), photons, count, receiver, distance))
 
-    def settle(self) -> Iterator[None]:
-        """Merge the parts, which now cover all photons up to some last one, for subtract(), in steps of a few ms.
+    def settle(self) -> None:
+        """Merge the parts, which now cover all photons up to some last one, for subtract().
 
-        May be abandoned between steps and begun again.
+        May be broken off at a pause and begun again.
         """
         at, end = self._vertices, int(self._first[self._vertices])
         parts = self._parts = sorted(self._parts, key=lambda part: part.photon)
@@ -92,9 +93,9 @@ class IntersectionCache:
             self.__init__()
             self.complete = False
             return
-        self._first = yield from _grown(self._first, at + 1, at + 1 + sum(len(p.count) for p in parts))
-        self._receiver = yield from _grown(self._receiver, end, n)
-        self._distance = yield from _grown(self._distance, end, n)
+        self._first = _grown(self._first, at + 1, at + 1 + sum(len(p.count) for p in parts))
+        self._receiver = _grown(self._receiver, end, n)
+        self._distance = _grown(self._distance, end, n)
         merged = 0
         while parts:
             p = parts.pop(0)
@@ -105,7 +106,7 @@ class IntersectionCache:
             self._photons, self._vertices = self._photons + p.photons, at
             if end // ENTRIES_PER_STEP > merged:
                 merged = end // ENTRIES_PER_STEP
-                yield
+                pause()
 
     def subtract(self, removed_suffixes: RemovedSuffixes, radius: float, first: int, last: int, sums: Sums) -> int:
         """Subtract removed suffixes first .. last - 1 from the sums of discs; return the number of intersections."""
@@ -113,15 +114,15 @@ class IntersectionCache:
         return _subtract(self._first, self._receiver, self._distance, removed, begins(removed, radius), sums)
 
 
-def _grown(array: np.ndarray, used: int, n: int) -> Generator[None, None, np.ndarray]:
-    """Return the array, reallocated in steps if it has fewer than n entries; `used` of them count."""
+def _grown(array: np.ndarray, used: int, n: int) -> np.ndarray:
+    """Return the array, reallocated if it has fewer than n entries; `used` of them count."""
     if n <= len(array):
         return array
     out = np.empty(max(n, len(array) * 5 // 4), array.dtype)
     for first in range(0, used, ENTRIES_PER_STEP):
         part = slice(first, min(first + ENTRIES_PER_STEP, used))
         out[part] = array[part]
-        yield
+        pause()
     return out
 
 

@@ -13,12 +13,12 @@ receiver's own patch nearby may cross the disc behind the surface ("far": own pa
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.pause import pause
 from gi_core.base.random_numbers import basis
 from gi_core.base.results import KEPT, digest
 from gi_core.base.vec import dot
@@ -59,16 +59,16 @@ def whole_discs(model: Model, o: int, radius: float) -> Regions:
     return Regions(np.full(n, WHOLE, np.int32), np.empty((0, RAYS, 2), np.uint8), np.full(n, math.pi * radius * radius))
 
 
-def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
-    """Measure the regions of object o's receivers, in steps of a few ms; the generator returns them. radius [m]."""
+def regions(model: Model, o: int, radius: float) -> Regions:
+    """Measure the regions of object o's receivers; radius [m]."""
     key, results = digest(model.shape_keys[o], radius), model.results
     if (measured := results.get("regions", key)) is None:
-        measured = yield from _measured(model, o, radius)
+        measured = _measured(model, o, radius)
         results.keep("regions", key, measured, KEPT * model.surfaces.objects)
     return Regions(measured.row.copy(), measured.reach, measured.area.copy())
 
 
-def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
+def _measured(model: Model, o: int, radius: float) -> Regions:
     s = model.surfaces
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
     points, normals = look_from(model, o, radius)
@@ -79,7 +79,7 @@ def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regi
         part = slice(first, first + RECEIVERS_PER_STEP)
         tried = _distances(model, o, points[part], normals[part], patch[part], radius, TRIED)
         hit = np.flatnonzero((tried[..., 0] < np.float32(radius)).any(axis=1))
-        yield
+        pause()
         if len(hit):
             blocked = first + hit
             row[blocked] = count + np.arange(len(blocked))
@@ -89,7 +89,7 @@ def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regi
             free[:, TRIED], free[:, OTHERS] = tried[hit], _distances(model, o, *around, OTHERS)
             _look_over_low_steps(model, o, *around, free)
             reach.append(levels(free, radius))
-            yield
+            pause()
     reach = np.concatenate(reach or [np.empty((0, RAYS, 2), np.uint8)])
     area = np.full(len(rows), math.pi * radius * radius)
     area[row >= 0] = polygon_areas(reach, radius)

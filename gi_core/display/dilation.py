@@ -19,11 +19,11 @@ receivers of mobiles the static part: a chair's foot in a rug would darken the l
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.pause import pause
 from gi_core.base.results import KEPT, digest
 from gi_core.base.vectors import cross, dot, length
 from gi_core.gather.hit_cache import pose_bits
@@ -108,19 +108,19 @@ class Dilation:
         self._in_mobiles = np.flatnonzero(self._place == INSIDE_SOLID)
         self._in_mobiles_pairs = self._pairs(self._in_mobiles)
 
-    def find_static(self, irradiance: np.ndarray) -> Generator[None, None, Unreached]:
-        """Find unreached static receivers by irradiance (n, 3) without mobiles; a generator that returns them."""
+    def find_static(self, irradiance: np.ndarray) -> Unreached:
+        """Find unreached static receivers by irradiance (n, 3) without mobiles."""
         light = luminance(irradiance)
         of, neighbour = self._pairs(np.arange(len(light)))
         brightest = _brightest(of, len(light), light[neighbour])
         black = light <= BLACK * brightest
         rows = np.flatnonzero(light <= LITTLE * brightest)
-        yield
+        pause()
         unknown = rows[self._place[rows] == UNKNOWN]
         for first in range(0, len(unknown), RECEIVERS_PER_STEP):
             chunk = unknown[first : first + RECEIVERS_PER_STEP]
             self._place[chunk] = self._places(0, self._points[chunk], directions(self._normals[chunk]))
-            yield
+            pause()
         place = self._place[: len(light)]
         inside = rows[place[rows] == INSIDE_SOLID]
         closed = self._without_dark_beside(np.flatnonzero(black & (place == CLOSED)), black & (place == OPEN))
@@ -270,15 +270,15 @@ class UnreachedReceivers:
         self._model = model
         self._dilation: Dilation | None = None
 
-    def find(self, size: float, light: np.ndarray) -> Generator[None]:
-        """Find static ones in steps by irradiance (n, 3) without mobiles; `size` [m] as in `dilation.py`.
+    def find(self, size: float, light: np.ndarray) -> None:
+        """Find static ones by irradiance (n, 3) without mobiles; `size` [m] as in `dilation.py`.
 
         light: of all lamps; without one of them, its places would be dark, not unreached.
         """
         if self._dilation is None:
             self._dilation = Dilation(self._model, size)
-            yield
-        self.static = yield from self._dilation.find_static(light)
+            pause()
+        self.static = self._dilation.find_static(light)
 
     def drawn(self, irradiance: np.ndarray, at: Transforms) -> Drawn:
         """Return irradiance (R, 3) at poses for pictures, unreached ones filled; as it is before the search."""

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.steps import finish
 from gi_core.display.dilation import Dilation, Drawn, dilated
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import reference_irradiance
@@ -62,6 +61,6 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> It
     for total in LOOK_PATHS:
         paths = min(max(total // max(len(points), 1), LEAST_LOOK_PATHS), MOST_LOOK_PATHS)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
-        denoised = finish(denoise(E, error, model.adjacency, seed, model.threads, alike=areas))
+        denoised = denoise(E, error, model.adjacency, seed, model.threads, alike=areas)
         noise, E = denoised.share(areas) * relative_noise(luminance(error), E, areas), denoised.irradiance
-        yield LookLight(dilated(E, finish(dilation.find_static(E[:static])), dilation.find_moved(E, at)), noise)
+        yield LookLight(dilated(E, dilation.find_static(E[:static]), dilation.find_moved(E, at)), noise)

@@ -1,14 +1,15 @@
 """The contract of an estimator: irradiance at receivers from the paths of photons.
 
 Order of use: `build()` once; `add_background()` with the next photons and `prepare()`, again and again;
-`wanted()` and `evaluate()` per frame. Sums are fixed-point flux units, per lamp: 3 G columns for G lamps
+`wanted()` and `evaluate()` per frame. `build()`, `prepare()` and `evaluate()` pause every few ms
+(`gi_core.base.pause`). Sums are fixed-point flux units, per lamp: 3 G columns for G lamps
 (`gi_core.lights.lamps`), and a segment adds to those of its own. Irradiance [W/m2] is sums x flux unit /
 (photons x area). R: all receivers, n: those of the static part, which come first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from typing import Protocol, Self
 
 import numpy as np
@@ -58,11 +59,8 @@ class Estimator(Protocol):
     def summary(setting: Setting) -> str:
         """Return the settings that change its light, in words; "" for none. Shown by tune and chart."""
 
-    def build(self) -> Iterator[None]:
-        """Build the structures that do not depend on photons, in steps of a few ms: the window stays live meanwhile.
-
-        An estimator with nothing to build returns `iter(())`.
-        """
+    def build(self) -> None:
+        """Build the structures that do not depend on photons."""
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add segments (k) of the next photons, traced through the static part alone.
@@ -70,11 +68,10 @@ class Estimator(Protocol):
         Several threads call it at the same time, each with its own number; in any order of the photons.
         """
 
-    def prepare(self, photons: int) -> Iterator[None]:
-        """Estimate static receivers from all that was added, the first `photons`, in steps of a few ms.
+    def prepare(self, photons: int) -> None:
+        """Estimate static receivers from all that was added, the first `photons`, and keep it in `subsets`.
 
-        The estimate is kept in `subsets`, known once the steps have run through. They may be abandoned and
-        begun again.
+        A call that is broken off at a pause may be begun again.
         """
 
     def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
@@ -90,11 +87,11 @@ class Estimator(Protocol):
         mobiles: whether receivers on mobiles are estimated; False where they are path traced.
         """
 
-    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return sums (R, 3 G), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
 
         Segments that leave lamps count if `frame.direct`. Valid until the next call. A call that raises has no effect
-        on the next one. pause: called every few ms; what it raises leaves the call.
+        on the next one.
         """
 
     def counted(self, place: Place, find: Find) -> Counts:

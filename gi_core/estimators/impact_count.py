@@ -6,11 +6,12 @@ their area. A hit therefore adds to the three receivers of its face on the side 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
+from gi_core.base.pause import pause
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
@@ -80,19 +81,17 @@ class ImpactCount:
     def summary(setting: Setting) -> str:
         return ""
 
-    def build(self) -> Iterator[None]:
+    def build(self) -> None:
         """Nothing to build."""
-        return iter(())
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add the hits of background segments. Thread safe for different `thread` numbers."""
         self._deposit(self._background.apart(segments), 1, self._background.added[thread])
 
-    def prepare(self, photons: int) -> Iterator[None]:
+    def prepare(self, photons: int) -> None:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
         self._background.store(photons)
         self.photons = photons
-        return iter(())
 
     def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
@@ -102,7 +101,7 @@ class ImpactCount:
         """Return the needs of a frame: path changes only."""
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return the frame's sums and areas, valid until the next call."""
         added, new_suffixes = self._frame.added[0], self._frame.new_suffixes[0]
         t = frame.removed_suffixes

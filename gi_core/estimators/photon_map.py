@@ -17,13 +17,14 @@ hits lie on the other wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base import vectors
 from gi_core.base.jit import kernel
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, dot
 from gi_core.discs.contact.stale_receivers import ControlFacts
@@ -33,7 +34,7 @@ from gi_core.estimators.setting import Setting
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, chunks_of
-from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of
+from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_from, cell_of, gather, hits_of
 from gi_core.photons.paths import ADDED, KEPT, Segments, rows_of
 from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
@@ -94,20 +95,16 @@ class PhotonMap:
     def summary(setting: Setting) -> str:
         return f"k {setting.neighbours}" + (", as in textbooks" if setting.textbook else "")
 
-    def build(self) -> Iterator[None]:
+    def build(self) -> None:
         """Nothing to build; prepare() indexes the hits."""
-        return iter(())
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add the hits of background segments. Thread safe."""
         self._parts.append(self._hits(segments, self.model.static))
 
-    def prepare(self, photons: int) -> Iterator[None]:
-        """Index all hits added, those of the first `photons`, and estimate static receivers, in steps.
-
-        The photon subset is available to evaluate() after the last step.
-        """
-        grid = yield from build_steps(list(self._parts), CELL_SHARE * self.radius)
+    def prepare(self, photons: int) -> None:
+        """Index all hits added, those of the first `photons`, and estimate static receivers."""
+        grid = build_from(list(self._parts), CELL_SHARE * self.radius)
         uncut = np.full(max(photons, 1), NEVER, np.int32)
         points, normals = self._receivers(self.model.static, self._static)
         nothing = build(_joined([]), self.radius)
@@ -115,7 +112,7 @@ class PhotonMap:
         for first in range(0, len(points), QUERY_STEP):
             rows = slice(first, first + QUERY_STEP)
             estimates.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
-            yield
+            pause()
         sums, area, reach2 = (np.concatenate(a) for a in zip(*estimates, strict=True))
         self.subsets[photons] = _Prepared(sums, area, reach2, grid, uncut)
         self.photons = photons
@@ -129,7 +126,7 @@ class PhotonMap:
         """Return the needs of a frame: path changes only."""
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return the frame's sums and areas."""
         assert frame.direct, "sums of the k nearest hits are not additive"
         background = self.subsets[frame.photons]

@@ -9,11 +9,12 @@ receivers, whose regions a mobile enters, are estimated in the same way (`stale_
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges, usable
 from gi_core.discs.contact.contact import PoseContacts
 from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
@@ -89,14 +90,14 @@ class TangentPlane:
     def summary(setting: Setting) -> str:
         return f"radius {setting.radius:.3g} m"
 
-    def build(self) -> Iterator[None]:
-        """Measure regions and build the search over the discs of each object, in steps of a few ms."""
+    def build(self) -> None:
+        """Measure regions and build the search over the discs of each object."""
         own, r = self.model.receiver_sides, self.model.object_receivers
         self.searches = []
         for o in range(self.model.surfaces.objects):
             rows = self.model.surfaces.receiver_range(o)
             if self.control:
-                region = yield from regions(self.model, o, self.radius)
+                region = regions(self.model, o, self.radius)
                 region = room_for_contacts(region) if o else region
             else:
                 region = whole_discs(self.model, o, self.radius)
@@ -105,9 +106,9 @@ class TangentPlane:
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
             discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
             self.searches.append(self._search(discs))
-            yield
+            pause()
         self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self.searches], self.control)
-        yield from self._contact.build()
+        self._contact.build()
         self._areas = self.area.copy()
 
     def crossing(self, receiver: int, segments: Segments, at: Transforms) -> np.ndarray:
@@ -148,9 +149,9 @@ class TangentPlane:
 
         self._intersections.find(segments, accumulate)
 
-    def prepare(self, photons: int) -> Iterator[None]:
+    def prepare(self, photons: int) -> None:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
-        yield from self._intersections.settle()
+        self._intersections.settle()
         self._background.store(photons)
         self.photons = photons
 
@@ -162,7 +163,7 @@ class TangentPlane:
         """Return the segments that a frame at these poses needs; `mobiles`: for the light of mobiles too."""
         return self._contact.wanted(at, mobiles)
 
-    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return the frame's sums and areas, valid until the next call."""
         added, removed_suffixes = self._frame.added, frame.removed_suffixes
         batches = [SegmentBatch(0, frame.new_suffixes, 1, self._frame.new_suffixes)]
@@ -175,7 +176,7 @@ class TangentPlane:
         contacts = self._contact.contacts_at(frame.at, mobiles=bool(frame.near_mobiles))
         try:
             with self._contact.regions_of(contacts):
-                self._accumulate(batches, frame.at, removed_suffixes, pause)
+                self._accumulate(batches, frame.at, removed_suffixes)
             rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, contacts)
             added[0].touched[rows >> CHUNK_BITS] = True
             before = self._background.of(frame.photons, frame.direct)
@@ -237,9 +238,8 @@ class TangentPlane:
         return Evaluated.of_all(sums, areas, new_flux, cut, direct)
 
     def _accumulate(
-        self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None,
-        pause: Callable[[], None] = lambda: None,
-    ) -> None:  # fmt: skip
+        self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None
+    ) -> None:
         """Accumulate batches, and subtract removed suffixes from the frame's sums, with a pause after each PIECE.
 
         Each thread takes its share of each batch, so that all threads end at about the same time.

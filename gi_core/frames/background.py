@@ -7,7 +7,6 @@ import enum
 import functools
 import itertools
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -55,10 +54,10 @@ class Background:
         self.evaluated: Evaluated | None = None  # sums of the last frame; the next one overwrites them
         self._irradiance = SubsetStore(), SubsetStore()  # of levels and irradiance: of bounced light alone, of all
 
-    def build(self) -> Iterator[None]:
-        """Build the parts that do not depend on photons, once, in steps."""
+    def build(self) -> None:
+        """Build the parts that do not depend on photons, once."""
         if not self.built:
-            yield from self.estimate.build()
+            self.estimate.build()
             self.built = True
 
     def copied(self, store: Photons) -> Background:

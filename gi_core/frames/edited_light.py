@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.steps import finish
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import REACH, changed
@@ -90,9 +89,8 @@ class EditedLight:
         if fewer:
             both = sum_of_lamps(change), sum_of_lamps(self._change(b, fewer, G[:, columns]))
             every = np.ones(len(G), bool)
-            change, of_change = finish(
-                smoothed_by_subset(*both, photons / fewer, REACH, around, every, self._weights, self._threads, change)
-            )
+            times, threads = photons / fewer, self._threads
+            change, of_change = smoothed_by_subset(*both, times, REACH, around, every, self._weights, threads, change)
         E = G.copy()
         E[:, columns] = np.maximum(G[:, columns] + change, 0.0)
         E[self._unreached] = 0.0  # smoothing would light them a little

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from gi_core.base.fixed_point import MAX_PHOTONS
+from gi_core.base.pause import Progress, pause
 from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
 from gi_core.frames.frame_light import FrameLight
-from gi_core.frames.progress import Progress
 from gi_core.gloss.source import OPENED
 from gi_core.model import Model
 from gi_core.photons.subsets import is_level, next_level
@@ -55,7 +55,7 @@ def _after(b: Background) -> int:
 
 
 class FirstFrame:
-    """Builder of the backgrounds of settings. Finished parts stay if the steps are abandoned.
+    """Builder of the backgrounds of settings. Finished parts stay if work is broken off at a pause.
 
     The last RECENT backgrounds stay too: a return to their setting shows its light at once. They go if memory is short.
     """
@@ -66,7 +66,7 @@ class FirstFrame:
         self._recent: list[Background] = []  # newest last
 
     def begin_with(self, b: Background) -> Background:
-        """Let the steps go on from a background of a scene with the same static part; return it, with photons here."""
+        """Go on from a background of a scene with the same static part; return it, with photons here."""
         own = b.copied(self.by_flux)
         self._recent = [own]
         return own
@@ -111,47 +111,43 @@ class FirstFrame:
         self._recent = [*(b for b in self._recent if b not in newest), *dict.fromkeys(newest)][-RECENT:]
         return chosen
 
-    def steps(
-        self,
-        setting: Setting,
-        frame: Callable[[], Frame],
-        wanted: Callable[[], int],
-        pictures: bool,
+    def extend(
+        self, setting: Setting, frame: Callable[[], Frame], wanted: Callable[[], int], pictures: bool,
         show: Callable[[Background], None],
-    ) -> Iterator[Progress]:
-        """Extend the background of a setting to all photons wanted, or as many as memory holds, in steps.
+    ) -> None:  # fmt: skip
+        """Extend the background of a setting to all photons wanted, or as many as memory holds.
 
         frame: returns the frame on show; wanted: returns the photons, called before each step; show: computes a frame.
         """
         shown, first = frame().background, 0  # photons of an uncontrolled picture, which stay traced
         seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else LONG_STEP_SECONDS
         if pictures and wanted() and shown is None and not self.is_begun and self._is_slow(setting):
-            shown = yield from self._uncontrolled(setting, wanted(), show)
+            shown = self._uncontrolled(setting, wanted(), show)
             seconds, first = STEP_SECONDS, shown.added
         b = self.background(setting, shown, wanted())
-        yield from _build(b, first / max(wanted(), 1))
+        _build(b, first / max(wanted(), 1))
         returns = shown not in (None, b)
         # Gathered light of less error need not wait for as many photons.
         replaced = self._worth(shown) if returns and not self._compare(b) else 0
         if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
-            yield from self.show(b, wanted(), show)
+            self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)
         while b.added < (goal := self._affordable(wanted(), b)):
             if b.added not in b.estimate.subsets and _is_subset(b, goal, pictures):
-                yield from _prepare(b, max(b.added, first) / goal)
+                _prepare(b, max(b.added, first) / goal)
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
-            yield Progress(work.value, max(b.added, first) / goal, False)
+            pause(Progress(work.value, max(b.added, first) / goal, False))
             if b.added == had:
                 continue
             if schedule.is_due(b.added, goal):
-                yield from self.show(b, goal, show)
+                self.show(b, goal, show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
         f, as_asked = frame(), (self._light.size(goal), self._light.is_gathered, True)
         as_shown = f.size, f.gathered, f.gloss is None or f.gloss.opened == OPENED[self._light.setting.gloss]
         if b is not f.background or f.photons_at_rest != goal or as_shown != as_asked:
-            yield from self.show(b, goal, show)
+            self.show(b, goal, show)
 
     def _affordable(self, wanted: int, b: Background) -> int:
         """Return the wanted photons that fit into memory; recent backgrounds give way."""
@@ -162,47 +158,41 @@ class FirstFrame:
             fit = photons.affordable(wanted, each)
         return fit
 
-    def refresh(
-        self, shown: Callable[[], Background], wanted: Callable[[], int], show: Callable[[Background], None]
-    ) -> Iterator[Progress]:
-        """Compute the frame on show again, in new static light."""
-        if shown().added == wanted():
-            yield from self.find_unreached(shown())
-        show(shown())
-
-    def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> Iterator[Progress]:
+    def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> None:
         """Prepare the photons added, and compute the frame from them."""
         fraction = b.added / max(wanted, 1)
-        yield from _prepare(b, fraction)
-        yield from (Progress("smoothing", fraction, False) for _ in self._light.smooth_steps(b))
+        _prepare(b, fraction)
+        pause(Progress("smoothing", fraction, False))
+        self._light.smooth(b)
         if self._compare(b) or b.added == wanted > 0:  # few photons leave gaps in their own light
-            yield from self.find_unreached(b, fraction)
-            yield from (Progress("measuring direct light", fraction, False) for _ in self._light.direct_steps())
+            pause(Progress("looking for unreached receivers", fraction, False))
+            self.find_unreached(b)
+            pause(Progress("measuring direct light", fraction, False))
+            self._light.measure_direct()
         show(b)
-        yield Progress("estimating", fraction, True)
+        pause(Progress("estimating", fraction, True))
 
     def _compare(self, b: Background) -> bool:
         """Compare the errors of all static light; return whether frames start from better light than photons'."""
         self._light.static.compare(b)
         return self._light.is_gathered
 
-    def find_unreached(self, b: Background, fraction: float = 1.0) -> Iterator[Progress]:
-        """Find unreached receivers by the static part's light; fraction: of the photons wanted, done before."""
+    def find_unreached(self, b: Background) -> None:
+        """Find unreached receivers by the static part's light."""
         light = self._light.static.of_all_lamps(b, self._light.setting.takes_gathered)
-        for _ in self._light.unreached.find(self._scene_size, light):
-            yield Progress("looking for unreached receivers", fraction, False)
+        self._light.unreached.find(self._scene_size, light)
 
-    def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Generator[Progress, None, Background]:
+    def _uncontrolled(self, setting: Setting, wanted: int, show: Callable[[Background], None]) -> Background:
         """Show the first photons without artifact control, as regions may take seconds; return the background."""
         b = Background(self._photons, setting._replace(control=False))
-        yield from _build(b, 0.0)
+        _build(b, 0.0)
         first = min(FIRST_PICTURE, wanted)
         while b.added < first:
             if b.added not in b.estimate.subsets and _is_subset(b, first, pictures=True):
-                yield from _prepare(b, b.added / wanted)
+                _prepare(b, b.added / wanted)
             work = self._photons.bring_in(b, min(first, next_level(b.added)), first, FIRST_STEP_SECONDS)
-            yield Progress(work.value, b.added / wanted, False)
-        yield from self.show(b, wanted, show)
+            pause(Progress(work.value, b.added / wanted, False))
+        self.show(b, wanted, show)
         return b
 
     def _is_slow(self, setting: Setting) -> bool:
@@ -220,11 +210,11 @@ def _is_subset(b: Background, goal: int, pictures: bool) -> bool:
     return is_level(b.added) and (b.estimate.additive or (pictures and 2 * b.added <= goal < 4 * b.added))
 
 
-def _build(b: Background, fraction: float) -> Iterator[Progress]:
-    yield Progress("indexing", fraction, False)
-    yield from (Progress("indexing", fraction, False) for _ in b.build())
+def _build(b: Background, fraction: float) -> None:
+    pause(Progress("indexing", fraction, False))
+    b.build()
 
 
-def _prepare(b: Background, fraction: float) -> Iterator[Progress]:
-    for _ in b.estimate.prepare(b.added):
-        yield Progress("estimating", fraction, False)
+def _prepare(b: Background, fraction: float) -> None:
+    pause(Progress("estimating", fraction, False))
+    b.estimate.prepare(b.added)

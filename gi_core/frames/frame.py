@@ -6,7 +6,6 @@ frame, so it cannot drift. Receivers on mobiles: from all segments near them, or
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -14,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.pause import pause
 from gi_core.base.threads import overlapped
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
@@ -21,7 +21,6 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.frame_size import FrameSize
-from gi_core.frames.progress import break_off_at
 from gi_core.gloss.light import GlossLight
 from gi_core.lights.mix import irradiance_at
 from gi_core.photons.flux_sums import Evaluated
@@ -133,39 +132,32 @@ class Frame(NamedTuple):
 
 
 class StageTimer:
-    """Call it with the name of a stage when that stage ends; `seconds` sums the time per name.
+    """Call it with the name of a stage when that stage ends; `seconds` sums the time per name. Each call pauses.
 
-    A stage may call it in between, too. Raises Interrupted if `stop` returns True.
+    A stage may call it in between, too.
     """
 
-    def __init__(self, stop: Callable[[], bool] | None = None) -> None:
+    def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
-        self._stop = stop
         self._last = time.perf_counter()
 
     def __call__(self, stage: str) -> None:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
-        break_off_at(self._stop)
+        pause()
 
 
 def next_frame(
-    b: Background,
-    light: FrameLight,
-    poses: dict[str, Pose],
-    size: FrameSize,
-    room: ScanBuffers,
-    stop: Callable[[], bool] | None = None,
+    b: Background, light: FrameLight, poses: dict[str, Pose], size: FrameSize, room: ScanBuffers,
     shown: Frame | None = None,
-) -> Frame:
+) -> Frame:  # fmt: skip
     """Return the frame of a background at poses, from `size.photons` of its photons.
 
     shown: a frame at the same poses, whose sums are used again if they still exist. room: buffers that the frame's path
-    changes stay in, until the next frame overwrites them; stop: called every few ms. Raises Interrupted where
-    `stop` returns True.
+    changes stay in, until the next frame overwrites them. Pauses every few ms.
     """
-    clock, at = StageTimer(stop), b.model.transforms(poses)
+    clock, at = StageTimer(), b.model.transforms(poses)
     reach = light.gloss.reach(b.setting.radius, size.paths, light.setting.gloss)
     with overlapped(light.mobiles.rays_ahead(at, size.paths), b.model.threads):
         changed, evaluated = _sums(b, light, at, size, reach, room, clock, shown)
@@ -203,7 +195,7 @@ def _sums(
     changed = change(b.model, paths, coarse, at, b.store.seed, wanted, room, clock)
     needed = changed._replace(near_mobiles=()) if size.paths else changed
     needed = needed.bounced() if bounced else needed
-    b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
+    b.evaluated = estimate.evaluate(needed)
     clock("estimate")
     return changed, b.evaluated
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.pause import pause
 from gi_core.base.results import KEPT
 from gi_core.frames.background import Background
 from gi_core.frames.light_setting import LightSetting
-from gi_core.frames.progress import Progress
 from gi_core.gather.denoise import averaged
 from gi_core.gather.gloss_gather import GlossGather, GlossGathers
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
@@ -22,8 +22,6 @@ from gi_core.gloss.source import QUADTREE, GlossSource
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
-
-STAGE = "gathering gloss"
 
 
 class KeptGloss(NamedTuple):
@@ -84,22 +82,16 @@ class FrameGloss:
     # -- gathering --------------------------------------------------------------------------------
 
     def lacks_static(self, shown: Background, setting: LightSetting) -> bool:
-        """Whether static_steps() has directions to gather."""
+        """Whether gather() has directions without mobiles to gather."""
         return setting.takes_gathered_gloss and not self._gathered.is_enough(shown, setting.levels)
 
-    def static_steps(self, shown: Background, light: np.ndarray, setting: LightSetting) -> Iterator[Progress]:
-        """Gather the directions of the static part's light (n, 3) [W/m2], in steps; `picture` where frames change."""
+    def gather(
+        self, b: Background, at: Transforms, irradiance: np.ndarray, changed: np.ndarray, setting: LightSetting,
+        refresh: Callable[[], None],
+    ) -> None:  # fmt: skip
+        """Gather directions at poses where frames take them; arguments as for GatheredGloss."""
         if setting.takes_gathered_gloss:
-            every = np.arange(len(light))
-            yield from self._gathered.steps(shown, self._model.static, setting.levels, light, every)
-
-    def pose_steps(
-        self, b: Background, light: GlossLight | None, irradiance: np.ndarray, at: Transforms, setting: LightSetting
-    ) -> Iterator[Progress]:
-        """Gather directions at poses as static_steps() does; light and irradiance (R, 3) [W/m2] of the frame there."""
-        if light is not None and setting.takes_gathered_gloss:
-            changed = light.owners[light.changed]
-            yield from self._gathered.steps(b, at, setting.levels, irradiance, changed)
+            self._gathered.gather(b, at, setting.levels, irradiance, changed, refresh)
 
 
 def _by_paths(paths: int, way: str) -> bool:
@@ -166,10 +158,11 @@ class GatheredGloss:
             self._spread[id(gathered)] = kept
         return kept[1]
 
-    def steps(
-        self, b: Background, at: Transforms, levels: np.ndarray, irradiance: np.ndarray, changed: np.ndarray
-    ) -> Iterator[Progress]:
-        """Gather at poses in steps of some 30 ms, see `GlossGather`; `picture` where frames change.
+    def gather(
+        self, b: Background, at: Transforms, levels: np.ndarray, irradiance: np.ndarray, changed: np.ndarray,
+        refresh: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        """Gather at poses, see `GlossGather`; refresh: called where frames change.
 
         irradiance: of the objects in `at` [W/m2]; changed (n,) int64: receivers of the static part that mobiles change,
         or all of them for `at` without mobiles.
@@ -182,7 +175,10 @@ class GatheredGloss:
         rows = np.concatenate([np.intersect1d(static, changed), rows[len(static) : cells.discs.first[objects]]])
         area = math.pi * b.setting.radius**2
         gather = self._gathers.begin(cells.discs, at, levels, rows, irradiance, area)
-        yield from (Progress(STAGE, gather.rounds / gather.most, new) for new in gather.steps())
+        while not gather.enough:
+            gather.add_round()
+            refresh()
+            pause(gather.progress(picture=True))
 
 
 def _among(rows: np.ndarray, owner: np.ndarray, near: Neighbours) -> Neighbours:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
+from gi_core.base.pause import pause
 from gi_core.display.dilation import UnreachedReceivers
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import Direct
@@ -18,7 +18,6 @@ from gi_core.frames.frame_size import PATHS, PATHS_AT_REST, FrameSize
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.mobile_light import AtRest, MobileLight
 from gi_core.frames.pose_light import PoseLight
-from gi_core.frames.progress import Progress
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.pose_gather import PoseGather, Static
@@ -80,36 +79,36 @@ class FrameLight:
         """Whether static_irradiance() is that of the frame's own photons: nothing is a better source."""
         return not self.setting.takes_gathered and (self.setting.subset_only or photons == b.estimate.photons)
 
-    def smooth_steps(self, b: Background) -> Iterator[None]:
-        """Smooth the light of all photons of a background in steps, where frames take it."""
+    def smooth(self, b: Background) -> None:
+        """Smooth the light of all photons of a background, where frames take it."""
         if self.setting.takes_gathered and b.estimate.photons:
-            yield from self.static.smooth_steps(b)
+            self.static.of_photons(b)
 
-    def gather_steps(
-        self,
-        state: ReferenceState | None,
-        shown: Callable[[], Background | None],
-        refresh: Callable[[], Iterator[Progress]],
-    ) -> Iterator[Progress]:
-        """Gather static light in steps, and the directions of each result.
+    def gather(
+        self, state: ReferenceState | None, shown: Callable[[], Background | None], refresh: Callable[[], None]
+    ) -> None:
+        """Gather static light, and the directions of each result.
 
         state, shown: as for StaticLight; refresh: computes the frame on show again, after each result that frames take.
         """
-        for new in self.static.gather_steps(state, shown):
-            fraction, used = self.static.gathered.fraction, new and self.setting.takes_gathered
-            if used:
-                yield from (p._replace(fraction=fraction) for p in refresh())
-            yield Progress("gathering", fraction, used)
-            for of_gloss in self.gloss_steps(shown()) if used else ():
-                if of_gloss.picture:
-                    yield from refresh()
-                yield of_gloss
+
+        def take() -> None:
+            if used := self.static.compare(shown()) and self.setting.takes_gathered:
+                refresh()
+            pause(self.static.gathered.progress(picture=used))
+            if used and self.is_gathered:
+                b, static = shown(), self._model.static
+                E = self.static.irradiance(b, self.setting.levels)
+                self.gloss.gather(b, static, E, np.arange(len(E)), self.setting, refresh)
+
+        self.static.gather(state, shown, take)
 
     # -- direct light -----------------------------------------------------------------------------
 
-    def direct_steps(self) -> Iterator[None]:
-        """Measure the static part's direct light in steps, where frames take it."""
-        return self.direct.steps() if self.setting.takes_gathered else iter(())
+    def measure_direct(self) -> None:
+        """Measure the static part's direct light, where frames take it."""
+        if self.setting.takes_gathered:
+            self.direct.measure()
 
     def knows_direct(self, b: Background) -> bool:
         """Whether frames take direct light as it is, and bounced light alone from the photons of a background."""
@@ -187,11 +186,11 @@ class FrameLight:
         light = irradiance, own, self.static_irradiance(b, photons), self.deviation(at, b)
         return self.at_poses.before_edit(*light, at, self.setting.levels)
 
-    def pose_steps(
+    def gather_at_poses(
         self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
         refresh: Callable[[], None],
-    ) -> Iterator[Progress]:  # fmt: skip
-        """Gather light at the poses `at` in steps. Nothing is gathered unless the frame has all photons.
+    ) -> None:  # fmt: skip
+        """Gather light at the poses `at`. Nothing is gathered unless the frame has all photons.
 
         irradiance (R, 3) [W/m2] and gloss are those of the frame of `photons` at these poses. Directions of
         gloss come first, because they take few paths. `refresh` computes the frame again. Settings without gathered
@@ -216,13 +215,9 @@ class FrameLight:
 
         light = self.static_irradiance(shown, photons)
         area = math.pi * shown.setting.radius**2
-        directions = self.gloss.pose_steps(shown, gloss, irradiance, at, setting)
-        for p in itertools.chain(
-            directions, self.at_poses.steps(at, setting.levels, photons, irradiance, light, area, static)
-        ):
-            if p.picture:
-                refresh()
-            yield p
+        if gloss is not None:
+            self.gloss.gather(shown, at, irradiance, gloss.owners[gloss.changed], setting, refresh)
+        self.at_poses.gather(at, setting.levels, photons, irradiance, light, area, static, refresh)
 
     # -- gloss ------------------------------------------------------------------------------------
 
@@ -236,11 +231,6 @@ class FrameLight:
         return self.gloss.light(b, change, clock, self.setting, self.is_gathered, self.mobiles.write_cells, paths)
 
     def lacks_gloss(self, shown: Background | None) -> bool:
-        """Whether gloss_steps() has directions of gathered light to gather."""
+        """Whether gather() has directions of gathered light to gather."""
         ready = shown is not None and shown.estimate.photons and self.is_gathered
         return bool(ready) and self.gloss.lacks_static(shown, self.setting)
-
-    def gloss_steps(self, shown: Background) -> Iterator[Progress]:
-        """Gather the directions of the static part's gathered light, in steps; `picture` where frames change."""
-        if self.is_gathered:
-            yield from self.gloss.static_steps(shown, self.static.irradiance(shown, self.setting.levels), self.setting)

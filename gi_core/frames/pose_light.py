@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
+from gi_core.base.pause import Progress, pause
 from gi_core.frames.edited_light import EditedAtPoses, LightAtPoses
-from gi_core.frames.progress import Progress
-from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
+from gi_core.gather.pose_gather import STAGE, PoseGather, PoseGathers, Static
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 
@@ -83,17 +83,22 @@ class PoseLight:
             out[light.rows[shown]] = light.deviation[shown]
         return out
 
-    def steps(
+    def gather(
         self, at: Transforms, levels: np.ndarray, photons: int, irradiance: np.ndarray, static: np.ndarray,
-        disc_area: float, gathered: Callable[[], Static | None],
-    ) -> Iterator[Progress]:  # fmt: skip
-        """Gather at poses in steps, see `PoseGather.steps`; `picture` where frames change.
+        disc_area: float, gathered: Callable[[], Static | None], refresh: Callable[[], None],
+    ) -> None:  # fmt: skip
+        """Gather at poses, see `PoseGather.gather`; refresh: called where frames change.
 
         irradiance (R, 3), static (n, 3) [W/m2]: of the frame of all `photons` there, and without mobiles; disc_area
         [m2]; gathered: returns the static part's light and its standard error once it is better than that of photons.
         """
         begun = self._gathers.begin(at, levels, photons, irradiance, static, disc_area)
-        yield Progress("gathering at these poses", begun.fraction, False)
-        for changed in begun.steps(gathered):
+        pause(Progress(STAGE, begun.fraction, False))
+
+        def take() -> None:
             ended = begun.enough and self._edited_at(at, levels) is not None
-            yield Progress("gathering at these poses", begun.fraction, bool(changed) or ended)
+            if changed := ended or bool(begun.used.any()):
+                refresh()
+            pause(Progress(STAGE, begun.fraction, changed))
+
+        begun.gather(gathered, take)

@@ -12,13 +12,12 @@ smoothing with it. A photon subset tells the variance; averaged alike, it tells 
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
-from gi_core.base.steps import finish
+from gi_core.base.pause import pause, undivided
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import AROUND, REACH
 from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
@@ -34,8 +33,8 @@ from gi_core.model import Model
 NEAR = 2.0  # disc radii: 4 serve few photons better, and half a million worse
 
 
-def smooth_photons(b: Background, around: Neighbours, per_lamp: bool = False) -> Generator[None, None, Estimate]:
-    """Smooth the light of all photons of a background, in steps; around: receivers near each.
+def smooth_photons(b: Background, around: Neighbours, per_lamp: bool = False) -> Estimate:
+    """Smooth the light of all photons of a background; around: receivers near each.
 
     per_lamp: keep lamps apart; each takes the averages of their sum. Photons too few to measure their noise stay.
     """
@@ -46,7 +45,7 @@ def smooth_photons(b: Background, around: Neighbours, per_lamp: bool = False) ->
         return Estimate(Source.PHOTONS, E, np.zeros((len(E), lamps)), math.inf, math.inf)
     whole, part = (sum_of_lamps(b.irradiance_per_lamp(n)) if per_lamp else b.irradiance(n) for n in (photons, fewer))
     reached = b.estimate.background(photons)[1] > 0
-    light, deviation = yield from smoothed_by_subset(
+    light, deviation = smoothed_by_subset(
         whole, part, photons / fewer, REACH, around, reached, weights, b.model.threads, E if per_lamp else None
     )
     noise = relative_noise(deviation, sum_of_lamps(light), weights)
@@ -117,19 +116,15 @@ class StaticLight:
         of, at = self._photons_for(b, levels)
         return of.deviation_at(at)
 
-    def smooth_steps(self, b: Background, per_lamp: bool = False) -> Generator[None, None, Estimate]:
-        """Smooth the light of all photons of a background in steps, and return it; see smooth_photons()."""
+    def of_photons(self, b: Background, per_lamp: bool = False) -> Estimate:
+        """Return the light of all photons of a background, smoothed once; see smooth_photons()."""
         kept = self._photons.get(per_lamp)
         if kept is None or kept[0] is not b or kept[1] != b.estimate.photons:
             around = self.around(NEAR * b.setting.radius)
-            yield
-            kept = b, b.estimate.photons, (yield from smooth_photons(b, around, per_lamp))
+            pause()
+            kept = b, b.estimate.photons, smooth_photons(b, around, per_lamp)
             self._photons = self._photons | {per_lamp: kept}
         return kept[2]
-
-    def of_photons(self, b: Background, per_lamp: bool = False) -> Estimate:
-        """Return the smoothed light of all photons of a background."""
-        return finish(self.smooth_steps(b, per_lamp))
 
     def mixed(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Return light per lamp at levels; the last result is kept."""
@@ -145,6 +140,7 @@ class StaticLight:
             return self.best.irradiance
         return sum_of_lamps(b.irradiance_per_lamp(b.estimate.photons))
 
+    @undivided()
     def compare(self, shown: Background | None) -> bool:
         """Compare the errors of all estimates; return whether another one than that of photons is the best.
 
@@ -181,20 +177,18 @@ class StaticLight:
             self._around = dict([*self._around.items(), (distance, table)][-2:])
         return self._around[distance]
 
-    def gather_steps(self, state: ReferenceState | None, shown: Callable[[], Background | None]) -> Iterator[bool]:
-        """Gather in steps, from `state` or continued (StaticGather); yields whether the best light is new.
+    def gather(
+        self, state: ReferenceState | None, shown: Callable[[], Background | None], new: Callable[[], None]
+    ) -> None:
+        """Gather from `state` or continued (StaticGather).
 
-        shown: returns the background on show. Raises ValueError for the state of another scene.
+        shown: returns the background on show; new: called at first and after each result. Raises ValueError for the
+        state of another scene.
         """
         if self.gathered is None or state is not None:
             self.gathered = StaticGather(self._model, self._seed, state)
-
-        def photons() -> Estimate | None:
-            b = shown()
-            return None if b is None else _as_measured(b)
-
-        for new in itertools.chain((True,), self.gathered.steps(photons)):
-            yield bool(new) and self.compare(shown())
+        new()
+        self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b), new)
 
     def error(self, levels: np.ndarray) -> float:
         """Return the relative l1 error at levels of the lamps of the light that is no photons'; inf before any."""

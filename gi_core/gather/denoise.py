@@ -17,13 +17,12 @@ in its surroundings: noise and detail differ from surface to surface.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.steps import finish
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
@@ -52,13 +51,13 @@ class Denoised(NamedTuple):
 def denoise(
     mean: np.ndarray, standard_error: np.ndarray, near: Neighbours, seed: int, threads: int,
     per_lamp: np.ndarray | None = None, alike: np.ndarray | None = None, guide: np.ndarray | None = None,
-) -> Generator[None, None, Denoised]:  # fmt: skip
-    """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps.
+) -> Denoised:  # fmt: skip
+    """Denoise irradiance `mean` (n, 3) with its standard error (n, 3).
 
     alike (n,): areas, to take one reach for all: standard errors of few paths are too rough to choose by place.
     per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
     stay black and have no weight for neighbours. guide (n, 3): light of less and independent noise; None: `mean` itself
-    decides. The generator returns the result.
+    decides.
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
@@ -72,16 +71,16 @@ def denoise(
     more = mean + LITTLE * sign[:, None] * standard_error
     saved = np.zeros((len(mean), 1 + len(reaches)))  # squared error less than without smoothing, by reach
     lights = [mean]
-    yield
+    pause()
 
-    def at_reach(E: np.ndarray, reach: float) -> Generator[None, None, np.ndarray]:
+    def at_reach(E: np.ndarray, reach: float) -> np.ndarray:
         columns = (E, mean[:, :0]) if guide is None else (guide, E)
-        light = yield from smoothed(*columns, variance, reach, near, threads)
+        light = smoothed(*columns, variance, reach, near, threads)
         return light[:, :VARIANCE] if guide is None else light[:, VARIANCE + 1 :]
 
     for k, reach in enumerate(reaches, 1):
-        lights.append((yield from at_reach(mean, reach)))
-        answer = luminance((yield from at_reach(more, reach)) - lights[k]) / LITTLE
+        lights.append(at_reach(mean, reach))
+        answer = luminance(at_reach(more, reach) - lights[k]) / LITTLE
         saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
     best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
     if alike is None:
@@ -89,15 +88,15 @@ def denoise(
         # risks are pooled by 40 means over neighbours: one receiver's estimate is as large as the risk itself
         for _ in range(40):
             pooled = averaged(near, pooled, lit, threads)
-            yield
+            pause()
         best = pooled.argmax(axis=1)
     risk = sigma**2 - np.take_along_axis(saved, best[:, None], axis=1)[:, 0]
     if per_lamp is not None:
         lights = [per_lamp]
         for reach in reaches:
-            light = yield from smoothed(mean if guide is None else guide, per_lamp, variance, reach, near, threads)
+            light = smoothed(mean if guide is None else guide, per_lamp, variance, reach, near, threads)
             lights.append(light[:, VARIANCE + 1 :])
-            yield
+            pause()
     out = _chosen(lights, best)
     return Denoised(out, sigma**2, risk)
 
@@ -141,31 +140,30 @@ def _average(near, values, lit, start, stop, out):
 
 def smoothed(
     decider: np.ndarray, carried: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, threads: int
-) -> Generator[None, None, np.ndarray]:
+) -> np.ndarray:
     """Return the columns of smooth() after PASSES."""
     light = np.concatenate([decider, variance[:, None], carried], axis=1)
-    yield
-    for _ in range(PASSES):
-        yield from _smooth_once(light, reach, near, threads)
+    pause()
+    smooth(light, reach, near, threads)
     return light
 
 
 def smoothed_by_subset(
     E: np.ndarray, fewer: np.ndarray, times: float, reach: float, around: Neighbours, counts: np.ndarray,
     weights: np.ndarray, threads: int, per_lamp: np.ndarray | None = None,
-) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:  # fmt: skip
-    """Smooth light E (n, 3) of photons in proportion to its noise, in steps.
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Smooth light E (n, 3) of photons in proportion to its noise.
 
     fewer (n, 3): that of a subset of its photons, which are `times` as many. Receivers that do not count (n,) stay,
-    and have no weight for neighbours. per_lamp (n, k): light that takes the same averages. The generator returns
+    and have no weight for neighbours. per_lamp (n, k): light that takes the same averages. Returns
     smoothed E, or per_lamp in its place, and the standard error (n,) of the luminance of E. Neighbours share photons,
     so all standard errors are scaled: the subset, averaged alike, tells their mean over weights (n,).
     """
     apart = ((E - fewer) ** 2 / (times - 1)).sum(axis=1)
     variance = np.where(counts, averaged(around, apart, counts, threads), NO_WEIGHT)
-    yield
+    pause()
     carried = fewer if per_lamp is None else np.concatenate([fewer, per_lamp], axis=1)
-    light = yield from smoothed(E, carried, variance, reach, around, threads)
+    light = smoothed(E, carried, variance, reach, around, threads)
     E, left, fewer, smoothed_per_lamp = np.split(light, (VARIANCE, VARIANCE + 1, VARIANCE + 4), axis=1)
     deviation = np.sqrt(np.maximum(left[:, 0], 0.0))
     apart = weights @ np.abs(luminance(E - fewer)) / math.sqrt(times - 1)
@@ -181,23 +179,19 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
     those of NO_WEIGHT, which do not count for neighbours. reach: standard deviations.
     """
     for _ in range(PASSES):
-        finish(_smooth_once(light, reach, near, threads))
+        rows = np.flatnonzero(light[:, VARIANCE] > 0)
+        # 1 << 18 values per step, receivers times columns: 5 ms in office
+        out, at_once = np.empty((len(rows), light.shape[1])), (1 << 18) // light.shape[1]
+        for k in range(0, len(rows), at_once):
+            part, to = rows[k : k + at_once], out[k : k + at_once]
 
+            def work(_, first, last, part=part, to=to):
+                _pass(near, light, reach * reach, part, first, last, to)
 
-def _smooth_once(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> Generator[None, None, None]:
-    rows = np.flatnonzero(light[:, VARIANCE] > 0)
-    # 1 << 18 values per step, receivers times columns: 5 ms in office
-    out, at_once = np.empty((len(rows), light.shape[1])), (1 << 18) // light.shape[1]
-    for k in range(0, len(rows), at_once):
-        part, to = rows[k : k + at_once], out[k : k + at_once]
-
-        def work(_, first, last, part=part, to=to):
-            _pass(near, light, reach * reach, part, first, last, to)
-
-        run_ranges(work, len(part), threads, DENOISE_GRAIN)
-        yield
-    light[rows] = out
-    yield
+            run_ranges(work, len(part), threads, DENOISE_GRAIN)
+            pause()
+        light[rows] = out
+        pause()
 
 
 @kernel

@@ -11,7 +11,6 @@ from __future__ import annotations
 import copy
 import itertools
 import time
-from collections.abc import Iterator
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy as np
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.pace import STEP, Pace
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, largest, rotate_back, row
 from gi_core.gather.hit_cache import pose_bits
@@ -75,20 +75,20 @@ class DirectLight:
     def is_known(self) -> bool:
         return self._groups is not None
 
-    def steps(self) -> Iterator[None]:
-        """Measure direct light in steps of some 10 ms, once; nothing where no mobile can block it."""
+    def measure(self) -> None:
+        """Measure direct light, once; nothing where no mobile can block it."""
         if self.is_known or self._points is None or self._model.surfaces.objects == 1:
             return
         m, static = self._model, self._model.surfaces.receiver_range(0)
         groups = _groups(*(a[static] for a in m.evaluation_points), m.lifts, len(self._points.kind))
         light, at, pace = np.zeros((static.stop, m.lights.channels)), 0, Pace(FIRST_SECONDS, LEAST, MOST)
-        yield
+        pause()
         while at < len(groups.radius):
             count, began = pace.share_of(len(groups.radius) - at, STEP), time.perf_counter()
             self._measure(groups, at, count, light)
             pace.took(count, time.perf_counter() - began)
             at += count
-            yield
+            pause()
         self.per_lamp, self._groups = light, groups
 
     def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> None:

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Iterator
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from gi_core.base.pace import STEP, Pace
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.gather.path_ends import BounceHits, OneBounce, arrive, starts
 from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
@@ -99,40 +99,36 @@ class FinalGather:
             return float("inf")
         return relative_noise(luminance(self.standard_error) / small_sample_bias(2), self.mean, self.weights)
 
-    def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
-        """Gather without end, in steps of some 10 ms; yields True where `mean` is new.
+    def add_pair(self, light: np.ndarray) -> None:
+        """Gather the next pair, with a pause every 10 ms. One that is broken off is gathered again.
 
-        The generator may be dropped and restarted: an unfinished pair is then gathered again. field() returns the
-        current irradiance per lamp (n, 3 G) [W/m2] of these receivers; it is called once per pair.
+        light: current irradiance per lamp (n, 3 G) [W/m2] of these receivers.
         """
-        while True:
-            pair, light = self._pairs, field()
-            m = min(SMALLEST + pair, LARGEST)
-            halves = np.zeros((2, *self.last.shape))
-            for half in range(2):
-                number, first = 2 * pair + half, 0
-                on_lamps = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS)
-                while first < len(self._lit):
-                    began, rows = time.perf_counter(), self._lit[first : first + max(1, self._pace.fit(STEP) >> m)]
-                    self._gather(rows, number, m, on_lamps, light, halves[half])
-                    first += len(rows)
-                    self._pace.took(len(rows) << m, time.perf_counter() - began)
-                    yield False
-            yield from self._take_in(halves, 2 << m)
-            yield True
+        m = min(SMALLEST + self._pairs, LARGEST)
+        halves = np.zeros((2, *self.last.shape))
+        for half in range(2):
+            number, first = 2 * self._pairs + half, 0
+            on_lamps = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS)
+            while first < len(self._lit):
+                began, rows = time.perf_counter(), self._lit[first : first + max(1, self._pace.fit(STEP) >> m)]
+                self._gather(rows, number, m, on_lamps, light, halves[half])
+                first += len(rows)
+                self._pace.took(len(rows) << m, time.perf_counter() - began)
+                pause()
+        self._take_in(halves, 2 << m)
 
-    def _take_in(self, halves: np.ndarray, paths: int) -> Iterator[bool]:
-        """Average the last pair with those before, in steps; all results change in the last one."""
+    def _take_in(self, halves: np.ndarray, paths: int) -> None:
+        """Average the last pair with those before; all results change after the last pause."""
         total = self.paths + paths
         a, b = self.paths / total, paths / total
         last = 0.5 * (halves[0] + halves[1])
-        yield False
+        pause()
         per_lamp = a * self.per_lamp + b * last
-        yield False
+        pause()
         apart = halves[0] - halves[1]
-        yield False
+        pause()
         lamp_variance = a * a * self._lamp_variance + b * b * 0.25 * apart**2
-        yield False
+        pause()
         self._variance = a * a * self._variance + b * b * 0.25 * sum_of_lamps(apart) ** 2
         self.last, self.per_lamp, self._lamp_variance = last, per_lamp, lamp_variance
         self.mean, self.paths, self._pairs = sum_of_lamps(per_lamp), total, self._pairs + 1

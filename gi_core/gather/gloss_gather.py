@@ -10,13 +10,13 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
 from gi_core.base import strata
 from gi_core.base.jit import kernel
 from gi_core.base.pace import STEP, Pace
+from gi_core.base.pause import Progress, pause
 from gi_core.base.random_numbers import basis
 from gi_core.base.results import KEPT
 from gi_core.base.threads import run_ranges
@@ -44,6 +44,7 @@ from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import occluded_in_world
 from gi_core.scene.pose import to_world_at
 
+STAGE = "gathering gloss"
 STREAM = 0x6105  # separates these random numbers from those of photons and reference with the same seed
 LOG2_RAYS = 8  # of a receiver and round: four per cell
 RAYS = 1 << LOG2_RAYS
@@ -87,28 +88,30 @@ class GlossGather:
         """Whether gathering has ended."""
         return self.rounds >= self.most or not len(self.rows)
 
-    def steps(self) -> Iterator[bool]:
-        """Gather until it is enough, in steps of some 10 ms; yields True where `mean` is new, an array of its own.
+    def progress(self, picture: bool) -> Progress:
+        """Return the progress of gathering."""
+        return Progress(STAGE, self.rounds / self.most, picture)
 
-        The generator may be dropped and restarted: an unfinished round is then gathered again.
+    def add_round(self) -> None:
+        """Gather the next round, with a pause every 10 ms; `mean` is then a new array.
+
+        A round that is broken off is gathered again.
         """
-        while not self.enough:
-            light, first = np.empty_like(self.mean), 0
-            while first < len(self.rows):
-                began, last = time.perf_counter(), min(first + self._pace.fit(STEP), len(self.rows))
+        light, first = np.empty_like(self.mean), 0
+        while first < len(self.rows):
+            began, last = time.perf_counter(), min(first + self._pace.fit(STEP), len(self.rows))
 
-                def work(_, a, b, first=first, light=light):
-                    for i in range(first + a, first + b, PART):
-                        part = slice(i, min(i + PART, first + b))
-                        light[part] = self._round(part)
+            def work(_, a, b, first=first):
+                for i in range(first + a, first + b, PART):
+                    part = slice(i, min(i + PART, first + b))
+                    light[part] = self._round(part)
 
-                run_ranges(work, last - first, self._tracer.model.threads, GRAIN)
-                self._pace.took(last - first, time.perf_counter() - began)
-                first = last
-                yield False
-            self.mean = (self.mean * self.rounds + light) / (self.rounds + 1)
-            self.rounds += 1
-            yield True
+            run_ranges(work, last - first, self._tracer.model.threads, GRAIN)
+            self._pace.took(last - first, time.perf_counter() - began)
+            first = last
+            pause(self.progress(picture=False))
+        self.mean = (self.mean * self.rounds + light) / (self.rounds + 1)
+        self.rounds += 1
 
     def _round(self, part: slice) -> np.ndarray:
         """Return the light (k, CELLS, SUMS) of the next round at some receivers."""

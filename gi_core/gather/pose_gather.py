@@ -19,11 +19,12 @@ as the static part's light is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
+from gi_core.base.pause import Progress, pause
 from gi_core.base.results import KEPT
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
@@ -40,6 +41,7 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.scene.pose import to_world_at
 
+STAGE = "gathering at these poses"
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
 COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
@@ -104,20 +106,20 @@ class PoseGather:
         by_noise = min((static_gather.ENOUGH / self._least) ** 2, 1.0) if self._least > 0 else 1.0
         return max(by_noise, self._seen / MOST)
 
-    def steps(self, static: Callable[[], Static | None]) -> Iterator[bool | None]:
-        """Gather until it is enough, in steps of some 10 ms; yields True where frames change.
+    def gather(self, static: Callable[[], Static | None], new: Callable[[], None]) -> None:
+        """Gather until it is enough, with a pause every 10 ms; may be broken off and begun again.
 
-        static() returns the static part's light, None where photons know it best. The generator may be dropped and
-        restarted.
+        static() returns the static part's light, None where photons know it best. new: called after each result.
         """
         while not self.enough:
             if (done := self._rounds.state.rounds) > MORE * self._seen:
                 self._seen = done
-                yield from self._result(static())
+                self._result(static())
+                new()
             else:
                 self._know(static())
                 self._rounds.step()
-                yield False
+                pause(Progress(STAGE, self.fraction, False))
 
     def _know(self, static: Static | None) -> None:
         """Let the next paths from mobiles end in this light of the static part, changed by mobiles as at first."""
@@ -125,12 +127,12 @@ class PoseGather:
             self._static = static[0]
             self._paths.end_in(np.maximum(self._static + self._change, 0.0))
 
-    def _result(self, static: Static | None) -> Iterator[bool | None]:
+    def _result(self, static: Static | None) -> None:
         p, s, near = self._points, self._rounds.state, self._paths.near
         error = s.standard_error / small_sample_bias(s.sets)[:, None]
         mean, error = combined(s.mean, error, self._paths.mobile, self.rows, static, near, p.model.threads)
         deviation, used, most = luminance(error), self.used.copy(), 0.0
-        denoised = yield from denoise(mean, error, near, p.seed, p.model.threads)
+        denoised = denoise(mean, error, near, p.seed, p.model.threads)
         off = np.abs(luminance(self._own - denoised.irradiance))
         for of in self._classes:
             share = denoised.share(self._weights * of)
@@ -142,7 +144,6 @@ class PoseGather:
             most = max(most, left)
         self.mean, self.deviation, self.used, self.left = denoised.irradiance, deviation, used, most
         self._least = min(self._least, most)
-        yield bool(used.any())
 
 
 class PosePaths:

@@ -84,15 +84,9 @@ def gather_until(
 
 
 def gather_sample(
-    model: Model,
-    poses: Mapping[str, Pose],
-    rows: np.ndarray,
-    weights: np.ndarray,
-    seed: int,
-    noise: float,
-    most_paths: float = math.inf,
-    levels: np.ndarray | None = None,
-) -> Iterator[ReferenceSample]:
+    model: Model, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, seed: int, noise: float,
+    most_paths: float = math.inf, levels: np.ndarray | None = None,
+) -> Iterator[ReferenceSample]:  # fmt: skip
     """Gather the reference at some receivers at all mobiles' poses, as gather_until() does; the last is the answer.
 
     levels (G, 3): of the lamps; None: those of the scene file.

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import numpy as np
 
+from gi_core.base.pause import Progress, pause
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.final_gather import BounceSums, FinalGather
@@ -26,6 +27,7 @@ from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.model import Model
 
+STAGE = "gathering"
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 32  # until 1 % noise; the first noise is known after two
@@ -81,12 +83,6 @@ class Kept(NamedTuple):
     numbers: np.ndarray  # (4,) float64: noise; first phase, fraction, done; least noise of whole paths
 
 
-def _unbiased(E: np.ndarray, noise: float) -> Generator[bool, None, float]:
-    """Return the error of light without bias."""
-    yield from ()
-    return noise
-
-
 class StaticGather:
     """Irradiance of the static part's receivers without mobiles, by lamp.
 
@@ -123,7 +119,7 @@ class StaticGather:
         self._final.weights = self._paid
 
     def _weigh_by(self, photons: Callable[[], Estimate | None]) -> None:
-        """Weigh receivers once, by whole paths of an earlier run or by photons; arguments as for steps()."""
+        """Weigh receivers once, by whole paths of an earlier run or by photons; arguments as for gather()."""
         if self._is_weighed:
             return
         if self.state is not None and self.state.rounds > 1:
@@ -218,47 +214,45 @@ class StaticGather:
         self._fraction = max(self._fraction, now)
         return self._fraction
 
-    def steps(self, photons: Callable[[], Estimate | None]) -> Iterator[bool | None]:
-        """Gather until it is enough, in steps of some 10 ms; yields True where `estimate` is new.
+    def progress(self, picture: bool = False) -> Progress:
+        """Return the progress of gathering."""
+        return Progress(STAGE, self.fraction, picture)
 
-        photons() returns the photons' current light, or None. The generator may be dropped and restarted, with the
-        same result.
+    def gather(self, photons: Callable[[], Estimate | None], new: Callable[[], None] = lambda: None) -> None:
+        """Gather until it is enough, with a pause every 10 ms; may be broken off and begun again, with the same result.
+
+        photons() returns the photons' current light, or None. new: called where `estimate` is new.
         """
         if not self.enough:
             self._weigh_by(photons)
-            yield from self._single_bounces(photons)
-            yield from self._whole_paths()
+            self._single_bounces(photons, new)
+            self._whole_paths(new)
 
-    def _single_bounces(self, photons: Callable[[], Estimate | None]) -> Iterator[bool | None]:
+    def _single_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None]) -> None:
         f = self._final
         noise_of_paths = np.inf if self.state is None else self._noise_of_paths(self.state)
         theirs = photons()
         if theirs is None or not min(noise_of_paths, f.noise) > LOW * ENOUGH:
             return
 
-        def field() -> np.ndarray:
-            nonlocal theirs
+        biased = False
+        while not biased and f.noise > LOW * ENOUGH:
             theirs = photons()
-            return self._known(theirs.light)
-
-        for new in f.steps(field):
-            if new:
-                done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
-                self._first_phase = max(self._first_phase, done)
-            yield False
-            if new and f.noise < self.noise:
+            f.add_pair(self._known(theirs.light))
+            done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
+            self._first_phase = max(self._first_phase, done)
+            pause(self.progress())
+            if f.noise < self.noise:
                 # Photons know best where edges of light are, until they have more noise.
                 guide = theirs.irradiance if theirs.noise < f.noise else None
                 light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
-                yield False
-                yield from self._take_over(Source.ONE_BOUNCE, *light, self._measure, guide)
-            measured = new and self._sample is not None  # else the light before has less noise
-            biased = measured and f.paths >= EVIDENT and self._sample.error(f.mean) > math.sqrt(2) * f.noise
-            if biased or not f.noise > LOW * ENOUGH:
-                return
+                pause()
+                self._take_over(new, Source.ONE_BOUNCE, *light, self._measure, guide)
+            measured = self._sample is not None and f.paths >= EVIDENT  # else the light before has less noise
+            biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
 
-    def _measure(self, E: np.ndarray, noise: float) -> Generator[bool, None, float]:
-        """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample, in steps."""
+    def _measure(self, E: np.ndarray, noise: float) -> float:
+        """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample."""
         if self._sample is None:
             rows, times = draw_by_area(np.flatnonzero(self._paid > 0), self._paid, SAMPLE, self._seed)
             self._sample = ErrorSample(rows, times, ReferenceState.empty(len(rows)))
@@ -270,11 +264,11 @@ class StaticGather:
             self._sample = s = s._replace(state=self._sampled.state)
         # Of point lights on a convex body single bounces have no noise, but whole paths do: they pick a light each.
         for _ in gather_until(self._sampled, s.times, max(SAMPLE_NOISE * noise, ENOUGH)):
-            yield False
+            pause()
         # The error of the total is known best, as noise averages out there; the rest is only known to a part.
         return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
 
-    def _whole_paths(self) -> Iterator[bool | None]:
+    def _whole_paths(self, new: Callable[[], None]) -> None:
         rounds = ReferenceRounds(
             self._model.scene, *self._points, self._seed, self._paid, model=self._model, state=self.state,
             mobiles=False, rounds=ROUNDS, per_lamp=True, smoothed=self._pooled_pilots,
@@ -287,12 +281,12 @@ class StaticGather:
                 if noise < max(error, LOW * ENOUGH):
                     mean, deviation = self.state.mean, self.state.standard_error
                     light = mean[:, -self._channels :], deviation[:, :3], deviation[:, 3:], noise
-                    yield from self._take_over(Source.WHOLE_PATHS, *light)
+                    self._take_over(new, Source.WHOLE_PATHS, *light)
                 self._left = min(noise, self._left)  # a rare bright path raises it again
             else:
                 rounds.step()
                 self.state = rounds.state
-                yield False
+                pause(self.progress())
 
     def _pooled(self, values: np.ndarray) -> np.ndarray:
         """Return means (n, k) over the surroundings of each receiver."""
@@ -330,21 +324,21 @@ class StaticGather:
         return out * np.divide(theirs, mine, out=np.ones(len(mine)), where=mine > 0)
 
     def _take_over(
-        self, source: Source, per_lamp: np.ndarray, standard_error: np.ndarray, lamp_error: np.ndarray, noise: float,
-        error: Callable = _unbiased, guide: np.ndarray | None = None,
-    ) -> Iterator[bool | None]:  # fmt: skip
-        """Denoise this light and store it, in steps; the arrays must not change meanwhile.
+        self, new: Callable[[], None], source: Source, per_lamp: np.ndarray, standard_error: np.ndarray,
+        lamp_error: np.ndarray, noise: float, error: Callable[[np.ndarray, float], float] = lambda _, noise: noise,
+        guide: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        """Denoise this light and store it; the arrays must not change meanwhile.
 
         per_lamp (n, 3 G); standard_error (n, 3) of its sum; lamp_error (n, 3 G), or empty for one lamp. error(E,
-        noise): generator that returns the error of denoised light (n, 3) with so much noise left. guide: for denoise().
+        noise): returns the error of denoised light (n, 3) with so much noise left. guide: for denoise().
         """
         several = per_lamp if per_lamp.shape[1] > 3 else None
         mean = sum_of_lamps(per_lamp)
-        denoised = yield from denoise(
-            mean, standard_error, self._near, self._seed, self._model.threads, several, guide=guide
-        )
+        threads = self._model.threads
+        denoised = denoise(mean, standard_error, self._near, self._seed, threads, several, guide=guide)
         share, light = denoised.share(self.weights), denoised.irradiance.copy()
-        left = yield from error(sum_of_lamps(light), share * noise)
+        left = error(sum_of_lamps(light), share * noise)
         of_lamps = standard_error if several is None else lamp_error
         of_lamps = luminance(of_lamps.reshape(len(light), self._channels // 3, 3))
         variance = variance_per_lamp(share * luminance(standard_error), of_lamps)
@@ -353,4 +347,4 @@ class StaticGather:
             return  # light that another session has shown
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
         self.estimate = Estimate(source, light, variance, share * noise, left)
-        yield True
+        new()

@@ -13,12 +13,13 @@ On mobiles whose light is gathered, paths give the directions (`gi_core.gather.m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import weighted
 from gi_core.gloss.discs import (
@@ -98,8 +99,8 @@ class GlossCells:
             self._static.photons[:] = earlier.sums
             self._intake.begin_with(store, earlier.weights, earlier.photons)
 
-    def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
-        """Add the photons of `paths` that are not yet in the sums, in steps; weights (G, 3): of the lamps' flux.
+    def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> None:
+        """Add the photons of `paths` that are not yet in the sums; weights (G, 3): of the lamps' flux.
 
         store: identifies the photons. The sums begin anew when it or the weights differ from the last call.
         """
@@ -111,7 +112,7 @@ class GlossCells:
             last = self._intake.end_of_part(count)
             self._deposit([(1, segments_of(paths, self.photons, last))], model.static, self._static.photons)
             self._intake.photons = last
-            yield
+            pause()
         if self._lit_by != self.photons:
             self._static = self._static._replace(light=self._unlit())
             normalise(self._static.photons, self._place, self._static.light, self._static.totals)

@@ -7,12 +7,13 @@ from scratch, bit for bit. Rays lie in the order of the hierarchy's cells, so on
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.gloss.discs import SEGMENT_GRAIN, GlossDiscs, Intake
 from gi_core.gloss.hemisphere import CELLS, axes_of, cell_towards
@@ -62,8 +63,8 @@ class RayLists:
         """Photons in the lists."""
         return self._intake.photons
 
-    def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
-        """Add the photons of `paths` that are not yet in the lists, in steps; arguments as for GlossCells."""
+    def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> None:
+        """Add the photons of `paths` that are not yet in the lists; arguments as for GlossCells."""
         if self._intake.begins_anew(store, weights):
             self._rays, self._parts = _joined([]), []
         count, model = min(len(paths.offsets) - 1, MOST_LISTED_PHOTONS), self.discs.model
@@ -72,7 +73,7 @@ class RayLists:
             last = self._intake.end_of_part(count)
             self._parts.append(self._found(0, segments_of(paths, self.photons, last), model.static))
             self._intake.photons, held = last, held + len(self._parts[-1].key)
-            yield
+            pause()
         if self._parts:
             self._rays, self._parts = _joined([self._rays, *self._parts]), []
 

@@ -92,12 +92,10 @@ class GlossSource:
         cells = self.cells(radius, way)
         if cells is None or len(photons[1].offsets) < 2:
             return None
-        for _ in cells.bring_in(*photons):
-            clock("gloss")
+        cells.bring_in(*photons)
         light = cells.evaluate(change, gathered, on_mobiles)
         if way != QUADTREE and (lists := self.lists(radius)) is not None:
-            for _ in lists.bring_in(*photons):
-                clock("gloss")
+            lists.bring_in(*photons)
             light = light._replace(tree=lists.evaluate(change), opened=OPENED[way])
         clock("gloss")
         return light

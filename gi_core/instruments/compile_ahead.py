@@ -26,7 +26,6 @@ from gi_core.base import strata
 from gi_core.base.jit import cache_folder
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
-from gi_core.base.steps import finish
 from gi_core.base.threads import available_cores
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
@@ -206,8 +205,7 @@ def _shine(solver: Solver) -> None:
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
     gathered = GatheredGloss(solver.model, 0, solver.frame_light.gloss.source)
     at, irradiance = solver.model.transforms(solver.poses), solver.irradiance
-    for _ in gathered.steps(solver.frame.background, at, solver.levels, irradiance, np.arange(len(irradiance))):
-        pass
+    gathered.gather(solver.frame.background, at, solver.levels, irradiance, np.arange(len(irradiance)))
     cells, one, narrow = solver.frame.gloss.directions(), np.ones((1, 3)), np.ones((1, 3), np.float32)
     tables = solver.surfaces.tables
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
@@ -296,15 +294,14 @@ def _gather(scene: Scene, rays: str | None) -> None:
     dark = np.zeros((model.first_probe, 3))
     MobileGather(model, 0).irradiance(at, dark, 2, resting=dark)
     add_reflected(room_for_shadows(0), np.zeros(0, bool), *np.zeros((2, 0, 3)))  # no face is bright
-    finish(direct.steps())
+    direct.measure()
     direct.blocked(at, model.emitters.lamps.full())
     _smooth()
 
 
 def _smooth() -> None:
     """Smooth three receivers of one face."""
-    for _ in denoise(*np.ones((2, 3, 3)), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
-        pass
+    denoise(*np.ones((2, 3, 3)), neighbours(np.array([[0, 1, 2]]), 3), 0, 1)
 
 
 def _light_backwards(scene: Scene, rays: str | None) -> None:

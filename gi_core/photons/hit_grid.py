@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.steps import finish
+from gi_core.base.pause import pause
 from gi_core.base.vec import difference, dot, rotate
 from gi_core.geometry.receivers import NONE
 from gi_core.photons.paths import Segments, take
@@ -78,11 +78,11 @@ def _side_normals(side, normals, rotation, face_object, out):
 
 def build(hits: Hits, cell: float) -> HitGrid:
     """Sort hits into cells of about `cell` [m]."""
-    return finish(build_steps([hits], cell))
+    return build_from([hits], cell)
 
 
-def build_steps(parts: list[Hits], cell: float):
-    """Build the grid from hits in parts, in one step per part; the generator returns the grid."""
+def build_from(parts: list[Hits], cell: float) -> HitGrid:
+    """Sort hits in parts into cells of about `cell` [m]; pauses after each part."""
     n = sum(len(p.photon) for p in parts)
     parts = [p for p in parts if len(p.photon)]
     low, high = np.zeros(3), np.zeros(3)
@@ -93,7 +93,7 @@ def build_steps(parts: list[Hits], cell: float):
     first = np.zeros(int(shape.prod()) + 1, np.int64)
     for p in parts:
         _count(p.position, low, cell, shape, first)
-        yield
+        pause()
     np.cumsum(first, out=first)
     sorted_hits = Hits(
         np.empty((n, 3), np.float32),
@@ -107,7 +107,7 @@ def build_steps(parts: list[Hits], cell: float):
     cursor = first.copy()
     for p in parts:
         _scatter(tuple(p), low, cell, shape, cursor, tuple(sorted_hits))
-        yield
+        pause()
     return HitGrid(sorted_hits, low, cell, shape, first)
 
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import gi_core
+from gi_core.base.pause import Interrupted, breaking_off
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import photon_map, tangent_plane
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.frames.light_setting import LIGHTS
-from gi_core.frames.progress import Interrupted
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Mobile, Pose
 from gi_core.solver import Solver
@@ -138,14 +138,15 @@ def test_frame_stopped_at_any_place_changes_nothing(estimator, light, monkeypatc
     monkeypatch.setattr(tangent_plane, "PIECE", 500)
     monkeypatch.setattr(photon_map, "QUERY_STEP", 64)
     solver, asked = solved(estimator, light), []
-    solver.move_all(NEXT, stop=lambda: asked.append(True))
+    with breaking_off(lambda: asked.append(True)):
+        solver.move_all(NEXT)
     light_there = solver.irradiance
     assert len(asked) > 6 + 2 * (estimator != "impact_count")
     solver.move("block", THERE)
     for places in range(len(asked)):
         left, before = iter(range(places)), seen(solver)
-        with pytest.raises(Interrupted):
-            solver.move_all(NEXT, stop=lambda left=left: next(left, None) is None)
+        with pytest.raises(Interrupted), breaking_off(lambda left=left: next(left, None) is None):
+            solver.move_all(NEXT)
         assert seen(solver) == before
     solver.move_all(NEXT)
     assert np.array_equal(solver.irradiance, light_there)
@@ -153,8 +154,8 @@ def test_frame_stopped_at_any_place_changes_nothing(estimator, light, monkeypatc
     before = seen(solver)
     solver.configure(photons=4000)
     for _ in range(2):
-        with pytest.raises(Interrupted):
-            list(solver.solve_steps(stop=lambda: True))
+        with pytest.raises(Interrupted), breaking_off(lambda: True):
+            list(solver.solve_steps())
         assert seen(solver)[:2] == before[:2]
     solver.move("block", START)
     solver.solve()
@@ -171,7 +172,8 @@ def test_a_drag_waits_for_few_segments(monkeypatch):
         accumulate(self, o, segments, *others)
 
     monkeypatch.setattr(TangentPlane, "_accumulate_part", counted)
-    solver.move_all(NEXT, stop=lambda: between.append(0))
+    with breaking_off(lambda: between.append(0)):
+        solver.move_all(NEXT)
     assert sum(between) > 2000 and max(between) <= 500
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 

@@ -14,7 +14,6 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import kernel
-from gi_core.base.steps import finish
 from gi_core.bsdf import lambertian, surface
 from gi_core.discs.region import EXTENSION, regions
 from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
@@ -153,7 +152,7 @@ class Twin:
         for o in range(model.surfaces.objects):
             rows = np.arange(len(receivers.areas))[model.surfaces.receiver_range(o)]
             p, n = receivers.positions[rows].astype(F32), receivers.normals[rows].astype(F32)
-            region = finish(regions(model, o, self.radius))
+            region = regions(model, o, self.radius)
             region = regions_in_company(model, o, model.transforms(poses), self.radius, region)
             area[rows] = region.area
             filled = np.full(-(-len(rows) // LANES) * LANES, -1)

@@ -16,9 +16,9 @@ import pytest
 from app.session.opening import Opening
 from app.settings import Settings
 from gi_core.base import vectors
+from gi_core.base.pause import Progress, pause
 from gi_core.display.dilation import Drawn
 from gi_core.frames.frame_size import FrameSize
-from gi_core.frames.progress import Interrupted
 from gi_core.lights.lamps import Lamps
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
 
@@ -283,9 +283,7 @@ class CountingSolver:
     def _learn(self, photons: int) -> None:
         self.budget.record(FrameSize(photons, 0), {"estimate": self.wrong * self.move_seconds(photons)}, False)
 
-    def solve_steps(self, stop=None):
-        from gi_core.frames.progress import Progress
-
+    def solve_steps(self):
         for k in range(1, self.steps + 1):
             self.log.append(("step", k))
             picture = k % 10 == 0
@@ -296,14 +294,13 @@ class CountingSolver:
                 self._learn(self.at_rest)
             yield Progress("tracing", k / self.steps, picture)
 
-    def move_all(self, poses, photons: int | None = None, paths: int | None = None, stop=None) -> None:
+    def move_all(self, poses, photons: int | None = None, paths: int | None = None) -> None:
         assert photons is None or photons in self.subsets
         photons = self.at_rest if photons is None else photons
         started = self.clock.now
         for k in range(STAGES):
             self.clock.now = started + self.move_seconds(photons) * ((k + 1) / STAGES)
-            if stop and stop():
-                raise Interrupted
+            pause()
         self._learn(photons)
         self.frame.photons = photons
         self.moved_with.append(photons)

@@ -341,7 +341,7 @@ def test_failed_settling_is_logged_once_and_the_drag_continues():
     drag(s, 3)
     move_all, asked = s.light._solver.move_all, []
 
-    def broken(poses, photons=None, paths=None, stop=None):
+    def broken(poses, photons=None, paths=None):
         asked.append(photons)
         raise ValueError("embree lost its scene")
 

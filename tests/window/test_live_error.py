@@ -21,7 +21,7 @@ from app.session.solver_jobs import Rest
 from app.settings import Settings
 from app.window import view_content
 from app.worker import Task
-from gi_core.frames.progress import Interrupted
+from gi_core.base.pause import Interrupted, breaking_off
 from gi_core.gather.reference import reference_irradiance
 from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, relative_error
@@ -93,20 +93,19 @@ def test_live_error_equals_that_against_another_reference(solver):
 @pytest.mark.parametrize("light, compare", [("photons", ""), ("photons", "impact_count"), ("best", "")])
 def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, compare):
     """Timed frames, those of a comparison, new gathered light: the job ends at once and goes on at the next rest."""
-    twin, waits = solver.twin(), [True]
+    twin = solver.twin()
     twin.configure(light=light)
     settings = Settings(measure_errors=light == "photons" and not compare, compare=compare)
-    work, job = RestWork(twin, time.perf_counter, lambda: waits[0]), Rest(settings)
+    work, job = RestWork(twin, time.perf_counter), Rest(settings)
 
     def results():
         e = work.live_error
         return e.report is not None, e.comparison.result is not None, twin.frame.gathered
 
-    with pytest.raises(Interrupted):
+    with pytest.raises(Interrupted), breaking_off(lambda: True):
         for _ in range(1000):
             job.run(twin, work)
     assert not work.given_up and not any(results())
-    waits[0] = False
     for _ in range(1000):
         assert job.run(twin, work).problem is None
         if any(results()):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
 import queue
 import subprocess
 import threading
 import time
+import weakref
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -240,14 +243,14 @@ def test_play_head_reverses_or_repeats():
 
 
 def test_exception_in_refinement_or_move_is_logged(session):
-    session.light._solver.solve_steps = lambda stop: iter_raising("embree lost its scene")
+    session.light._solver.solve_steps = lambda: iter_raising("embree lost its scene")
     session.want(replace(session.settings, radius=0.01))
     for _ in range(4):
         frame(session)
     assert session.log.last.level == ERROR and "embree lost its scene" in session.log.last.text
     assert not session.refining
 
-    def refuse(poses, photons=None, paths=None, stop=None):
+    def refuse(poses, photons=None, paths=None):
         raise ValueError("not rigid")
 
     session.light._solver.move_all = refuse
@@ -376,7 +379,7 @@ def test_a_session_closed_without_patience_keeps_its_results_at_rest(monkeypatch
     """Another scene is opened while a task at rest runs."""
     s = support.opened(support.SETTINGS, support.room(1))
     light, kept, free = SolverThread(s.solver, Log(), time.perf_counter, Worker()), [], threading.Event()
-    monkeypatch.setattr(light._work, "keep", lambda: kept.append(True))
+    monkeypatch.setattr(light._work, "end", lambda: kept.append(True))
     light._begin(SimpleNamespace(name="resting", busy=False, run=lambda *_: free.wait(support.PATIENCE)))
     light.close(0.0)
     assert not kept
@@ -385,6 +388,24 @@ def test_a_session_closed_without_patience_keeps_its_results_at_rest(monkeypatch
     while not kept and time.monotonic() < until:
         time.sleep(0.005)
     assert kept
+
+
+def test_steps_left_open_keep_no_closed_scene():
+    """The thread ends with them; those that it leaves behind would never be freed."""
+    s, worker = support.opened(support.SETTINGS, support.room(1)), Worker()
+    light, solver = SolverThread(s.solver, Log(), time.perf_counter, worker), weakref.ref(s.solver)
+    light.refine(0.0)
+    light._wait(support.PATIENCE)
+    light._work.gathering.steps = s.solver.gather_steps()
+    worker.submit(partial(next, light._work.gathering.steps)).result()
+    assert light.refined < 1
+    light.close(support.PATIENCE)
+    del s, light
+    until = time.monotonic() + support.PATIENCE
+    while solver() is not None and time.monotonic() < until:
+        gc.collect()
+        time.sleep(0.005)
+    assert solver() is None
 
 
 def test_the_process_of_the_first_look_finds_files_by_relative_paths(tmp_path, monkeypatch):

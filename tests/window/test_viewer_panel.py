@@ -247,8 +247,8 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
         solver = session.light._solver
         configure, solve_steps, tick = solver.configure, solver.solve_steps, session.tick
 
-        def watched_steps(**given):
-            for progress in solve_steps(**given):
+        def watched_steps():
+            for progress in solve_steps():
                 threads.add(threading.get_ident())
                 yield progress
 

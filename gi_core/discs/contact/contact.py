@@ -10,12 +10,12 @@ of mobiles. The result is a function of the poses alone.
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.pause import pause
 from gi_core.base.random_numbers import basis
 from gi_core.base.vec import rotate, rotate_back
 from gi_core.discs.contact.surface_cells import box_is_near, points_near, surface_cells
@@ -53,20 +53,19 @@ class ContactSearch:
         self._model, self._radius, self._regions = model, radius, regions
         self._accelerator = model.accelerator
 
-    def build(self) -> Generator[None, None, None]:
-        """Index static receivers and surfaces, in steps of a few ms."""
+    def build(self) -> None:
+        """Index static receivers and surfaces."""
         m, s = self._model, self._model.surfaces
         self._origins, self._normals = [], []
         for o in range(s.objects):
             points, normals = look_from(m, o, self._radius)
             self._origins.append(np.ascontiguousarray(points, np.float32))
             self._normals.append(np.ascontiguousarray(normals))
-            yield
+            pause()
         n = len(self._origins[0])
         nothing = np.zeros((n, 3), np.int32), np.arange(n), *np.zeros((2, n), np.int32), np.zeros(n, np.uint8)
         self._grid: HitGrid = build(Hits(self._origins[0], self._origins[0], *nothing), 2 * self._radius)
-        yield
-        self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
+        self._cells = surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
 
     def at(self, at: Transforms, mobiles: bool) -> PoseContacts:
         """Return the contacts at poses `at`, on static receivers and, if `mobiles`, on receivers of mobiles."""

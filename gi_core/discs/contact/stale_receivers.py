@@ -7,7 +7,7 @@ estimated again from all current segments near them.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -55,10 +55,10 @@ class ContactDiscs:
         count = sum(len(d.regions.row) for d in discs)
         self.share = sum(int((d.regions.row >= 0).sum()) for d in discs) / max(count, 1)
 
-    def build(self) -> Generator[None, None, None]:
-        """Prepare the search for contacts, in steps of a few ms."""
+    def build(self) -> None:
+        """Prepare the search for contacts."""
         if self._contacts and self.model.surfaces.objects > 1:
-            yield from self._contacts.build()
+            self._contacts.build()
 
     def contacts_at(self, at: Transforms, mobiles: bool) -> PoseContacts:
         """Return the contacts at poses `at`, with or without those on mobiles; the last result is cached."""

@@ -6,12 +6,12 @@ A mobile in mid-air costs a lookup of the cells that its box covers.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.pause import pause
 from gi_core.base.vec import cross, difference, dot, rotate
 from gi_core.photons.hit_grid import cell_of
 
@@ -27,8 +27,8 @@ class SurfaceCells(NamedTuple):
     shape: np.ndarray  # (3,) int64
 
 
-def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Generator[None, None, SurfaceCells]:
-    """Mark the cells within `reach` [m] of faces (F, 3) of vertices (V, 3), in steps; the generator returns them."""
+def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> SurfaceCells:
+    """Mark the cells within `reach` [m] of faces (F, 3) of vertices (V, 3)."""
     if not len(faces):
         return SurfaceCells(np.zeros(1, bool), np.full(3, np.inf), 1.0, np.ones(3, np.int64))
     low, high = vertices.min(axis=0) - reach, vertices.max(axis=0) + reach
@@ -39,7 +39,7 @@ def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Gene
     near = np.zeros(int(shape.prod()), bool)
     for first in range(0, len(faces), FACES_PER_STEP):
         _mark(vertices, faces[first : first + FACES_PER_STEP], reach, low, cell, shape, near)
-        yield
+        pause()
     return SurfaceCells(near, low, cell, shape)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -51,19 +51,18 @@ class Toy:
     def summary(setting: Setting) -> str:
         return ""
 
-    def build(self) -> Iterator[None]:
-        return iter(())
+    def build(self) -> None:
+        pass
 
     def add_background(self, segments: Segments, thread: int) -> None:
         self._parts.append(self._sums_of(segments))
         self._bounced.append(self._sums_of(bounced(segments)))
 
-    def prepare(self, photons: int) -> Iterator[None]:
+    def prepare(self, photons: int) -> None:
         self._parts, self._bounced = [sum(self._parts)], [sum(self._bounced)]
         static = self.model.surfaces.receiver_range(0)
         self.subsets[photons], self._bounced_subsets[photons] = self._parts[0][static], self._bounced[0][static]
         self.photons = photons
-        return iter(())
 
     def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         sums = self.subsets if direct else self._bounced_subsets
@@ -72,7 +71,7 @@ class Toy:
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
         sums[self.model.surfaces.receiver_range(0)] += self.background(frame.photons, frame.direct)[0]
         return self._read(sums, frame.direct)

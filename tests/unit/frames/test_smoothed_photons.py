@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.base.steps import finish
 from gi_core.frames.control_variate import REACH
 from gi_core.frames.static_light import NEAR
 from gi_core.gather.denoise import smoothed_by_subset
@@ -122,7 +121,7 @@ def test_receivers_that_light_cannot_reach_stay_dark_and_darken_none(solver):
     reached = rng.random(n) > 0.1
     E = np.ones((n, 3)) * reached[:, None]
     fewer = E * rng.uniform(0.0, 2.0, (n, 1))  # so much noise that edges are smoothed too
-    light, _ = finish(smoothed_by_subset(E, fewer, 2.0, REACH, around, reached, np.ones(n), 2))
+    light, _ = smoothed_by_subset(E, fewer, 2.0, REACH, around, reached, np.ones(n), 2)
     assert np.allclose(light, E)
-    light, _ = finish(smoothed_by_subset(E, fewer, 2.0, REACH, around, np.ones(n, bool), np.ones(n), 2))
+    light, _ = smoothed_by_subset(E, fewer, 2.0, REACH, around, np.ones(n, bool), np.ones(n), 2)
     assert light[reached].min() < 0.9 and light[~reached].max() > 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.gather.denoise import Denoised, denoise
+from gi_core.gather.denoise import denoise
 from gi_core.geometry.mesh_neighbours import neighbours
 from tests.support.scene_builders import quad
 
@@ -21,15 +21,6 @@ def grainy(light: np.ndarray, sigma, seed: int = 1) -> tuple[np.ndarray, np.ndar
     sigma = np.broadcast_to(sigma, light.shape)
     noise = np.random.default_rng(seed).standard_normal(len(light)) * sigma
     return np.repeat((light + noise)[:, None], 3, axis=1), np.repeat(sigma[:, None], 3, axis=1)
-
-
-def done(*given, **more) -> Denoised:
-    steps = denoise(*given, **more)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
 
 
 def off(E: np.ndarray, light: np.ndarray) -> float:
@@ -49,7 +40,7 @@ def test_neighbours_are_the_ends_of_edges_each_once():
 def test_noise_on_even_light_falls_to_a_third_and_is_reported():
     light = 1 + 0.2 * P[:, 0]
     E, sigma = grainy(light, 0.05 * light)
-    s = done(E, sigma, NEAR, 0, 1)
+    s = denoise(E, sigma, NEAR, 0, 1)
     assert off(s.irradiance, light) < 0.36 * off(E, light)
     assert s.share(WEIGHTS) == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
 
@@ -57,7 +48,7 @@ def test_noise_on_even_light_falls_to_a_third_and_is_reported():
 def test_shadow_edge_stays_in_place():
     light = np.where(P[:, 0] < 0.5, 1.0, 0.3)
     E, sigma = grainy(light, 0.05)
-    s = done(E, sigma, NEAR, 0, 1)
+    s = denoise(E, sigma, NEAR, 0, 1)
     beside = np.abs(P[:, 0] - 0.5) < 1.5 / N
     assert beside.sum() >= 2 * N
     assert np.abs(s.irradiance[beside, 1] - light[beside]).mean() < 0.05
@@ -69,7 +60,7 @@ def test_shadow_edge_stays_in_place():
 def test_detail_at_vertex_scale_is_never_made_worse(height):
     light = 1 + height * np.sin(40 * np.pi * P[:, 0]) * np.sin(34 * np.pi * P[:, 1])
     E, sigma = grainy(light, 0.05)
-    s = done(E, sigma, NEAR, 0, 1)
+    s = denoise(E, sigma, NEAR, 0, 1)
     assert rms(s.irradiance, light) < 1.03 * rms(E, light)
     assert s.share(WEIGHTS) == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
 
@@ -77,24 +68,24 @@ def test_detail_at_vertex_scale_is_never_made_worse(height):
 def test_without_noise_nothing_changes():
     light = 1 + P[:, 0] * P[:, 1]
     E, sigma = grainy(light, 0.0)
-    s = done(E, sigma, NEAR, 0, 1)
+    s = denoise(E, sigma, NEAR, 0, 1)
     assert np.array_equal(s.irradiance, E) and s.share(WEIGHTS) == 1
 
 
 def test_black_receivers_stay_black_and_darken_nobody():
     light = np.where(P[:, 0] < 0.5, 1.0, 0.0)
     E, sigma = grainy(light, 0.1 * light)
-    s = done(E, sigma, NEAR, 0, 1)
+    s = denoise(E, sigma, NEAR, 0, 1)
     assert not s.irradiance[light == 0].any()
     assert abs(s.irradiance[light > 0, 1].mean() - 1) < 0.01
-    dark = done(0 * E, 0 * sigma, NEAR, 0, 1)
+    dark = denoise(0 * E, 0 * sigma, NEAR, 0, 1)
     assert not dark.irradiance.any()
 
 
 def test_the_same_bits_with_any_number_of_threads():
     near = neighbours(np.concatenate([CORNERS, CORNERS + len(P), CORNERS + 2 * len(P)]), 3 * len(P))
     E, sigma = grainy(np.tile(1 + P[:, 0], 3), 0.1)
-    one, two = (done(E, sigma, near, 3, threads) for threads in (1, 2))
+    one, two = (denoise(E, sigma, near, 3, threads) for threads in (1, 2))
     assert np.array_equal(one.irradiance, two.irradiance) and one.share(np.ones(len(E))) == two.share(np.ones(len(E)))
 
 
@@ -106,11 +97,11 @@ def test_a_guide_knows_edges_better_than_noisy_light(spread, gain, honest):
     found = np.random.default_rng(3).lognormal(-spread * spread / 2, spread, len(P))
     E, sigma = (np.repeat(a[:, None], 3, axis=1) for a in (light * found, light * np.sqrt(np.expm1(spread**2))))
     guide, _ = grainy(blurred, 0.03, 2)
-    own, guided = done(E, sigma, NEAR, 0, 1), done(E, sigma, NEAR, 0, 1, guide=guide)
+    own, guided = denoise(E, sigma, NEAR, 0, 1), denoise(E, sigma, NEAR, 0, 1, guide=guide)
     assert off(guided.irradiance, light) < gain * off(own.irradiance, light)
     true = rms(guided.irradiance, light) / rms(E, light)
     assert guided.share(WEIGHTS) == pytest.approx(true, rel=honest) and own.share(WEIGHTS) < 0.5 * true
-    several = done(E, sigma, NEAR, 0, 2, np.concatenate([0.25 * E, 0.75 * E], axis=1), guide=guide).irradiance
+    several = denoise(E, sigma, NEAR, 0, 2, np.concatenate([0.25 * E, 0.75 * E], axis=1), guide=guide).irradiance
     assert np.allclose(several[:, :3] + several[:, 3:], guided.irradiance, rtol=1e-12)
 
 
@@ -119,7 +110,7 @@ def test_a_guide_that_knows_no_edge_does_no_harm(of):
     """Even light would average over the step, so the light beside it stays; without light nothing is averaged."""
     light = np.where(P[:, 0] < 0.5, 1.0, 0.3)
     E, sigma = grainy(light, 0.02)
-    s = done(E, sigma, NEAR, 0, 1, guide=np.full_like(E, 1.0 if of == "even light" else 0.0))
+    s = denoise(E, sigma, NEAR, 0, 1, guide=np.full_like(E, 1.0 if of == "even light" else 0.0))
     assert off(s.irradiance, light) <= 1.02 * off(E, light)
     assert of == "even light" or np.array_equal(s.irradiance, E)
 
@@ -129,7 +120,7 @@ def test_each_place_takes_its_own_reach():
     detailed = P[:, 0] < 0.5
     light = 1 + np.where(detailed, 0.3 * np.sin(40 * np.pi * P[:, 0]) * np.sin(34 * np.pi * P[:, 1]), 0.0)
     E, sigma = grainy(light, 0.05)
-    s = done(E, sigma, NEAR, 0, 1)
+    s = denoise(E, sigma, NEAR, 0, 1)
     inner = np.abs(P[:, 0] - 0.5) > 0.1
     left, right = (rms(s.irradiance[k], light[k]) / rms(E[k], light[k]) for k in (detailed & inner, ~detailed & inner))
     assert left < 1.05 and right < 0.4

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.base.steps import finish
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.reference_sample import gather_sample
 from gi_core.lights.light_points import MOST_DELTA
@@ -46,7 +45,7 @@ def scene(*names: str, mobiles: bool = True) -> Scene:
 
 def measured(model: Model) -> DirectLight:
     direct = DirectLight(model, seed=5)
-    finish(direct.steps())
+    direct.measure()
     return direct
 
 

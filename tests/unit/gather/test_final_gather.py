@@ -45,9 +45,8 @@ def final(scene: Scene, seed: int = 0, threads: int = 2) -> tuple[FinalGather, n
 
 
 def pairs(gather: FinalGather, field: np.ndarray, count: int) -> None:
-    steps = gather.steps(lambda: field)
-    while count:
-        count -= next(steps)
+    for _ in range(count):
+        gather.add_pair(field)
 
 
 def test_uniform_room_gives_rho_times_its_light():

@@ -354,7 +354,7 @@ assert max(len(gather._lights_of(o, model.transforms(poses))[1].face) for o in (
 rows = model.surfaces.receiver_range(0)
 points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
 final = FinalGather(model, 0, points, normals, model.object_receivers.areas[rows])
-next(final.steps(lambda: np.ones((len(points), 3))))
+final.add_pair(np.ones((len(points), 3)))
 assert before == [len(f.signatures) for f in kernels], "a kernel was compiled after the warm-up"
 """
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gi_core.base.pause import steps
 from gi_core.gather import static
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
@@ -89,8 +90,7 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
         light = []
         for seed in (1, 2):
             g = StaticGather(model, seed)
-            for _ in g.steps(lambda: of_photons(photons)):
-                pass
+            g.gather(lambda: of_photons(photons))
             light.append(g.estimate.irradiance)
         assert areas[inside] @ light[0][inside, 0] < 0.05 * (areas @ light[0][:, 0])
         return relative_error(*light, areas * inside / np.maximum(light[1][:, 1], 0.3)).l1 / np.sqrt(2)
@@ -106,11 +106,11 @@ def test_light_of_an_earlier_run_is_weighed_by_itself():
     solver.solve()
     photons = solver.frame.background.irradiance_per_lamp(1 << 14)
     first = StaticGather(solver.model, 1)
-    for _ in first.steps(lambda: of_photons(photons)):
+    for _ in steps(lambda: first.gather(lambda: of_photons(photons))):
         if first.state is not None and first.state.rounds > 1:
             break
     again = StaticGather(solver.model, 1, first.state)
-    next(again.steps(lambda: None))
+    next(steps(lambda: again.gather(lambda: None)))
     areas = solver.model.object_receivers.areas[: len(again.weights)]
     assert (again.weights < 0.9 * areas).mean() > 0.1
     assert np.allclose(again.weights, first.weights, rtol=1.0, atol=1e-3)
