@@ -14,12 +14,11 @@ from gi_core.base.results import KEPT, Results
 from gi_core.defaults.choose import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
-from gi_core.display.first_look import ROUGH, EarlyPicture, LookLight, early_picture, first_looks
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.edited_light import LightBefore
-from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
+from gi_core.frames.first_frame import FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
@@ -87,7 +86,6 @@ class Solver:
         store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
         self.frame, self.budget = Frame(self.model.start_poses(), black, black, self.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.frame_light, self.scene_size)
-        self._early: EarlyPicture | None = None
         self.configure(estimator=estimator, light=light, **settings)
         self.set_lamps(lamps or {})
         if results is not None:
@@ -138,10 +136,6 @@ class Solver:
         with self.frame_light.setting.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
             self._update(paths=paths)
 
-    def begin_with_look(self, look: LookLight) -> None:
-        """Draw a first look, at these levels of the lamps, until photons or gathered light have less noise."""
-        self._early = early_picture(look, self.model, self.levels, self.chosen.noise_per_photon)
-
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
         self._solve(pictures=False)
@@ -156,11 +150,6 @@ class Solver:
     def _solve(self, pictures: bool) -> None:
         f = self._first_frame
         f.share(self.model)
-        first = self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered
-        if pictures and first and self.light == "best":
-            rough = self.chosen.noise_per_photon > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
-            if rough and self._early is None and not f.is_begun:
-                self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
         f.extend(self.setting, lambda: self.frame, lambda: self._goal, pictures, self._update)
         pause(Progress("done", 1.0, False))
 
@@ -320,13 +309,8 @@ class Solver:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.
 
         poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
-        receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated. Where first photons
-        are noisy, their frame is drawn in the light of a few paths, unless photons alone are asked for.
+        receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated.
         """
-        f, early = self.frame, self._early
-        if early is not None and self.light == "best" and irradiance is f.irradiance and not f.gathered:
-            if early.is_better(f.photons, poses or f.poses, f.levels):
-                return early.drawn
         return self.frame_light.unreached.drawn(irradiance, self.model.transforms(poses or self.poses))
 
     @property

@@ -7,7 +7,6 @@ solver's thread begins.
 
 from __future__ import annotations
 
-import math
 import pickle
 import tempfile
 import threading
@@ -164,13 +163,10 @@ class Opening:
     def _open(self, scene: Scene, versions: Versions) -> Opened:
         from app.rest.reference_store import StaticStore
         from gi_core.base.kernel_cache import problems
-        from gi_core.display.first_look import LookLight
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
         before = self._before
         solver = make_solver(scene, self.settings, None if before is None else before.results())
-        if self.look is not None and math.isfinite(self.look.noise):
-            solver.begin_with_look(LookLight(self.look.drawn, self.look.noise))
         meshes, picker = self._drawn(solver.model, None if before is None else before.opened.solver.model)
         static = solver.frame_light.static
         if solver.light == "best" and static.gathered is None:

@@ -79,7 +79,6 @@ class Chosen(NamedTuple):
     low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
     predicted: Predicted | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
-    noise_per_photon: float  # relative l1 noise of tangent_plane times the root of the photons; 0: too few hits
 
 
 class Predicted(NamedTuple):
@@ -109,13 +108,12 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     pilot, first_flight = _pilot(model)
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
-    predicted, noise_per_photon = None, 0.0
+    predicted = None
     if len(pilot.hits) >= FEWEST_HITS:
         lit = places(model, pilot, low, high, size)
         if radius is None or photons is None:
             predicted = _best(model, pilot, lit, size, radius)
             radius = predicted.radius
-        noise_per_photon = math.sqrt(FEWEST_PHOTONS) * noise(lit, radius, FEWEST_PHOTONS)
     if photons is None:
         photons = predicted.photons if predicted else FEWEST_PHOTONS
     if neighbours is None and len(pilot.hits) >= FEWEST_HITS:
@@ -130,7 +128,6 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         low + model.origins[0],
         high + model.origins[0],
         predicted,
-        noise_per_photon,
     )
 
 

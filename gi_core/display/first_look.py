@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +13,10 @@ from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
-from gi_core.scene.types import Pose, Scene
+from gi_core.scene.types import Scene
 
 LOOK_PATHS = 1 << 18, 1 << 20  # in all: one and four seconds of a core
 LEAST_LOOK_PATHS, MOST_LOOK_PATHS = 4, 64  # paths per receiver
-ROUGH = 0.3  # relative l1 noise of the first photons, above which a first look is drawn in their place
 
 
 class LookLight(NamedTuple):
@@ -25,28 +24,6 @@ class LookLight(NamedTuple):
 
     drawn: Drawn
     noise: float  # relative l1, that smoothing has left; nan without light
-
-
-class EarlyPicture(NamedTuple):
-    """Light to be drawn while photons are few."""
-
-    drawn: Drawn
-    photons: int  # from which theirs has less noise
-    poses: Mapping[str, Pose]  # to which it belongs
-    levels: np.ndarray  # (G, 3), of the lamps
-
-    def is_better(self, photons: int, poses: Mapping[str, Pose], levels: np.ndarray) -> bool:
-        """Return whether it is better than light of so many photons, at these poses and levels."""
-        return photons < self.photons and poses == self.poses and np.array_equal(levels, self.levels)
-
-
-def early_picture(look: LookLight, model: Model, levels: np.ndarray, noise_per_photon: float) -> EarlyPicture:
-    """Return a look as light for the first pictures, until photons have less noise.
-
-    levels (G, 3): of the lamps; noise_per_photon: relative noise of the photons' light times the root of their number.
-    """
-    photons = round((noise_per_photon / look.noise) ** 2) if look.noise > 0 else 0
-    return EarlyPicture(look.drawn, photons, model.start_poses(), levels.copy())
 
 
 def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> Iterator[LookLight]:

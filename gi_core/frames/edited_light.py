@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import REACH, changed
@@ -74,7 +75,7 @@ class EditedLight:
 
     def estimate(self, b: Background, around: Neighbours) -> Estimate | None:
         """Return the light with the change that the photons of a background say; None: of no number known before."""
-        counts = self.before.by_photons if b.setting == self.before.setting else {}
+        counts = self.before.by_photons if _of_sums(b) == _of_sums(self.before) else {}
         photons = max((n for n in b.estimate.subsets if n in counts), default=0)
         if photons and (self._last is None or self._last[:2] != (b, photons)):
             fewer = max((n for n in b.estimate.subsets if n in counts and 2 * n <= photons), default=0)
@@ -124,6 +125,12 @@ class EditedLight:
         F = b.irradiance_per_lamp(photons)[:, self._changes]
         F = F.astype(np.float32).astype(np.float64)  # equal light leaves no difference
         return changed(G, B, F) - G
+
+
+def _of_sums(of: Background | LightBefore) -> Setting:
+    """Return the setting by which photons are summed: the default of k follows the scene, but few estimators use it."""
+    setting = of.setting
+    return setting._replace(neighbours=0) if ESTIMATORS[setting.estimator].additive else setting
 
 
 def _places(model: Model) -> np.ndarray:

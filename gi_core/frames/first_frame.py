@@ -24,6 +24,7 @@ FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
 LATE = 1 << 18  # little compared with so many photons
+EARLY_PATHS = 112  # per receiver, before photons beyond the first picture: their light has less noise for its time
 FEW = 0.25  # share of photons by flux that count, below which lamps share them by their levels
 RECENT = 3  # backgrounds kept: one per shipped estimator
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
@@ -141,7 +142,7 @@ class FirstFrame:
             if b.added == had:
                 continue
             if schedule.is_due(b.added, goal):
-                self.show(b, goal, show)
+                self._show_early(b, goal, show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
         f, as_asked = frame(), (self._light.size(goal), self._light.is_gathered, True)
@@ -172,6 +173,22 @@ class FirstFrame:
         show(b)
         pause(Progress("estimating", fraction, True))
 
+    def _show_early(self, b: Background, wanted: int, show: Callable[[Background], None]) -> None:
+        """Show a picture of fewer photons than wanted; where no light is gathered yet, gather EARLY_PATHS first."""
+        static, is_shown = self._light.static, False
+
+        def take() -> None:
+            nonlocal is_shown
+            if static.compare(b):
+                is_shown = True
+                self.show(b, wanted, show)
+
+        if self._light.setting.takes_gathered and static.is_early(EARLY_PATHS):
+            pause(Progress("gathering", b.added / wanted, False))
+            static.gather(None, lambda: b, take, EARLY_PATHS)
+        if not is_shown:
+            self.show(b, wanted, show)
+
     def _compare(self, b: Background) -> bool:
         """Compare the errors of all static light; return whether frames start from better light than photons'."""
         self._light.static.compare(b)
@@ -192,7 +209,7 @@ class FirstFrame:
                 _prepare(b, b.added / wanted)
             work = self._photons.bring_in(b, min(first, next_level(b.added)), first, FIRST_STEP_SECONDS)
             pause(Progress(work.value, b.added / wanted, False))
-        self.show(b, wanted, show)
+        self._show_early(b, wanted, show)
         return b
 
     def _is_slow(self, setting: Setting) -> bool:

@@ -82,10 +82,9 @@ class StaticLight:
         self._error: tuple[Estimate, np.ndarray, float] | None = None  # of an estimate at levels
         self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
 
-    @property
-    def lacks_gathered(self) -> bool:
-        """Whether there is no light but that of photons."""
-        return (self.gathered is None or self.gathered.estimate is None) and self._edited is None
+    def is_early(self, paths: int) -> bool:
+        """Whether there is no light but that of photons and of fewer than so many paths per receiver."""
+        return self._edited is None and (self.gathered is None or self.gathered.is_early(paths))
 
     def irradiance(self, b: Background, levels: np.ndarray) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] at levels of the lamps; the same array for the same light.
@@ -160,7 +159,8 @@ class StaticLight:
             self._edited = None
         theirs = self.of_photons(shown)
         before = self._edited.before.of_photons if self._edited is not None else 0.0
-        worse = chosen.error < max(theirs.noise, self._error_of(theirs), before)
+        early = chosen is not edited and not self.gathered.is_measured  # the blur of photons is unknown too
+        worse = early or chosen.error < max(theirs.noise, self._error_of(theirs), before)
         self.best = chosen if worse else None
         return worse
 
@@ -178,17 +178,18 @@ class StaticLight:
         return self._around[distance]
 
     def gather(
-        self, state: ReferenceState | None, shown: Callable[[], Background | None], new: Callable[[], None]
-    ) -> None:
+        self, state: ReferenceState | None, shown: Callable[[], Background | None], new: Callable[[], None],
+        early: float = math.inf,
+    ) -> None:  # fmt: skip
         """Gather from `state` or continued (StaticGather).
 
-        shown: returns the background on show; new: called at first and after each result. Raises ValueError for the
-        state of another scene.
+        shown: returns the background on show; new: called at first and after each result; early: as for it. Raises
+        ValueError for the state of another scene.
         """
         if self.gathered is None or state is not None:
             self.gathered = StaticGather(self._model, self._seed, state)
         new()
-        self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b), new)
+        self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b), new, early)
 
     def error(self, levels: np.ndarray) -> float:
         """Return the relative l1 error at levels of the lamps of the light that is no photons'; inf before any."""

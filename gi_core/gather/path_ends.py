@@ -1,9 +1,9 @@
 """Where paths end: their rays, what these hit, and the rule for the end, a record that numba dispatches on by type.
 
 `InKnownLight` lets paths go on until Russian roulette, or known irradiance at a hit, ends them. `OneBounce` ends each
-at its first hit, in the irradiance of the static part. Both receive the sky, and emission by the balance heuristic
-(Veach 1997). Queries that take the types apart are compiled with `arrive`; inlined by numba instead of LLVM they
-take a third more time.
+at its first hit, in the irradiance of the static part. `KeptHits` keeps the first hits. All receive the sky, and
+emission by the balance heuristic (Veach 1997). Queries that take the types apart are compiled with `arrive`; inlined by
+numba instead of LLVM they take a third more time.
 """
 
 from __future__ import annotations
@@ -159,6 +159,12 @@ class OneBounce(NamedTuple):
     exchange: Exchange = Exchange.of(0)  # room for the hits on mobiles
     first_row: int = 0  # receiver of the first row, among those of mobiles
     first_receiver: int = 0  # the first receiver of a mobile
+
+
+class KeptHits(NamedTuple):
+    """Paths end at the first hit, which is kept: its light comes later (`radiosity.py`)."""
+
+    side: np.ndarray  # (rays,) int32: twice the face, and 1 on its back; stays where there is no hit
 
 
 # Queries of rays and rules: numba chooses by the type of the first argument -----------------------------------
@@ -320,13 +326,18 @@ def _reflect_once(ending, world, at, rays, i, k, d, normal, facing, n, total):
     return n
 
 
+def _keep(ending, world, at, rays, i, k, d, normal, facing, n, total):
+    ending.side[k] = 2 * rays.face[k] + (0 if facing > 0.0 else 1)
+    return n
+
+
 _by_type(_row, {PathHits: _row_of_path, BounceHits: _row_of_receiver})
 _by_type(_direction, {PathHits: _world_direction, BounceHits: _turned_direction})
 _by_type(_is_sent, {PathHits: _is_above, BounceHits: _always})
 _by_type(_weight, {PathHits: _throughput, BounceHits: _share_of_paths})
 _by_type(_density, {PathHits: _density_of_path, BounceHits: _density_of_bounce})
-_by_type(_record, {InKnownLight: _no_record, OneBounce: _record_by_ray})
-_by_type(_meet, {InKnownLight: _reflect_known_light, OneBounce: _reflect_once})
+_by_type(_record, {InKnownLight: _no_record, OneBounce: _record_by_ray, KeptHits: _no_record})
+_by_type(_meet, {InKnownLight: _reflect_known_light, OneBounce: _reflect_once, KeptHits: _keep})
 
 
 # Kernels ------------------------------------------------------------------------------------------------------
@@ -336,7 +347,7 @@ _by_type(_meet, {InKnownLight: _reflect_known_light, OneBounce: _reflect_once})
 def arrive(world, at, lights, sky, rays, ending, total):
     """Add the light of hits to total (rows, 3 G) [W/m2]; return the number of paths that go on, or of `exchange`.
 
-    rays: PathHits, whose ends that go on move to the front, with an InKnownLight; or BounceHits with a OneBounce.
+    rays: PathHits, whose ends that go on move to the front, with an InKnownLight; else BounceHits.
     lights: AreaLights.
     """
     n, i, static_faces = 0, 0, world.first_face[1]

@@ -1,10 +1,9 @@
 """Irradiance of the static part without mobiles, by path tracing, in two phases.
 
-Phase 1 is final gathering (`final_gather.py`): paths of one bounce that end in the photons' light, later in the light
-of the last pair of sets. Its noise is low within seconds, but it inherits some of the photons' error. Whole paths at a
-sample of receivers measure that error. Phase 2 traces whole paths at all receivers in rounds (`reference.py`), without
-bias. It begins when phase 1 has more bias than noise, or little noise, and its light is used once it has less noise
-than phase 1 has error. Both are denoised in proportion to their noise (`denoise.py`).
+Phase 1 is radiosity by kept bounces (`radiosity.py`). Its noise is low within seconds, but light at hits is
+interpolated. Whole paths at a sample of receivers measure its error. Phase 2 traces whole paths at all receivers in
+rounds (`reference.py`), without bias. It begins when phase 1 has more bias than noise, or little noise, and its light
+is used once it has less noise than phase 1 has error. Both are denoised in proportion to their noise (`denoise.py`).
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ import numpy as np
 from gi_core.base.pause import Progress, pause
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
-from gi_core.gather.final_gather import BounceSums, FinalGather
+from gi_core.gather.radiosity import Radiosity
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
-from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
+from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
 from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.lights.mix import sum_of_lamps
@@ -34,10 +33,10 @@ ROUNDS = 32  # until 1 % noise; the first noise is known after two
 EVIDENT = 100  # paths per receiver from which errors above the noise are bias; of 16, few paths may miss bright places
 FIRST_PHASE = 0.15  # of the time, roughly
 SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1 ...
-SAMPLE_NOISE = 2.0  # ... by paths of so many times its noise, ...
-SAMPLE_ROUNDS = 48  # ... in smaller rounds: the first two are known sooner
+CLEAR = 1.0  # ... by paths of so many times its noise: their squares are subtracted, ...
+SAMPLE_ROUNDS, SURE_ROUNDS = 1024, 8  # ... in many small rounds: noise is sure, and known soon
+ROUGH = 0.5  # true errors of early light are 0.3 to 0.55 of its noise before denoising in office, living_room, cornell
 POOLED = 8  # means over neighbours by which pilots and squared errors of whole paths are pooled
-MOST_PAIRS = 1 << 20  # of sets of single bounces
 GROUPS = 8  # of receivers whose paths are alike in noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
@@ -76,7 +75,6 @@ class Kept(NamedTuple):
     """What gathering goes on from, also in another session; None: nothing yet."""
 
     estimate: Estimate | None
-    bounces: BounceSums | None
     state: ReferenceState | None
     sample: ErrorSample | None
     weights: np.ndarray  # (n,) float64
@@ -99,7 +97,7 @@ class StaticGather:
             raise ValueError(f"the state has {len(state.sets)} points, but there are {len(self._areas)}")
         self._model, self._seed, self._channels = model, seed, model.emitters.lamps.channels
         self._points = points[rows], normals[rows]
-        self._final = FinalGather(model, seed, *self._points, self._areas)
+        self._radiosity = Radiosity(model, seed, *self._points, self._areas)
         self._weigh(self._areas)
         self._is_weighed = False
         self._sample: ErrorSample | None = None
@@ -116,7 +114,7 @@ class StaticGather:
         self.weights, self._paid = weights, weights.copy()
         # Probes have no area but need light: they get the mean weight.
         self._paid[self._model.first_probe :] = weights.mean() if len(weights) else 0.0
-        self._final.weights = self._paid
+        self._radiosity.weights = self._paid
 
     def _weigh_by(self, photons: Callable[[], Estimate | None]) -> None:
         """Weigh receivers once, by whole paths of an earlier run or by photons; arguments as for gather()."""
@@ -135,7 +133,7 @@ class StaticGather:
     def copied(self, model: Model | None) -> StaticGather:
         """Return a copy that goes on from here; model: with the same `static_key`, None: to be kept without one."""
         g = copy.copy(self)
-        g._model, g._final, g._sampled = cast(Model, model), self._final.copied(model), None
+        g._model, g._radiosity, g._sampled = cast(Model, model), self._radiosity.copied(model), None
         g.state = None if self.state is None else ReferenceState(*(a.copy() for a in self.state))
         if self._sample is not None:
             g._sample = self._sample._replace(state=ReferenceState(*(a.copy() for a in self._sample.state)))
@@ -144,9 +142,8 @@ class StaticGather:
     def kept(self, shown: Estimate | None = None) -> Kept:
         """Return what gathering goes on from. shown: the light on show, kept if it has less error."""
         numbers = np.array([self.noise, self._first_phase, self._fraction, self._left])
-        bounces = self._final.sums if self._final.paths else None
         weights = self.weights if self._is_weighed else np.zeros(0)
-        return Kept(better(self.estimate, shown), bounces, self.state, self._sample, weights, numbers)
+        return Kept(better(self.estimate, shown), self.state, self._sample, weights, numbers)
 
     def empty(self) -> Kept:
         """Return arrays of the shapes and dtypes of kept(), or of more rows, that take no memory."""
@@ -157,8 +154,7 @@ class StaticGather:
 
         estimate = Estimate(Source.PHOTONS, zeros(n, c), zeros(n, c // 3), 0.0, 0.0)
         sample = ErrorSample(np.zeros(k, np.int64), np.zeros(k), ReferenceState.empty(k))
-        bounces = BounceSums(zeros(n, c), zeros(n, c), zeros(n, 3), zeros(n, c), 0)
-        return Kept(estimate, bounces, ReferenceState.empty(n, self._path_channels), sample, zeros(n), zeros(4))
+        return Kept(estimate, ReferenceState.empty(n, self._path_channels), sample, zeros(n), zeros(4))
 
     @property
     def _path_channels(self) -> int:
@@ -166,15 +162,12 @@ class StaticGather:
 
     def go_on_from(self, kept: Kept) -> bool:
         """Go on from what another session kept; return False, and change nothing, if it can't be of these receivers."""
-        n, c, (light, bounces, state, sample, weights, numbers) = len(self._areas), self._channels, kept
+        n, c, (light, state, sample, weights, numbers) = len(self._areas), self._channels, kept
         sound = weights.shape in ((0,), (n,)) and may_be_light(weights)
         sound &= numbers.shape == (4,) and bool((numbers >= 0).all())
         if light is not None:
             sound &= (light.light.shape, light.variance.shape) == ((n, c), (n, c // 3))
             sound &= may_be_light(light.light) and may_be_light(light.variance) and min(light.noise, light.error) >= 0
-        if bounces is not None:
-            sound &= tuple(a.shape for a in bounces[:4]) == ((n, c), (n, c), (n, 3), (n, c))
-            sound &= all(map(may_be_light, bounces[:4])) and 0 < bounces.pairs < MOST_PAIRS
         if state is not None:
             sound &= state.is_sound(n, self._path_channels)
         if sample is not None:
@@ -185,16 +178,24 @@ class StaticGather:
             return False
         self.estimate, self.state, self._sample = light, state, sample
         self.noise, self._first_phase, self._fraction, self._left = numbers.tolist()
-        if bounces is not None:
-            self._final.sums = bounces
         if len(weights):
             self._weigh(weights)
             self._is_weighed = True
         return True
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether whole paths tell errors."""
+        return self._sample is not None and self._sample.state.rounds > 1
+
     def error_of(self, E: np.ndarray) -> float:
         """Return the relative l1 error of other irradiance E (n, 3) [W/m2] by the sample; 0 before there is one."""
         return 0.0 if self._sample is None else self._sample.error(E)
+
+    def is_early(self, paths: int) -> bool:
+        """Whether there is no light but that of fewer than so many paths per receiver of phase 1."""
+        of_phase_1 = self.estimate is None or self._radiosity.paths > 0
+        return not self.enough and self.state is None and of_phase_1 and self._radiosity.paths < paths
 
     @property
     def enough(self) -> bool:
@@ -218,38 +219,50 @@ class StaticGather:
         """Return the progress of gathering."""
         return Progress(STAGE, self.fraction, picture)
 
-    def gather(self, photons: Callable[[], Estimate | None], new: Callable[[], None] = lambda: None) -> None:
+    def gather(
+        self, photons: Callable[[], Estimate | None], new: Callable[[], None] = lambda: None, early: float = math.inf
+    ) -> None:
         """Gather until it is enough, with a pause every 10 ms; may be broken off and begun again, with the same result.
 
         photons() returns the photons' current light, or None. new: called where `estimate` is new.
+        early: ends before so many paths per receiver have been exceeded, and before whole paths.
         """
         if not self.enough:
             self._weigh_by(photons)
-            self._single_bounces(photons, new)
-            self._whole_paths(new)
+            self._iterate_bounces(photons, new, early)
+            if early == math.inf:
+                self._whole_paths(new)
 
-    def _single_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None]) -> None:
-        f = self._final
+    def _iterate_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None], early: float) -> None:
+        f = self._radiosity
         noise_of_paths = np.inf if self.state is None else self._noise_of_paths(self.state)
         theirs = photons()
         if theirs is None or not min(noise_of_paths, f.noise) > LOW * ENOUGH:
             return
 
+        def scale(E: np.ndarray) -> np.ndarray:
+            return self._factors(E, theirs.irradiance)
+
         biased = False
-        while not biased and f.noise > LOW * ENOUGH:
+        while not biased and f.noise > LOW * ENOUGH and not f.is_complete and f.paths < early:
             theirs = photons()
-            f.add_pair(self._known(theirs.light))
+            f.add_pair(scale)
             done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
             self._first_phase = max(self._first_phase, done)
-            pause(self.progress())
+            pause(self.progress() if early == math.inf else None)
             if f.noise < self.noise:
                 # Photons know best where edges of light are, until they have more noise.
                 guide = theirs.irradiance if theirs.noise < f.noise else None
                 light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 pause()
-                self._take_over(new, Source.ONE_BOUNCE, *light, self._measure, guide)
+                is_rough = early < math.inf and f.noise > LOW * ENOUGH
+                self._take_over(new, Source.ONE_BOUNCE, *light, self._as_rough if is_rough else self._measure, guide)
             measured = self._sample is not None and f.paths >= EVIDENT  # else the light before has less noise
             biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
+
+    def _as_rough(self, E: np.ndarray, noise: float) -> float:
+        """Return the error of early light, which does not wait to be measured: ROUGH of the noise before denoising."""
+        return ROUGH * self._radiosity.noise
 
     def _measure(self, E: np.ndarray, noise: float) -> float:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample."""
@@ -263,7 +276,14 @@ class StaticGather:
             self._sampled = ReferenceRounds(self._model.scene, *points, seed, s.times, **more)
             self._sample = s = s._replace(state=self._sampled.state)
         # Of point lights on a convex body single bounces have no noise, but whole paths do: they pick a light each.
-        for _ in gather_until(self._sampled, s.times, max(SAMPLE_NOISE * noise, ENOUGH)):
+        looked_at = -1
+        while True:
+            if s.state.rounds != looked_at:
+                looked_at = s.state.rounds
+                noise_now = math.inf if looked_at < SURE_ROUNDS else s.state.noise(s.times)
+                if not noise_now > CLEAR * max(s.error(E), noise, ENOUGH):
+                    break
+            self._sampled.step()
             pause()
         # The error of the total is known best, as noise averages out there; the rest is only known to a part.
         return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
@@ -311,17 +331,13 @@ class StaticGather:
         squares = luminance(state.standard_error[:, :3])[:, None] ** 2
         return relative_noise(np.sqrt(self._pooled(squares)[:, 0]), state.mean[:, :3], self.weights)
 
-    def _known(self, photons: np.ndarray) -> np.ndarray:
-        """Return the irradiance per lamp (n, 3 G) [W/m2] at the ends of single bounces: of the last pair, or photons.
+    def _factors(self, E: np.ndarray, photons: np.ndarray) -> np.ndarray:
+        """Return the factors (3 G,) that give light E (n, 3 G) the total of the photons' (n, 3) by channel.
 
-        A black receiver lies inside another object, at a corner of faces that reach out of it; there photons still
-        give the light nearby. The total is scaled to the photons', which is unbiased: interpolation between vertices
-        loses light at every reflection.
+        Their total is unbiased: interpolation between vertices loses light at every reflection.
         """
-        last = self._final.last
-        out = np.where((last > 0).any(axis=1)[:, None], last, photons)
-        mine, theirs = self._areas @ out, self._areas @ photons
-        return out * np.divide(theirs, mine, out=np.ones(len(mine)), where=mine > 0)
+        mine, theirs = self._areas @ sum_of_lamps(E), self._areas @ photons
+        return np.tile(np.divide(theirs, mine, out=np.ones(3), where=mine > 0), self._channels // 3)
 
     def _take_over(
         self, new: Callable[[], None], source: Source, per_lamp: np.ndarray, standard_error: np.ndarray,

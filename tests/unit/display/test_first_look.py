@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.display.dilation import Drawn
-from gi_core.display.first_look import LookLight, first_looks
+from gi_core.display.first_look import first_looks
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
-from gi_core.scene import Pose
-from gi_core.solver import Solver
 from tests.support.viewer_support import room
 
 
@@ -35,18 +32,3 @@ def test_light_of_a_first_look_is_close_to_the_reference():
     ]
     assert max(errors) < 0.08
     assert all(0.3 < look.noise / error < 1.5 for look, error in zip(looks, errors, strict=True))
-
-
-@pytest.mark.parametrize(("noise", "stays"), [(1e-3, True), (10.0, False), (float("nan"), False)])
-def test_a_look_is_drawn_until_photons_have_less_noise(noise, stays):
-    solver = Solver(room(), photons=20_000, light="best")
-    look = LookLight(Drawn(np.full((len(solver.receivers.areas), 3), 0.5), None), noise)
-    solver.begin_with_look(look)
-    solver.solve()
-    assert (solver.drawn(solver.irradiance) is look.drawn) == stays
-    solver.configure(light="photons")
-    assert solver.drawn(solver.irradiance) is not look.drawn, "photons alone are asked for"
-    solver.configure(light="best")
-    assert (solver.drawn(solver.irradiance) is look.drawn) == stays
-    solver.move("block", Pose((0.5, 0.5, 0.3)))
-    assert solver.drawn(solver.irradiance) is not look.drawn, "an object has moved"

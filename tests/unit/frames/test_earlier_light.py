@@ -79,8 +79,7 @@ def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkey
     """Below the crate no light comes; all photons of an edited gallery took 39 s, and the gaps were black so long."""
     monkeypatch.setattr(first_frame, "FIRST_PICTURE", 2048)
     n = before.surfaces.receiver_range(0).stop
-    for _ in before._first_frame.find_unreached(before.frame.background):
-        pass
+    before._first_frame.find_unreached(before.frame.background)
     shown = before.drawn(before.irradiance).irradiance[:n]
     filled = (before.irradiance[:n] == 0).all(axis=1) & (shown > 0).all(axis=1)
     assert filled.any()
@@ -228,7 +227,7 @@ def test_photons_that_are_better_stay_on_show_while_gathering_goes_on():
     static = new.frame_light.static
     assert not new.frame_light.is_gathered and new.frame.photons == 400_000
     assert np.array_equal(new.static_irradiance, shown)
-    assert static.gathered._final.paths == g._final.paths > 0, "its paths are kept"
+    assert static.gathered._radiosity.paths == g._radiosity.paths > 0, "its paths are kept"
 
 
 def test_an_edit_taken_back_brings_its_gathered_light_back():

@@ -93,8 +93,8 @@ def test_a_fresh_twin_has_no_gathered_light(model):
     light = FrameLight(model, 0)
     show(light)
     twin = light.twin(fresh=True)
-    assert twin.static.lacks_gathered and not twin.is_gathered
-    assert not light.static.lacks_gathered and light.is_gathered
+    assert twin.static.best is None and not twin.is_gathered
+    assert light.static.best is not None and light.is_gathered
 
 
 def test_gathered_light_is_mixed_once_per_levels(model):
@@ -107,15 +107,19 @@ def test_gathered_light_is_mixed_once_per_levels(model):
 
 @pytest.mark.parametrize(
     ("error", "noise", "of_sample", "better"),
-    [(0.03, 0.02, 0.05, True), (0.03, 0.02, 0.0, False), (0.03, 0.05, 0.01, True), (0.05, 0.02, 0.04, False)],
+    [(0.03, 0.02, 0.05, True), (0.03, 0.02, 0.0, True), (0.03, 0.05, 0.01, True), (0.05, 0.02, 0.04, False)],
     ids=["blurred photons", "no sample yet", "noisy photons", "little error"],
 )
 def test_gathered_light_is_used_once_photons_have_more_error(error, noise, of_sample, better, model, monkeypatch):
-    """The photons' error is their noise, or what whole paths find: discs may blur light without any noise."""
+    """The photons' error is their noise, or what whole paths find: discs may blur light without any noise.
+
+    Before whole paths find any, photons do not replace early light.
+    """
     static = StaticLight(model, 0)
     static.gathered = gathered(model)
     static.gathered.estimate = static.gathered.estimate._replace(error=error)
     monkeypatch.setattr(static.gathered, "error_of", lambda E: of_sample)
+    monkeypatch.setattr(type(static.gathered), "is_measured", of_sample > 0)
     of_photons = static.gathered.estimate._replace(source=Source.PHOTONS, noise=noise, error=noise)
     monkeypatch.setattr(static, "of_photons", lambda b: of_photons)
     shown = SimpleNamespace(estimate=SimpleNamespace(photons=1))

@@ -42,8 +42,8 @@ def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, off
         if progress.picture:
             stated.append(g.estimate.error)
             true.append(truth.error(solver.irradiance))
-    assert len(stated) > 3 and max(true) > 0.04
-    assert stated == pytest.approx(true, rel=1 / 3)
+    assert len(stated) > 1 and max(true) > 0.04
+    assert all(0.7 < a / b < 1.5 for a, b in zip(stated, true, strict=True)), (stated, true)
     assert truth.relative_total(solver.irradiance) == pytest.approx(1, abs=off)
 
 

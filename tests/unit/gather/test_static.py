@@ -9,7 +9,7 @@ import pytest
 
 from gi_core.base.pause import steps
 from gi_core.frames.static_light import StaticLight
-from gi_core.gather import final_gather, reference, static
+from gi_core.gather import radiosity, reference, static
 from gi_core.gather.denoise import denoise
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.reference import ReferenceState, reference_irradiance
@@ -202,28 +202,24 @@ def test_settings_of_a_twin_are_separate(gathered):
     assert gathered.light == "best" and twin.frame_light.static.gathered is gathered.frame_light.static.gathered
 
 
-def test_photon_distribution_is_forgotten_but_not_its_total():
+def test_total_of_photons_counts_but_not_their_distribution():
     """Photons with a fifth of the true light in one half of the room, and too much in the other."""
     solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
     solver.solve()
-    right = solver.frame.background.irradiance_per_lamp(200_000)
+    areas, right = solver.receivers.areas, solver.frame.background.irradiance(200_000)
     wrong = np.where(solver.receivers.positions[:, :1] < 0.5, 0.2, 1.8) * right
-    wrong *= (solver.receivers.areas @ right) / (solver.receivers.areas @ wrong)
-    total = solver.receivers.areas @ sum_of_lamps(right)
+    wrong *= (areas @ right) / (areas @ wrong)
 
-    def gathered_over(photons, fed: bool):
+    def early(photons):
         g = static.StaticGather(solver.model, 0)
-        while g._final.paths <= 1000:
-            g._final.add_pair(g._known(photons) if fed else photons)
-        return g._final.mean, g.weights @ sum_of_lamps(g._known(photons))
+        g._radiosity.add_pair(lambda E: g._factors(E, photons))
+        return g._radiosity.per_lamp
 
-    once, fed = (
-        relative_error(*(gathered_over(E, fed)[0] for E in (wrong, right)), solver.receivers.areas).l1
-        for fed in (False, True)
-    )
-    assert once > 0.1
-    assert fed < 0.4 * once
-    assert gathered_over(right, True)[1] == pytest.approx(total)
+    light = early(right)
+    assert np.allclose(early(wrong), light, rtol=1e-9)
+    scaled = sum_of_lamps(light * static.StaticGather(solver.model, 0)._factors(light, right))
+    assert areas @ scaled == pytest.approx(areas @ right)
+    assert (areas @ sum_of_lamps(early(0.5 * right)) < 0.9 * (areas @ right)).all(), "light at hits is halved"
 
 
 def test_light_without_noise_is_gathered_to_the_end():
@@ -241,7 +237,7 @@ def test_light_without_noise_is_gathered_to_the_end():
 def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gathered, monkeypatch):
     """The second launch of a scene: stored paths are in the picture before any photon, and gathering continues."""
     monkeypatch.setattr(static, "ENOUGH", 0.012)
-    monkeypatch.setattr(final_gather, "SMALLEST", 0)
+    monkeypatch.setattr(radiosity, "SMALLEST", 0)
     solver = Solver(SCENE, photons=5_000, radius=0.06, light="best")
     for _ in solver.gather_steps(kept(gathered.frame_light.static.gathered.state)):
         if np.isfinite(solver.frame_light.static.gathered.noise):

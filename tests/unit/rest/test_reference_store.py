@@ -124,8 +124,6 @@ DAMAGES = {
     "-3 sets": lambda k: k._replace(state=k.state._replace(sets=put(k.state.sets, -3))),
     "2^31 sets": lambda k: k._replace(state=k.state._replace(sets=put(k.state.sets, 2**31 - 1))),
     "2^100 paths": lambda k: k._replace(state=k.state._replace(log2_set=put(k.state.log2_set, 100))),
-    "bounces": lambda k: k._replace(bounces=k.bounces._replace(last=put(k.bounces.last, -1e-9))),
-    "pairs": lambda k: k._replace(bounces=k.bounces._replace(pairs=-1)),
     "sample": lambda k: k._replace(sample=k.sample._replace(rows=put(k.sample.rows, 10**9))),
     "weights": lambda k: k._replace(weights=k.weights[1:]),
     "numbers": lambda k: k._replace(numbers=put(k.numbers, -1.0)),

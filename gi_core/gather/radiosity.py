@@ -1,0 +1,257 @@
+"""Radiosity of the static part by bounces that are kept: early light that needs no photons.
+
+A receiver's light is direct light plus the mean, over its bounces, of what the faces that they hit reflect. Hits are
+traced once and kept. Light at them is that of the receivers themselves, iterated until it stands (Jacobi; Cohen and
+Wallace 1993). So an iteration costs no rays, and hundreds of receivers around each hit average the noise away.
+Direct light comes by shadow rays to points chosen among candidates (`lights/candidates.py`), and by bounces that hit
+lamps or sky.
+
+Paths come in pairs of sets; each pair has twice as many paths as the last, because large sets are better stratified.
+The differences within pairs give the noise.
+"""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Callable
+from typing import cast
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.base.pace import STEP, Pace
+from gi_core.base.pause import pause
+from gi_core.base.threads import run_ranges
+from gi_core.gather.denoise import DENOISE_GRAIN
+from gi_core.gather.path_ends import BLACK, BounceHits, KeptHits, arrive, starts
+from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
+from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
+from gi_core.lights.candidates import Candidates, candidates, join_lamps
+from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.next_event import picks
+from gi_core.model import Model
+from gi_core.rays.accelerator import FAR
+from gi_core.rays.all_objects import nearest_in_world
+
+STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
+SMALLEST, PAIRS = 3, 4  # log2 of the paths of the first sets; 240 paths in all: then error is bias
+FIRST_SECONDS = 1e-5  # per path, before measurements
+LEAST, MOST = 1 << 8, 1 << 16  # paths per step
+HITS_PER_STEP = 1 << 21  # times columns of light: 10 ms
+SET = 1 << 40  # stride of set numbers, above the number of receivers
+CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
+CONVERGED, MOST_ITERATIONS = 0.002, 40  # relative change at which light stands; albedos of 0.9 need 40
+
+
+class Radiosity:
+    """Irradiance at n receivers of the static part without mobiles.
+
+    positions (n, 3) [m]; normals (n, 3), 0: black; weights (n,) of their noise.
+    """
+
+    def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
+        self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._starts = positions, normals, model.lifts
+        self.weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
+        self._lights = model.lights
+        shape = len(positions), self._lights.channels
+        self._direct = self._direct_variance = np.zeros(shape)
+        self._variance, self._lamp_variance = np.zeros(positions.shape), np.zeros(shape)
+        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        self._hits: list[np.ndarray] = []  # of pairs: (2, k, 2^m) int32 of k lit receivers, as KeptHits
+        self.paths = 0  # per receiver in `mean`; 0: no result yet
+        self.per_lamp = np.zeros(shape)  # (n, 3 G) float64 [W/m2]
+        self.mean = np.zeros(positions.shape)  # (n, 3) float64 [W/m2], of all lamps
+
+    def copied(self, model: Model | None) -> Radiosity:
+        """Return a copy that goes on from here, of a model with the same `static_key`, None: to be kept without one."""
+        other = copy.copy(self)
+        other._model = cast(Model, model)
+        return other
+
+    @property
+    def is_complete(self) -> bool:
+        return self.paths == 2 * (2**PAIRS - 1) << SMALLEST
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """Standard error of the mean, (n, 3) [W/m2]; rough per receiver, as it comes from few differences."""
+        return np.sqrt(self._variance)
+
+    @property
+    def lamp_error(self) -> np.ndarray:
+        """Standard error of the light of each lamp, (n, 3 G) [W/m2]."""
+        return np.sqrt(self._lamp_variance)
+
+    @property
+    def noise(self) -> float:
+        """Relative l1 noise of the mean, inf before the first result."""
+        if not self.paths:
+            return float("inf")
+        return relative_noise(luminance(self.standard_error) / small_sample_bias(2), self.mean, self.weights)
+
+    def add_pair(self, scale: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Gather the next pair, with a pause every 10 ms. One that is broken off is gathered again.
+
+        scale(E): factors (3 G,) of light E (n, 3 G) [W/m2] at hits.
+        """
+        number = len(self._hits)
+        m = SMALLEST + number
+        halves, hits = np.zeros((2, *self.per_lamp.shape)), np.empty((2, len(self._lit), 1 << m), np.int32)
+        for half in range(2):
+            self._trace(2 * number + half, m, halves[half], hits[half])
+        self._take_in(halves, [*self._hits, hits], scale)
+
+    def _trace(self, number: int, m: int, direct: np.ndarray, hits: np.ndarray) -> None:
+        """Trace set `number` of 2^m paths; write its direct light (n, 3 G) and its hits (k, 2^m)."""
+        on_lamps, first = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS), 0
+        while first < len(self._lit):
+            began, end = time.perf_counter(), min(first + max(1, self._pace.fit(STEP) >> m), len(self._lit))
+            self._gather(first, end, number, m, on_lamps, direct, hits)
+            self._pace.took((end - first) << m, time.perf_counter() - began)
+            first = end
+            pause()
+
+    def _take_in(self, halves: np.ndarray, pairs: list[np.ndarray], scale: Callable) -> None:
+        """Take in the last of pairs of hits; all results change after the last pause."""
+        paths = np.array([2 * hits.shape[2] for hits in pairs])
+        shares = paths / paths.sum()
+        a, b = 1 - shares[-1], shares[-1]
+        direct = a * self._direct + b * 0.5 * (halves[0] + halves[1])
+        pause()
+        direct_variance = a * a * self._direct_variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
+        pause()
+        E, sets = self._iterated(pairs, shares, direct, scale)
+        lamp_variance, variance = direct_variance, sum_of_lamps(direct_variance)
+        for share, (one, other) in zip(shares, sets, strict=True):
+            apart = np.zeros_like(E)
+            apart[self._lit] = 0.5 * share * (one - other)
+            lamp_variance = lamp_variance + apart**2
+            variance += sum_of_lamps(apart) ** 2
+            pause()
+        self._direct, self._direct_variance = direct, direct_variance
+        self._variance, self._lamp_variance = variance, lamp_variance
+        self.per_lamp, self.mean, self.paths = E, sum_of_lamps(E), int(paths.sum())
+        self._hits = [] if self.is_complete else pairs
+
+    def _iterated(
+        self, pairs: list[np.ndarray], shares: np.ndarray, direct: np.ndarray, scale: Callable
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Iterate light at hits; return light (n, 3 G), and the bounced light (2, k, 3 G) of the sets of each pair."""
+        E = np.where((self.per_lamp > 0).any(axis=1)[:, None], self.per_lamp, direct)
+        for _ in range(MOST_ITERATIONS):
+            reflected = self._reflected(E * scale(E))
+            pause()
+            sets = [np.stack([self._mean_of(half, reflected) for half in hits]) for hits in pairs]
+            before, E = E, direct.copy()
+            for share, (one, other) in zip(shares, sets, strict=True):
+                E[self._lit] += 0.5 * share * (one + other)
+                pause()
+            if self.weights @ np.abs(E - before).sum(axis=1) <= CONVERGED * (self.weights @ E.sum(axis=1)):
+                break
+        return E, sets
+
+    def _reflected(self, E: np.ndarray) -> np.ndarray:
+        """Return the light (2 F, 3 G) float32 [W/m2] that the fronts and backs of F static faces reflect."""
+        s, world = self._model.surfaces, self._model.world
+        faces = int(world.first_face[1])
+        out = np.empty((faces, 2, E.shape[1]), np.float32)
+
+        def work(_, first, last):
+            _reflect(world, s.corner_front, s.corner_back, E, first, last, out)
+
+        run_ranges(work, faces, self._model.threads, DENOISE_GRAIN)
+        return out.reshape(2 * faces, -1)
+
+    def _mean_of(self, hits: np.ndarray, reflected: np.ndarray) -> np.ndarray:
+        """Return the mean light (k, 3 G) of hits (k, P)."""
+        out = np.empty((len(hits), reflected.shape[1]))
+        at_once = max(HITS_PER_STEP // (hits.shape[1] * reflected.shape[1]), 1)
+        for k in range(0, len(hits), at_once):
+            part, to = hits[k : k + at_once], out[k : k + at_once]
+
+            def work(_, first, last, part=part, to=to):
+                _mean(part, reflected, first, last, to)
+
+            run_ranges(work, len(part), self._model.threads, max(at_once >> 3, 1))
+            pause()
+        return out
+
+    def _gather(
+        self, start: int, end: int, number: int, m: int, on_lamps: Candidates, direct: np.ndarray, hits: np.ndarray
+    ) -> None:
+        """Write direct light and hits of set `number` of 2^m paths at lit receivers start .. end - 1."""
+
+        def work(_, first, last):
+            at_once = max(1, BLOCK >> m)
+            for a in range(start + first, start + last, at_once):
+                b = min(a + at_once, start + last)
+                rows = self._lit[a:b]
+                direct[rows] = self._block(rows, number, m, on_lamps, hits[a:b].reshape(-1)) / (1 << m)
+
+        run_ranges(work, end - start, self._model.threads, max(1, BLOCK >> (m + 2)))
+
+    def _block(self, rows: np.ndarray, number: int, m: int, on_lamps: Candidates, hits: np.ndarray) -> np.ndarray:
+        model, lights, world = self._model, self._lights, self._model.world
+        n, count, at, far = len(rows), len(rows) << m, model.static, float(np.float32(FAR * world.size))
+        start, total = [a[rows] for a in self._starts], np.zeros((n, lights.channels))
+        path = (number * SET + rows[:, None] << m) + np.arange(1 << m)
+        pick = picks(self._seed, m, 0, path, lights.delta)
+        ends = starts(rows, np.arange(n), *start)
+        rays = join_lamps(world.bsdfs, on_lamps, pick, 1 << m, ends, lights, far)
+        add_unblocked(model, at, rays, len(rays.row), total)
+        each = (np.repeat(a, 1 << m, axis=0) for a in start)
+        ends = starts(path.reshape(-1), np.repeat(np.arange(n), 1 << m), *each)
+        origin, direction = np.empty((2, count, 3), np.float32)
+        scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
+        limits = np.full(count, far, np.float32)
+        distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
+        bounces = BounceHits(1 << m, np.arange(n + 1) << m, start[1], at.rotation[0], direction, distance, face)
+        hits[:] = -1
+        arrive(world, at, lights.area, lights.sky, bounces, KeptHits(hits), total)
+        return total
+
+
+@kernel
+def _reflect(world, front, back, E, first, last, out):
+    """Write the light that faces first .. last - 1 reflect: rho times the mean E (n, 3 G) of their lit corners.
+
+    A corner inside another part is black, and does not count (see BLACK).
+    """
+    for f in range(first, last):
+        for side in range(2):
+            if side == 1 and not world.two_sided[f]:
+                out[f, side] = 0.0
+                continue
+            corners, brightest, lit = front[f] if side == 0 else back[f], 0.0, 0
+            for k in range(3):
+                total = 0.0
+                for c in range(E.shape[1]):
+                    total += E[corners[k], c]
+                brightest = max(brightest, total)
+            for c in range(E.shape[1]):
+                out[f, side, c] = 0.0
+            for k in range(3):
+                total = 0.0
+                for c in range(E.shape[1]):
+                    total += E[corners[k], c]
+                if total > BLACK * brightest:
+                    lit += 1
+                    for c in range(E.shape[1]):
+                        out[f, side, c] += E[corners[k], c]
+            for c in range(E.shape[1]):
+                out[f, side, c] *= world.bsdfs.albedo[f, c % 3] / max(lit, 1)
+
+
+@kernel
+def _mean(hits, reflected, first, last, out):
+    for i in range(first, last):
+        for c in range(out.shape[1]):
+            out[i, c] = 0.0
+        for k in range(hits.shape[1]):
+            if hits[i, k] >= 0:
+                for c in range(out.shape[1]):
+                    out[i, c] += reflected[hits[i, k], c]
+        for c in range(out.shape[1]):
+            out[i, c] /= hits.shape[1]
