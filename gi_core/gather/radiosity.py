@@ -38,6 +38,7 @@ STREAM = 0x51D3  # separates these random numbers from those of photons and refe
 SMALLEST, PAIRS = 3, 4  # log2 of the paths of the first sets; 240 paths in all: then error is bias
 FIRST_SECONDS = 1e-5  # per path, before measurements
 LEAST, MOST = 1 << 8, 1 << 16  # paths per step
+MOST_HITS = 1 << 26  # 256 MB: scenes of more than 280,000 receivers have fewer paths
 HITS_PER_STEP = 1 << 21  # times columns of light: 10 ms
 SET = 1 << 40  # stride of set numbers, above the number of receivers
 CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
@@ -59,6 +60,8 @@ class Radiosity:
         self._direct = self._direct_variance = np.zeros(shape)
         self._variance, self._lamp_variance = np.zeros(positions.shape), np.zeros(shape)
         self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        pairs = MOST_HITS // max(len(self._lit), 1) // (2 << SMALLEST) + 1
+        self._most_pairs = max(min(pairs.bit_length() - 1, PAIRS), 1)
         self._hits: list[np.ndarray] = []  # of pairs: (2, k, 2^m) int32 of k lit receivers, as KeptHits
         self.paths = 0  # per receiver in `mean`; 0: no result yet
         self.per_lamp = np.zeros(shape)  # (n, 3 G) float64 [W/m2]
@@ -72,7 +75,7 @@ class Radiosity:
 
     @property
     def is_complete(self) -> bool:
-        return self.paths == 2 * (2**PAIRS - 1) << SMALLEST
+        return self.paths == (2 << SMALLEST) * (2**self._most_pairs - 1)
 
     @property
     def standard_error(self) -> np.ndarray:

@@ -194,8 +194,9 @@ class StaticGather:
 
     def is_early(self, paths: int) -> bool:
         """Whether there is no light but that of fewer than so many paths per receiver of phase 1."""
-        of_phase_1 = self.estimate is None or self._radiosity.paths > 0
-        return not self.enough and self.state is None and of_phase_1 and self._radiosity.paths < paths
+        r = self._radiosity
+        of_phase_1 = self.state is None and (self.estimate is None or r.paths > 0)
+        return not self.enough and of_phase_1 and r.paths < paths and not r.is_complete
 
     @property
     def enough(self) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.base.pause import steps
-from gi_core.gather import static
+from gi_core.gather import radiosity, static
 from gi_core.gather.radiosity import Radiosity
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
@@ -118,6 +118,13 @@ def test_a_dropped_pair_is_gathered_again_with_the_same_light():
         pass
     pairs(dropped, 1)
     assert np.array_equal(whole.per_lamp, dropped.per_lamp) and np.array_equal(whole.lamp_error, dropped.lamp_error)
+
+
+@pytest.mark.parametrize(("paths", "pairs"), [(1, 1), (16, 1), (47, 1), (48, 2), (240, 4), (10_000, 4)])
+def test_hits_of_many_receivers_are_bounded(paths, pairs, monkeypatch):
+    gather, _ = final(SCENE)
+    monkeypatch.setattr(radiosity, "MOST_HITS", paths * len(gather._lit))
+    assert final(SCENE)[0]._most_pairs == pairs
 
 
 def test_threads_and_mobiles_change_nothing():
