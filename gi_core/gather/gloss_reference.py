@@ -17,7 +17,7 @@ from gi_core.gloss.highlights import arriving, highlights, without_surface
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
-from gi_core.rays.accelerator import Transforms
+from gi_core.rays.accelerator import LIFT, Transforms
 
 AT_ONCE = 1 << 18  # rays, which bounds memory
 
@@ -64,7 +64,8 @@ def reference_gloss(
         mean[part], error[part] = L.mean(axis=1), L.std(axis=1, ddof=1) / math.sqrt(rays)
     delta = without_surface(lights)
     if len(delta.kind):
-        light = arriving(model.accelerator, at, views.positions, views.flat, delta, model.world.size)
+        lift = LIFT * np.abs(views.positions).max(axis=1, initial=0.0)
+        light = arriving(model.accelerator, at, views.positions, views.flat, lift, delta, model.world.size)
         light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
         mean += highlights(_lobe_views(model, views), light, delta.value)
     return mean, error

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from gi_core.geometry.receivers import Receivers
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear RGB
 DARK = 0.02  # of mean irradiance: the least that a signed error is relative to
@@ -104,6 +107,27 @@ def noise_from_subset(
     light = float((weights * luminance(E)).sum())
     # A normal deviate has mean magnitude sqrt(2 / pi).
     return float((weights * np.sqrt(off * off + 2 / math.pi * np.square(other))).sum()) / light if light else math.nan
+
+
+def local_deviation(
+    E: np.ndarray, T: np.ndarray, receivers: Receivers, reach: float, rows: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Return the standard deviation (k,) of luminance E / T around each of rows (k,): the clouds that an eye sees.
+
+    E, T (n, 3): of the receivers, which count by area within `reach` [m] and half a radian of normals; those darker
+    than 5 % of the mean do not. nan where fewer than five count. The mean around a place is no error here.
+    """
+    p, N, areas = (a[: len(T)] for a in receivers[:3])
+    e, t = luminance(E), luminance(T)
+    lit = np.flatnonzero((t > 0.05 * (areas @ t) / areas.sum()) & (areas > 0))
+    at, ratio, w = np.hstack([p / reach, 2 * N])[lit], e[lit] / t[lit], areas[lit]
+    out = np.full(len(rows), math.nan)
+    for k, row in enumerate(rows):
+        near = ((at - np.hstack([p[row] / reach, 2 * N[row]])) ** 2).sum(axis=1) <= 1
+        if near.sum() >= 5:
+            mean = np.average(ratio[near], weights=w[near])
+            out[k] = math.sqrt(np.average((ratio[near] - mean) ** 2, weights=w[near]))
+    return out
 
 
 def bias_left(total: float, *noises: float) -> float:

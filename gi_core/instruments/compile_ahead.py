@@ -212,7 +212,7 @@ def _shine(solver: Solver) -> None:
     gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))
     views, delta = LobeViews.of_lobes(gloss_alone(np.ones((1, 5)), tables), 0, one, one, one), solver.model.lights.delta
     draw_lobe(views, one)
-    highlights(views, arriving(solver.model.accelerator, at, one, one, delta, 1.0), delta.value)
+    highlights(views, arriving(solver.model.accelerator, at, one, one, np.zeros(1), delta, 1.0), delta.value)
     _shine_on_mobiles(solver)
 
 

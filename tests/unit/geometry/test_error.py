@@ -10,6 +10,7 @@ import pytest
 from gi_core.geometry.error import (
     bias_left,
     error_parts,
+    local_deviation,
     luminance,
     noise_from_subset,
     relative_error,
@@ -17,6 +18,7 @@ from gi_core.geometry.error import (
     signed_error,
     subset_to_compare,
 )
+from gi_core.geometry.receivers import Receivers
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 
@@ -115,3 +117,18 @@ def test_signed_error_by_hand():
     T[1] = np.nan
     assert np.isnan(signed_error(E, T, np.ones(4))).tolist() == [False, True, False, False]
     assert (signed_error(E, 0 * grey(1, 1, 1, 1), np.ones(4)) == 0).all()
+
+
+def test_local_deviation_is_that_of_clouds_and_not_of_the_mean():
+    """A wall too bright by half has none; stripes of 10 % have 10 %, on a wall beside which another one is noisy."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(20) / 20, np.arange(20) / 20))
+    zero, n = np.zeros(400), np.tile([0.0, 0.0, 1.0], (400, 1))
+    places, normals = np.vstack([np.c_[x, y, zero], np.c_[x, zero, y]]), np.vstack([n, n[:, [0, 2, 1]]])
+    receivers, T = Receivers(places, normals, np.ones(800)), np.ones((800, 3))
+    stripes = np.where(np.arange(800) % 2, 0.9, 1.1)[:, None] * T
+    stripes[400:] *= np.random.default_rng(0).random((400, 1))
+    rows = np.array([0, 210, 399])
+    assert np.allclose(local_deviation(1.5 * T, T, receivers, 0.3, rows), 0.0)
+    assert np.allclose(local_deviation(stripes, T, receivers, 0.3, rows), 0.1, atol=0.01)
+    T[210] = 0.01
+    assert np.isnan(local_deviation(T, T, receivers, 0.01, rows)).all(), "alone"
