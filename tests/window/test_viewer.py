@@ -451,7 +451,7 @@ def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
 
     waits, viewers, draws, jobs, draw, begin = [], [], [], [], Renderer.draw, SolverThread._begin
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
-    monkeypatch.setattr(SolverThread, "_begin", lambda self, job: (jobs.append(job), begin(self, job)))
+    monkeypatch.setattr(SolverThread, "_begin", lambda self, job, *stop: (jobs.append(job), begin(self, job, *stop)))
 
     def wait(seconds: float) -> bool:
         waits.append((viewers[0].clock.frames, len(draws), len(jobs), seconds))
