@@ -98,8 +98,10 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     low, high = rays.low, rays.high
     if len(hit_points) >= 100:
         low, high = central_box(hit_points)
-    central = ((hit_points >= low) & (hit_points <= high)).all(axis=1)
-    return Box(low, high, max(float((high - low).max()), 1e-9), hit_points[central], facing[central], side_hits)
+    size = max(float((high - low).max()), 1e-9)
+    edge = AT_PLACE * size  # hits on walls at the box's sides are central, however their coordinates are rounded
+    central = ((hit_points >= low - edge) & (hit_points <= high + edge)).all(axis=1)
+    return Box(low, high, size, hit_points[central], facing[central], side_hits)
 
 
 def is_lit(scene: Scene) -> bool:
@@ -112,6 +114,13 @@ def is_lit(scene: Scene) -> bool:
     return bool(np.pi * (emission @ areas) > 1e-4 * areas.sum())
 
 
+def cells(box: Box, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the cells (n, 3) int64 of points (n, 3) [m] with normals (n, 3)."""
+    # Half a cell off the surface: the outside of a wall that is lit inside is dark.
+    # 0.3819 of a cell: walls and floors at round numbers must not flicker between two cells
+    return np.floor(points / (CELL * box.size) + 0.5 * normals + 0.3819).astype(np.int64)
+
+
 def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return up to `most` hits (n, 3), one a cell, their normals (n, 3), and their weights (n,), which sum to 1.
 
@@ -119,8 +128,7 @@ def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     if not len(box.hits):
         return ((box.low + box.high) / 2)[None], np.zeros((1, 3)), np.ones(1)
-    cell = np.floor(box.hits / (box.size * CELL)).astype(np.int64)
-    _, one, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
+    _, one, count = np.unique(cells(box, box.hits, box.normals), axis=0, return_index=True, return_counts=True)
     chosen = np.random.default_rng(COMPLETION_SEED).permutation(len(one))[:most]
     weight = np.sqrt(count[chosen])
     rows = one[chosen]

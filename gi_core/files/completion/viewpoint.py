@@ -7,7 +7,7 @@ import numpy as np
 from gi_core.base.grouping import group_of
 from gi_core.base.vectors import dot, length
 from gi_core.files.completion.camera_view import ASPECT, axes, in_frames, picture_rays, unit
-from gi_core.files.completion.pilot import AT_PLACE, BOUNCES, CELL, Box, Rays, corners_of, ring, spread
+from gi_core.files.completion.pilot import AT_PLACE, BOUNCES, Box, Rays, cells, corners_of, ring, spread
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Camera, Scene
 
@@ -69,21 +69,15 @@ class _Lit:
     """Cells of the scene reached by the pilot's light, by side of a surface."""
 
     def __init__(self, box: Box):
-        self.cell = CELL * box.size
-        self.cells = self._cells(box.hits, box.normals)
+        self._box, self.cells = box, cells(box, box.hits, box.normals)
 
     def holds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Return which points (n,) bool are lit."""
         n = len(self.cells)
-        group = group_of(np.concatenate([self.cells, self._cells(points, normals)]).T)
+        group = group_of(np.concatenate([self.cells, cells(self._box, points, normals)]).T)
         lit = np.zeros(int(group.max(initial=-1)) + 1, bool)
         lit[group[:n]] = True
         return lit[group[n:]]
-
-    def _cells(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        # Off the surface: the outside of a wall that is lit inside is dark.
-        # 0.3819 of a cell: walls and floors at round numbers must not flicker between two cells
-        return np.floor(points / self.cell + 0.5 * normals + 0.3819).astype(np.int64)
 
 
 def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> np.ndarray:
