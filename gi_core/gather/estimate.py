@@ -18,7 +18,7 @@ class Source(enum.Enum):
     """Source of an estimate."""
 
     PHOTONS = "photons, smoothed in proportion to their noise"
-    ONE_BOUNCE = "bounces that are kept, in light that is iterated"
+    RADIOSITY = "bounces that are kept, in light that is iterated"
     WHOLE_PATHS = "whole paths, without bias"
     EDITED = "the best light before an edit, changed as photons say"
 

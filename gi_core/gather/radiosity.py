@@ -63,6 +63,7 @@ class Radiosity:
         pairs = MOST_HITS // max(len(self._lit), 1) // (2 << SMALLEST) + 1
         self._most_pairs = max(min(pairs.bit_length() - 1, PAIRS), 1)
         self._hits: list[np.ndarray] = []  # of pairs: (2, k, 2^m) int32 of k lit receivers, as KeptHits
+        self.is_complete = False  # no pair follows
         self.paths = 0  # per receiver in `mean`; 0: no result yet
         self.per_lamp = np.zeros(shape)  # (n, 3 G) float64 [W/m2]
         self.mean = np.zeros(positions.shape)  # (n, 3) float64 [W/m2], of all lamps
@@ -72,10 +73,6 @@ class Radiosity:
         other = copy.copy(self)
         other._model = cast(Model, model)
         return other
-
-    @property
-    def is_complete(self) -> bool:
-        return self.paths == (2 << SMALLEST) * (2**self._most_pairs - 1)
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -136,7 +133,13 @@ class Radiosity:
         self._direct, self._direct_variance = direct, direct_variance
         self._variance, self._lamp_variance = variance, lamp_variance
         self.per_lamp, self.mean, self.paths = E, sum_of_lamps(E), int(paths.sum())
-        self._hits = [] if self.is_complete else pairs
+        self._hits = pairs
+        if len(pairs) == self._most_pairs:
+            self.end()
+
+    def end(self) -> None:
+        """Forget the hits: no pair follows."""
+        self._hits, self.is_complete = [], True
 
     def _iterated(
         self, pairs: list[np.ndarray], shares: np.ndarray, direct: np.ndarray, scale: Callable

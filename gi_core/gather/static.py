@@ -257,9 +257,11 @@ class StaticGather:
                 light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 pause()
                 is_rough = early < math.inf and f.noise > LOW * ENOUGH
-                self._take_over(new, Source.ONE_BOUNCE, *light, self._as_rough if is_rough else self._measure, guide)
+                self._take_over(new, Source.RADIOSITY, *light, self._as_rough if is_rough else self._measure, guide)
             measured = self._sample is not None and f.paths >= EVIDENT  # else the light before has less noise
             biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
+        if early == math.inf:
+            f.end()
 
     def _as_rough(self, E: np.ndarray, noise: float) -> float:
         """Return the error of early light, which does not wait to be measured: ROUGH of the noise before denoising."""
@@ -276,7 +278,7 @@ class StaticGather:
             more = {"model": self._model, "mobiles": False, "rounds": SAMPLE_ROUNDS, "state": s.state}
             self._sampled = ReferenceRounds(self._model.scene, *points, seed, s.times, **more)
             self._sample = s = s._replace(state=self._sampled.state)
-        # Of point lights on a convex body single bounces have no noise, but whole paths do: they pick a light each.
+        # Of point lights on a convex body radiosity has no noise, but whole paths do: they pick a light each.
         looked_at = -1
         while True:
             if s.state.rounds != looked_at:

@@ -35,7 +35,7 @@ def before() -> Solver:
     solver, many = solved(room()), solved(room(), photons=400_000, light="photons")
     light = many.frame.background.irradiance_per_lamp(400_000)
     g = StaticGather(solver.model, solver.seed)
-    g.noise, g.estimate = 0.01, Estimate(Source.ONE_BOUNCE, light, np.zeros((len(light), 3)), 0.01, 0.01)
+    g.noise, g.estimate = 0.01, Estimate(Source.RADIOSITY, light, np.zeros((len(light), 3)), 0.01, 0.01)
     solver.frame_light.static.gathered = g
     solver.frame_light.static.compare(solver.frame.background)
     assert solver.frame_light.is_gathered
