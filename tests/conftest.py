@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from gi_core.base import threads
+from gi_core.base.threads import split
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.instruments import compile_ahead
@@ -59,6 +61,13 @@ def numpy_raises():
 def pictures_do_not_wait(monkeypatch):
     """Pictures without a window gather no light unless a test asks for it."""
     monkeypatch.setattr("app.settings.SECONDS", 0.0)
+
+
+@pytest.fixture
+def small_shares(monkeypatch):
+    """Split work over threads however small it is."""
+    monkeypatch.setattr(threads, "split", lambda n, parts, _: split(n, parts, 1))
+    monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
 
 
 @pytest.fixture(params=ESTIMATORS)

@@ -162,7 +162,8 @@ def test_a_setting_that_fails_costs_no_other(small, tmp_path, monkeypatch, capsy
     monkeypatch.setattr(Measurer, "_row", broken)
     assert command(tmp_path, "--estimator", "photon_map") == 1
     assert (
-        "photon_map, 4,096 photons, k 50 could not be measured: ArithmeticError('no light')" in capsys.readouterr().err
+        "photon_map, 4,096 photons, k 1000 could not be measured: ArithmeticError('no light')"
+        in capsys.readouterr().err
     )
     assert [(r["curve"], r["photons"]) for r in table(tmp_path)] == [
         ("photon_map", "8192"), ("path gather", "1"), ("path gather", "4"),

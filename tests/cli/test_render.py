@@ -102,7 +102,7 @@ def test_front_seen_and_its_colour_exact():
     """rho E / pi at every vertex interpolates to itself: the centre pixel is the tone-mapped value."""
     shot = shot_of(card(), replace(SMALL, exposure=0.5), [np.pi, np.pi, np.pi])
     picture = shot.take()
-    assert centre(picture) == to_display(np.array([0.5, 0.4, 0.3]), 0.5, "aces").tolist()
+    assert centre(picture) == to_display(np.array([0.5, 0.4, 0.3]), 0.5, "agx").tolist()
     assert picture[0, 0].tolist() == bytes_of(BACKGROUND)
 
 
@@ -230,7 +230,7 @@ def test_backs_of_one_sided_faces_are_culled_or_shown_unlit():
 def test_backs_of_two_sided_faces_show_their_own_light():
     scene = behind(card(two_sided=True, emission=(5.0, 5.0, 5.0)))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), [np.pi, np.pi, np.pi])
-    assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "aces").tolist()
+    assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "agx").tolist()
 
 
 def test_rays_continue_behind_culled_backs():
@@ -238,7 +238,7 @@ def test_rays_continue_behind_culled_backs():
     backs = [quad((-0.5, -0.5, z), (0, 1, 0), (1, 0, 0)) for z in (0.1, 0.2, 0.2001)]
     scene = replace(card(), static=merge(*backs, card().static))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), [np.pi, np.pi, np.pi])
-    assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "aces").tolist()
+    assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "agx").tolist()
 
 
 def test_mobiles_are_drawn_at_their_poses():
@@ -246,9 +246,9 @@ def test_mobiles_are_drawn_at_their_poses():
     mobile = Mobile("m", quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0), material=1), Pose((0, 0, 0.5)))
     scene = replace(card(), mobiles=(mobile,), materials=(*card().materials, Material("red", (0.9, 0, 0))))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), [np.pi, np.pi, np.pi])
-    assert centre(shot.take()) == to_display(np.array([0.9, 0, 0]), 0.0, "aces").tolist()
+    assert centre(shot.take()) == to_display(np.array([0.9, 0, 0]), 0.0, "agx").tolist()
     shot.solver.poses["m"] = Pose((0, 0, 0.5), (0.0, 0.0, 1.0, 0.0))
-    assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "aces").tolist()
+    assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "agx").tolist()
 
 
 def test_every_pixel_inside_a_closed_room_is_hit():

@@ -214,7 +214,7 @@ BAD = {
     'scene = "cornell"\n[settings]\nphotons = -5': "photons must be a whole number in 1 .. 134217728, got -5",
     'scene = "cornell"\n[settings]\ncontrol = 1': "control must be true or false, got 1",
     'scene = "cornell"\n[settings]\nexposure = "bright"': "exposure must be a number, or a list of them, got 'bright'",
-    'scene = "cornell"\n[settings]\ntone_map = "grey"': "tone_map must be one of aces, reinhard, clip, got 'grey'",
+    'scene = "cornell"\n[settings]\ntone_map = "grey"': "tone_map must be one of agx, neutral, aces, ",
     'scene = "cornell"\n[settings]\nilluminance_range = [5, 1]': "illuminance_range must be LOW,HIGH",
     'scene = "cornell"\n[poses]\npawn = [1, 2]': "pawn must be 7 finite numbers",
     'scene = "cornell"\nlamps = 3': "[lamps] must be a table of keys, got 3",

@@ -219,19 +219,7 @@ def test_mobiles_outside_all_light_give_the_static_solution(estimator):
     assert not solver.irradiance[n:].any()
 
 
-def test_threads_do_not_change_bits(estimator, monkeypatch):
-    grains = (
-        "rays.accelerator.RAY",
-        "retrace.cuts.CUT",
-        "retrace.cuts.FOLLOW",
-        "retrace.broad_phase.SCAN",
-        "photons.paths.WRITE",
-        "frames.background.PART",
-    )
-    for module in (f"{g}_GRAIN" for g in grains):
-        monkeypatch.setattr(f"gi_core.{module}", 1)  # or jobs this small would run serially
-    for module in ("tangent_plane.LINE_GRAIN", "photon_map.QUERY_GRAIN"):
-        monkeypatch.setattr(f"gi_core.estimators.{module}", 1)
+def test_threads_do_not_change_bits(estimator, small_shares):
     one, two, five = (solved(estimator=estimator, threads=n).irradiance for n in (1, 2, 5))
     assert np.array_equal(one, two)
     assert np.array_equal(one, five)
@@ -239,8 +227,7 @@ def test_threads_do_not_change_bits(estimator, monkeypatch):
 
 @pytest.mark.parametrize("search", SEARCHES)
 @pytest.mark.parametrize("control", [True, False])
-def test_searches_give_the_same_bits(search, control, monkeypatch):
-    monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
+def test_searches_give_the_same_bits(search, control, small_shares):
     expected = solved(control=control, threads=1)
     assert expected.frame.changes.photons_cut > 0
     for threads in (1, 2):

@@ -16,6 +16,8 @@ from tests.physics.test_contact import bowl
 from tests.physics.test_invariants import NEIGHBOURS, PHOTONS, RADIUS, SCENE, SEED
 from tests.support.reference_twins import Twin
 
+pytestmark = pytest.mark.usefixtures("small_shares")
+
 TILTED = axis_angle((1.0, 0.5, 0.0), 30.0)
 PROBES = (
     Probe("floor", (0.62, 0.55, 0.0), (0.0, 0.0, 1.0)),  # beside the box, which enters its disc
@@ -40,12 +42,6 @@ def expected(scene_name: str, radius: float, k: int) -> np.ndarray:
     for moves in MOVES[: k + 1]:
         poses |= moves
     return twin.irradiance("tangent_plane", poses)
-
-
-@pytest.fixture(autouse=True)
-def small_shares(monkeypatch):
-    for module in ("estimators.tangent_plane", "discs.contact.stale_receivers"):
-        monkeypatch.setattr(f"gi_core.{module}.LINE_GRAIN", 1)  # or jobs this small would run serially
 
 
 def solver_of(scene_name: str, radius: float, **settings) -> Solver:

@@ -91,7 +91,7 @@ def test_frames_of_long_paths_equal_a_solve_from_scratch(estimator):
 
 def test_a_darker_mobile_in_a_white_room_takes_its_light_from_the_walls(monkeypatch):
     """The mean over the walls, of photons and of best light; the reference's at random places on them."""
-    monkeypatch.setattr(static, "SAMPLE_NOISE", 20.0)  # of few receivers and much light: 2.5 would take a minute
+    monkeypatch.setattr(static, "CLEAR", 10.0)  # of few receivers and much light: 1 would take a minute
     scene, n, paths = white_room(0.97, 0.2), 2_000, 64
     rng = np.random.default_rng(1)
     wall, side = rng.integers(0, 3, n), rng.integers(0, 2, n)

@@ -130,7 +130,7 @@ def test_command_ends_in_one_sentence(tmp_path):
 
 def test_a_failed_allocation_leaves_the_solver_whole(estimator, monkeypatch):
     """At every place where photons are stored; the picture stays, and more photons then give the bits of a new one."""
-    solver = Solver(coloured_room(), estimator, photons=2000, radius=0.15)
+    solver = Solver(coloured_room(), estimator, photons=2000, radius=0.15, neighbours=50)
     solver.solve()
     light = solver.irradiance
     for where, name in ((CoarseStore, "append"), (PathStore, "reserve"), (PathStore, "append"), (Photons, "_estimate")):
@@ -141,7 +141,7 @@ def test_a_failed_allocation_leaves_the_solver_whole(estimator, monkeypatch):
                 solver.solve()
             assert solver.irradiance is light
     solver.solve()
-    whole = Solver(coloured_room(), estimator, photons=6000, radius=0.15)
+    whole = Solver(coloured_room(), estimator, photons=6000, radius=0.15, neighbours=50)
     whole.solve()
     assert np.array_equal(solver.irradiance, whole.irradiance)
     assert np.array_equal(solver.irradiance, solver.from_scratch())

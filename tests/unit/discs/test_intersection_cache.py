@@ -122,7 +122,7 @@ def test_full_log_is_recorded_again(monkeypatch):
     assert np.array_equal(resting, at_rest)
 
 
-def test_threads_and_parts_do_not_change_bits(monkeypatch):
+def test_threads_and_parts_do_not_change_bits(monkeypatch, small_shares):
     def frames(threads):
         solver = solver_of(threads=threads)
         for _ in solver.solve_steps():  # small parts, put in order when a subset is prepared
@@ -135,8 +135,6 @@ def test_threads_and_parts_do_not_change_bits(monkeypatch):
 
     one = frames(1)
     monkeypatch.setattr("gi_core.frames.background.PART", 97)
-    monkeypatch.setattr("gi_core.frames.background.PART_GRAIN", 1)
-    monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
     for threads in (2, 3):
         assert np.array_equal(one, frames(threads))
 

@@ -331,8 +331,6 @@ from numba.core.dispatcher import Dispatcher
 from gi_core.gather import bright_faces, path_ends, hit_cache, mobile, interleaved_mean
 from gi_core.lights import area, candidates, next_event
 from gi_core.instruments import compile_ahead
-from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.gather.radiosity import Radiosity
 from gi_core.model import Model
 
 from tests.unit.gather.test_mobile import three_things
@@ -351,9 +349,6 @@ for k in range(3):
     bright[model.surfaces.corner_front[:2]] = 1000.0
     gather.irradiance(model.transforms(poses), static, 8, resting=bright)
 assert max(len(gather._lights_of(o, model.transforms(poses))[1].face) for o in (1, 2, 3))
-rows = model.surfaces.receiver_range(0)
-points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
-Radiosity(model, 0, points, normals, model.object_receivers.areas[rows]).add_pair(lambda E: np.ones(E.shape[1]))
 assert before == [len(f.signatures) for f in kernels], "a kernel was compiled after the warm-up"
 """
 

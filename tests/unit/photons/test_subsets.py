@@ -44,7 +44,7 @@ def test_frame_of_a_subset_equals_a_solver_of_that_many_photons(estimator):
     assert many.frame.photons == PHOTONS
 
 
-def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch):
+def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch, small_shares):
     def light(threads):
         s = Solver(SCENE, estimator, photons=3000, radius=0.15, neighbours=20, threads=threads)
         s.solve()
@@ -52,8 +52,6 @@ def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch)
 
     one, fates = light(1)
     monkeypatch.setattr("gi_core.frames.background.PART", 211)
-    monkeypatch.setattr("gi_core.frames.background.PART_GRAIN", 1)
-    monkeypatch.setattr("gi_core.retrace.cuts.FOLLOW_GRAIN", 1)
     for threads in (1, 2, 3):
         again, same = light(threads)
         assert np.array_equal(one, again)
