@@ -20,6 +20,7 @@ from gi_core.geometry.receivers import NONE, Receivers
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
 from gi_core.lights.light_sampling import Lights, at_levels, lights_of
+from gi_core.photons.pilot import Pilot, pilot
 from gi_core.rays.accelerator import LIFT, Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.rays.structures import checked
@@ -90,7 +91,7 @@ class Model:
             return None
         check_scene(scene)
         other = copy.copy(self)
-        for name in ("lights", "lamp_of_face", "static_key"):
+        for name in ("lights", "lamp_of_face", "static_key", "pilot"):
             other.__dict__.pop(name, None)
         other.given, other.scene = scene, self._shifted(scene)
         other._light()
@@ -176,6 +177,11 @@ class Model:
         points = (a[rows] for a in self.evaluation_points)
         places = self.world.size, self.origins[0], self.shape_keys[0], *points
         return digest(*places, s.reflectance[faces], lobe, models, of_face, *lights)
+
+    @cached_property
+    def pilot(self) -> Pilot:
+        """A few photons of all lamps through the static part."""
+        return pilot(self.accelerator, self.world, self.static, self.emitters)
 
     @cached_property
     def lamp_of_face(self) -> np.ndarray:

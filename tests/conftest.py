@@ -16,6 +16,7 @@ from gi_core.base.threads import split
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.instruments import compile_ahead
+from gi_core.photons import pilot
 
 settings.register_profile(
     "gi", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
@@ -86,8 +87,11 @@ def brief_pilot():
     def brief(model, photons, radius, neighbours):
         with one_at_a_time, pytest.MonkeyPatch.context() as patch:
             if photons is not None and radius is not None:
-                patch.setattr(choose, "PILOT_PHOTONS", 64)
-            return chosen(model, photons, radius, neighbours)
+                patch.setattr(pilot, "PHOTONS", 64)
+            try:
+                return chosen(model, photons, radius, neighbours)
+            finally:
+                model.__dict__.pop("pilot", None)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gi_core.solver.choose", brief)

@@ -41,12 +41,9 @@ from gi_core.discs.search.disc_grid import CELL_RADII, MOST_ALONG
 from gi_core.estimators.setting import checked
 from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND, Model
-from gi_core.photons.paths import PathStore, PathVertices, segments_of
-from gi_core.photons.trace import trace_background
+from gi_core.photons.paths import PathVertices, segments_of
+from gi_core.photons.pilot import Pilot
 
-PILOT_PHOTONS, PILOT_PART = 4096, 64  # and photons per part
-PILOT_VERTICES = 1 << 20  # enough of them end the pilot: paths in white rooms are long
-PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must be independent of it
 RADIUS_SHARE = 0.025  # of the scene's size: largest candidate radius
 LEAST_NOISE = 0.02  # relative l1: photons are not increased for less noise
 MOST_SECONDS = 6.0  # of tracing and estimating: the rest of ten seconds after launch
@@ -105,7 +102,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         checked(name, value, checked(name, getattr(recommended, name), where=where))
         for name, value in (("photons", photons), ("radius", radius), ("neighbours", neighbours))
     )
-    pilot, first_flight = _pilot(model)
+    pilot = model.pilot
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
     predicted = None
@@ -124,14 +121,14 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or NEIGHBOURS),
         size,
-        *first_flight,
+        *_first_flight(model, pilot),
         low + model.origins[0],
         high + model.origins[0],
         predicted,
     )
 
 
-def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Predicted:
+def _best(model: Model, pilot: Pilot, lit: Places, size: float, radius: float | None) -> Predicted:
     """Return the candidate with the lowest predicted error, or that of the given radius [m]."""
     if radius:
         return _predict(model, pilot, lit, radius)
@@ -142,7 +139,7 @@ def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Predic
     return min(tried, key=lambda f: f.error)
 
 
-def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
+def _predict(model: Model, pilot: Pilot, lit: Places, radius: float) -> Predicted:
     before, each = costs(model, pilot.paths, radius)
     affordable = max(MOST_SECONDS - before, 0.5 * MOST_SECONDS) / each
     wanted = min(photons_for(lit, radius, LEAST_NOISE), affordable, MOST_PHOTONS)
@@ -156,18 +153,12 @@ def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
     )
 
 
-def _pilot(model: Model) -> tuple[Pilot, tuple[float, float]]:
-    """Return a pilot trace, and the shares of its photons that hit nothing, and that first hit a one-sided back."""
-    m, store = model, PathStore()
-    while store.photons < PILOT_PHOTONS and len(store.subset(store.photons).side) < PILOT_VERTICES:
-        part = PILOT_SEED, store.photons, PILOT_PART
-        store.append([trace_background(m.accelerator, m.world, m.static, m.emitters, *part)[0]], 1)
-    paths = store.subset(store.photons)
-    if not len(m.emitters.kind):
-        return Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), (0.0, 0.0)
-    first = paths.side[paths.offsets[:-1] + 1]
-    behind = (first != NONE) & (first & 1 == 1) & ~m.world.two_sided[first >> 1]
-    return pilot_of(m, paths), (float((first == NONE).mean()), float(behind.mean()))
+def _first_flight(model: Model, pilot: Pilot) -> tuple[float, float]:
+    """Return the shares of photons that hit nothing, and that first hit a one-sided back."""
+    if not len(model.emitters.kind):
+        return 0.0, 0.0
+    behind = (pilot.first != NONE) & (pilot.first & 1 == 1) & ~model.world.two_sided[pilot.first >> 1]
+    return float((pilot.first == NONE).mean()), float(behind.mean())
 
 
 class LitPart(NamedTuple):
@@ -181,9 +172,9 @@ class LitPart(NamedTuple):
 
 def lit_part(model: Model) -> LitPart:
     """Return the lit part of a scene. The box is that of all such surfaces if hits are few, of all if all are lamps."""
-    pilot, _ = _pilot(model)
+    pilot = model.pilot
     s, dark = model.surfaces, model.surfaces.emission.max(axis=1, initial=0.0) == 0
-    rows = dark[_arrived(pilot.paths)[1] >> 1] if len(pilot.hits) else slice(0)
+    rows = dark[pilot.side >> 1]
     hits, faces = pilot.hits[rows], s.faces[0][dark[s.face_range(0)]]
     if len(hits) >= FEWEST_HITS:
         low, high = central_box(hits)
@@ -215,29 +206,6 @@ class Places(NamedTuple):
     normals: np.ndarray  # (n, 3) float64 unit, of the side that was hit
     density: np.ndarray  # (n,) float64, hits per photon and area there [1/m2]
     spacing: float  # [m] median distance between receivers there
-
-
-class Pilot(NamedTuple):
-    """A pilot trace and its hits."""
-
-    photons: int
-    paths: PathVertices
-    hits: np.ndarray  # (n, 3) float64 [m]
-    normals: np.ndarray  # (n, 3) float64 unit, of the side that was hit
-
-
-def pilot_of(model: Model, paths: PathVertices) -> Pilot:
-    """Return the hits of the paths of a pilot trace."""
-    arrived, side = _arrived(paths)
-    normals = model.world.normals[side >> 1] * np.where(side & 1, -1.0, 1.0)[:, None]
-    return Pilot(len(paths.offsets) - 1, paths, paths.position[arrived].astype(np.float64), normals)
-
-
-def _arrived(paths: PathVertices) -> tuple[np.ndarray, np.ndarray]:
-    """Return which vertices of paths are hits, bool, and the sides that they hit."""
-    arrived = paths.side != NONE
-    arrived[paths.offsets[:-1]] = False  # the first vertex of a path is on the light
-    return arrived, paths.side[arrived]
 
 
 def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: float) -> Places:

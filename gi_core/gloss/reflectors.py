@@ -17,18 +17,16 @@ import numpy as np
 from gi_core.base.grouping import components, group_of
 from gi_core.base.nearest_points import nearest
 from gi_core.base.vectors import dot
-from gi_core.geometry.receivers import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.gloss.sharp import SharpLobe, lobe_classes, noise_factor, sharp_faces
 from gi_core.model import Model
-from gi_core.photons.trace import trace_background
 from gi_core.rays.accelerator import GAP, Transforms
 from gi_core.rays.all_objects import nearest_in_world
 
 MOST_PLANES = 64  # candidates per scene, the largest first
 FLAT = 1e-4  # of the scene size: departure from a plane
 MOST_PROBES = 6  # of the static part, at most
-PROBE_PHOTONS, PROBE_POINTS, PROBE_RAYS = 2048, 2048, 4  # of a pilot trace, of their hits at most, and rays from each
+PROBE_POINTS, PROBE_RAYS = 2048, 4  # of the pilot's hits at most, and rays from each
 OMITTED_INSIDE = 0.6  # of the box of a part's faces: what is nearer to its place is left out. A ball hides up to 0.58
 BY_CELLS, PLANAR, PROBE = "cells", "planar", "probe"
 
@@ -292,18 +290,12 @@ def _boxes(group: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _rays_where_light_is(model: Model, faces: np.ndarray) -> Rays:
     """Return rays from where photons meet sharp faces (n,) of the static part, on the side that they meet."""
-    s = model.surfaces
-    of, seed = (model.accelerator, model.world, model.static, model.emitters), 0x9EF1EC7
-    paths = trace_background(*of, seed, 0, PROBE_PHOTONS)[0]
-    hit = paths.side != NONE
-    if len(hit):
-        hit[paths.offsets[:-1]] = False  # where they start
-    face, back = paths.side[hit] >> 1, paths.side[hit] & 1 > 0
+    s, pilot = model.surfaces, model.pilot
+    face, back = pilot.side >> 1, pilot.side & 1 > 0
     row = np.minimum(np.searchsorted(faces, face), len(faces) - 1)
     met = np.flatnonzero((faces[row] == face) & (~back | s.two_sided[face]))
     met = met[np.linspace(0, len(met) - 1, min(PROBE_POINTS, len(met))).astype(int)]
-    normals = s.normals[face[met]] * np.where(back[met], -1.0, 1.0)[:, None]
-    return _rays(model, model.static, row[met], paths.position[hit][met].astype(np.float64), normals)
+    return _rays(model, model.static, row[met], pilot.hits[met], pilot.normals[met])
 
 
 def _rays(model: Model, at: Transforms, row: np.ndarray, points: np.ndarray, normals: np.ndarray) -> Rays:

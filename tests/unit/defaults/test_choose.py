@@ -40,8 +40,7 @@ def crates(count: int) -> list:
 
 
 def lit_places(model: Model) -> choose.Places:
-    pilot, _ = choose._pilot(model)
-    return choose.places(model, pilot, *choose._box(model, pilot.hits), 1.0)
+    return choose.places(model, model.pilot, *choose._box(model, model.pilot.hits), 1.0)
 
 
 def test_furniture_gets_a_smaller_radius_than_flat_ground():
@@ -82,8 +81,7 @@ def test_k_of_the_photon_map_is_the_hits_on_a_disc(photons, share):
     """So that both smooth alike: hits spread over all faces. Within bounds."""
     model = Model(room())
     chosen = choose.choose(model, photons, 0.1, None)
-    pilot, _ = choose._pilot(model)
-    on_disc = len(pilot.hits) / pilot.photons * photons * math.pi * 0.1**2 / model.surfaces.areas.sum()
+    on_disc = len(model.pilot.hits) / model.pilot.photons * photons * math.pi * 0.1**2 / model.surfaces.areas.sum()
     expected = on_disc if share else choose.NEIGHBOURS if photons < 20_000 else choose.MOST_NEIGHBOURS
     assert chosen.neighbours == pytest.approx(expected, rel=0.5 * share)
 
