@@ -7,6 +7,7 @@ was measured to gain next to nothing (docs/decisions/photon-subsets.md).
 
 from __future__ import annotations
 
+import enum
 import math
 
 import numpy as np
@@ -22,6 +23,25 @@ _B = np.uint64(0x94D049BB133111EB)
 _C = np.uint64(0xD6E8FEB86659FD93)
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53
+
+
+class Stream(enum.IntEnum):
+    """Random numbers independent of those of photons, and of each other, at the same seed; see seed_of()."""
+
+    LIGHT_POINTS = 0x5D17 << 40
+    REFERENCE = 0x9E1E << 40
+    PILOT = 0x9107 << 24  # of the reference
+    ERROR_SAMPLE = 0x5A3B << 40  # of static light
+    RADIOSITY = 0x51D3 << 40
+    POSES = 0x70E5 << 40
+    MOBILES = 0x3B11 << 40
+    BRIGHT_FACES = 1 << 39  # of paths from mobiles
+    GLOSS = 0x6105 << 40
+
+
+def seed_of(stream: int, seed: int) -> int:
+    """Return the seed (63 bits) of a stream; stream 0 is that of the seed itself."""
+    return (int(seed) ^ stream) & (2**63 - 1)
 
 
 @kernel

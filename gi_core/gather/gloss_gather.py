@@ -17,7 +17,7 @@ from gi_core.base import strata
 from gi_core.base.jit import kernel
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.pause import Progress, pause
-from gi_core.base.random_numbers import basis
+from gi_core.base.random_numbers import Stream, basis, seed_of
 from gi_core.base.results import KEPT
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate, rotate_back, weighted
@@ -45,7 +45,6 @@ from gi_core.rays.all_objects import occluded_in_world
 from gi_core.scene.pose import to_world_at
 
 STAGE = "gathering gloss"
-STREAM = 0x6105  # separates these random numbers from those of photons and reference with the same seed
 LOG2_RAYS = 8  # of a receiver and round: four per cell
 RAYS = 1 << LOG2_RAYS
 ROUNDS = 4  # of the static part without mobiles: its light is then averaged over discs
@@ -65,8 +64,7 @@ class GlossGather:
     def __init__(self, model: Model, seed: int, rows: np.ndarray, at: Transforms, lights: Lights, ending: InKnownLight):
         """lights: of one lamp; ending: in the light of all objects at the poses `at`."""
         self.rows, self.rounds, self.mean = rows, 0, np.zeros((len(rows), CELLS, SUMS))
-        seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
-        self._tracer = PathTracer(model, at, lights, seed, LOG2_RAYS, ending)
+        self._tracer = PathTracer(model, at, lights, seed_of(Stream.GLOSS, seed), LOG2_RAYS, ending)
         receivers = model.object_receivers
         self.most = ROUNDS if len(at.position) == 1 else ROUNDS_AT_POSES
         self._pace = Pace(FIRST_SECONDS, LEAST, MOST)

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import run_ranges
 from gi_core.gather import path_ends
 from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
@@ -53,11 +54,9 @@ from gi_core.rays.accelerator import FAR, LIFT, Transforms
 from gi_core.rays.two_level import World
 from gi_core.scene.pose import to_world_at
 
-STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
 BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
 LEAST_PATHS = 1 << 11  # per batch where there are more threads than batches
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
-BRIGHT_STREAM = 1 << 39  # separates points on bright faces from those on lamps
 RAYS_AHEAD = 1 << 11  # bounces per call of rays_ahead(): a quarter of a millisecond
 BOUNCES_PER_BRIGHT = 8  # bounces per ray to a bright face
 SWEEPS = 32  # of Jacobi's method at most ...
@@ -100,7 +99,7 @@ class MobileGather:
     """Irradiance of the receivers of a model's mobiles. Not thread safe."""
 
     def __init__(self, model: Model, seed: int):
-        self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._model, self._seed = model, seed_of(Stream.MOBILES, seed)
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         self._positions, self._normals = (a[self.first :] for a in model.evaluation_points)
         s = model.surfaces
@@ -223,7 +222,7 @@ class MobileGather:
         (lights, bright), every = self._lights_of(o, at), np.arange(paths)[None]
         on_lamps, m = candidates(self._seed, paths, lights.area), (paths - 1).bit_length()
         rays = max(paths // BOUNCES_PER_BRIGHT, 1)
-        on_bright = candidates(self._seed ^ BRIGHT_STREAM, PATHS_PER_SHADOW * rays, bright.lights, KINDS)
+        on_bright = candidates(seed_of(Stream.BRIGHT_FACES, self._seed), PATHS_PER_SHADOW * rays, bright.lights, KINDS)
         corners, albedo = self._model.surfaces.corner_front, world.bsdfs.albedo
         relative = relative_light(bright.face, bright.lights.radiance, corners, albedo, static)
         pick = picks(self._seed, m, 0, every, lights.delta)

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.gather.path_tracer import gather
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.scene.types import Scene
 
-STREAM = 0x9E1E  # separates the reference's random numbers from those of photons with the same seed
 PATHS_PER_POINT = 1 << 32  # path k of point i has number i * PATHS_PER_POINT + k, for any number of paths
 
 
@@ -36,7 +36,7 @@ class Gatherer:
         self.per_lamp = per_lamp and lamps.count > 1
         levels = lamps.full() if levels is None else levels
         self._lights = self.model.lights if self.per_lamp else self.model.lights_at(levels)
-        self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._seed = seed_of(Stream.REFERENCE, seed)
         self.least_set = least_set(self._lights.delta)
         self._light_sampling = light_sampling
         if not light_sampling and (self._lights.area.table >= 0).any():
@@ -51,11 +51,11 @@ class Gatherer:
         """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].
 
         per_lamp: light per lamp follows, in 3 G more columns.
-        Paths come in sets of 2^m, see strata.py; `stream` selects independent paths of the same numbers.
+        Paths come in sets of 2^m, see strata.py; stream: a `Stream` of independent paths.
         """
         path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
         *start, lift = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals, self._lift))
-        seed = self._seed ^ (stream << 24)
+        seed = seed_of(stream, self._seed)
         values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m, lift=lift)
         if self.per_lamp:
             values = np.concatenate([sum_of_lamps(values), values], axis=1)

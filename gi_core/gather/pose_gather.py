@@ -25,6 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from gi_core.base.pause import Progress, pause
+from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.results import KEPT
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
@@ -42,7 +43,6 @@ from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.scene.pose import to_world_at
 
 STAGE = "gathering at these poses"
-STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
 COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
 MOST = 47  # rounds until the last result: twice those that noise is sized for
@@ -170,7 +170,7 @@ class PosePaths:
 
         def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight = WHOLE) -> np.ndarray:
             point, normal, off = (np.repeat(a[of], count, axis=0) for a in (positions, normals, lift))
-            seed, numbers = p.seed ^ (stream << 24), path[of].reshape(-1)
+            seed, numbers = seed_of(stream, p.seed), path[of].reshape(-1)
             E = gather(p.model, at, self._lights, seed, numbers, point, normal, m=m, ending=ending, lift=off)
             return E.reshape(-1, count, 3)
 
@@ -223,7 +223,7 @@ class ReceiverPoints:
     """Start points of paths at all receivers of a model, and their adjacency; shared by all poses."""
 
     def __init__(self, model: Model, seed: int):
-        self.model, self.seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self.model, self.seed = model, seed_of(Stream.POSES, seed)
         self.static = model.surfaces.receiver_range(0).stop
 
     @cached_property

@@ -22,6 +22,7 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.pace import STEP, Pace
 from gi_core.base.pause import pause
+from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import run_ranges
 from gi_core.gather.denoise import DENOISE_GRAIN
 from gi_core.gather.path_ends import BLACK, BounceHits, KeptHits, arrive, starts
@@ -34,7 +35,6 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import FAR
 from gi_core.rays.all_objects import nearest_in_world
 
-STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
 SMALLEST, PAIRS = 3, 4  # log2 of the paths of the first sets; 240 paths in all: then error is bias
 FIRST_SECONDS = 1e-5  # per path, before measurements
 LEAST, MOST = 1 << 8, 1 << 16  # paths per step
@@ -52,7 +52,7 @@ class Radiosity:
     """
 
     def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
-        self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._model, self._seed = model, seed_of(Stream.RADIOSITY, seed)
         self._starts = positions, normals, model.lifts
         self.weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
         self._lights = model.lights

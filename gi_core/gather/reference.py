@@ -19,6 +19,7 @@ import numpy as np
 from gi_core.base import strata
 from gi_core.base.jit import kernel
 from gi_core.base.pace import STEP, Pace
+from gi_core.base.random_numbers import Stream
 from gi_core.gather.point_gather import PATHS_PER_POINT, Gatherer
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.model import Model
@@ -27,7 +28,6 @@ from gi_core.scene.types import Pose, Scene
 # Independent paths of the pilot: of all points together, then the bounds per point. Light by way of a mirror may come
 # on one path in fifty; eight paths missed it (docs/decisions/gathered-light.md).
 PILOT, FEWEST, MOST = 1 << 18, 8, 64
-PILOT_STREAM = 0x9107  # separates their random numbers
 AIM = 0.01  # relative l1 error for which sets are sized, assuming independent paths ...
 ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
 FLOOR = 0.1  # of the mean deviation: least deviation of a point, since a pilot's paths may all miss
@@ -171,7 +171,7 @@ class Rounds:
         if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
             pilot = min(max(PILOT // len(s.sets), FEWEST), MOST)
             rows = self._affordable(rows, paths / pilot)
-            light = self._pilot(self.paths(rows, 0, pilot, 0, PILOT_STREAM))
+            light = self._pilot(self.paths(rows, 0, pilot, 0, Stream.PILOT))
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
             return rows, pilot
         if s.log2_set.min() < 0:

@@ -16,6 +16,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from gi_core.base.pause import Progress, pause
+from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.radiosity import Radiosity
@@ -38,7 +39,6 @@ SAMPLE_ROUNDS, SURE_ROUNDS = 1024, 8  # ... in many small rounds: noise is sure,
 ROUGH = 0.5  # true errors of early light are 0.3 to 0.55 of its noise before denoising in office, living_room, cornell
 POOLED = 8  # means over neighbours by which pilots and squared errors of whole paths are pooled
 GROUPS = 8  # of receivers whose paths are alike in noise
-SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
 
 class ErrorSample(NamedTuple):
@@ -274,7 +274,7 @@ class StaticGather:
             self._sample = ErrorSample(rows, times, ReferenceState.empty(len(rows)))
         s = self._sample
         if self._sampled is None:
-            points, seed = (a[s.rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
+            points, seed = (a[s.rows] for a in self._points), seed_of(Stream.ERROR_SAMPLE, self._seed)
             more = {"model": self._model, "mobiles": False, "rounds": SAMPLE_ROUNDS, "state": s.state}
             self._sampled = ReferenceRounds(self._model.scene, *points, seed, s.times, **more)
             self._sample = s = s._replace(state=self._sampled.state)

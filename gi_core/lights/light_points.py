@@ -16,7 +16,6 @@ from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
 
-STREAM = 0x5D17  # separates these random numbers from others of the same seed
 LIGHT_POINTS = 64  # on area lights, and directions to the sky
 MOST_DELTA = 64  # delta lights: beyond, photons alone measure changes
 FACE, DELTA, SKY = range(3)
@@ -42,7 +41,7 @@ def light_points(lights: Lights, seed: int) -> LightPoints | None:
     """Return points on all lights of a scene; None where there are too many delta lights."""
     if len(lights.delta.kind) > MOST_DELTA:
         return None
-    seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+    seed = random_numbers.seed_of(random_numbers.Stream.LIGHT_POINTS, seed)
     area, delta, sky = lights.area, lights.delta, lights.sky
     reach = np.where(delta.distant, np.inf, np.abs(delta.place).max(axis=1, initial=0.0))
     parts = [(DELTA, np.arange(len(delta.kind)), delta.place, reach, delta.value, delta.lamp)]
