@@ -76,7 +76,7 @@ def register(shell) -> None:
 def _shot(scene: Scene | Solver, settings: Settings, seconds: float = 0.0, camera: Camera | None = None) -> Shot:
     from app.draw.camera import from_camera
     from app.draw.shot import Shot
-    from app.rest.timed_gathering import gather
+    from app.rest.scheduler import gather
 
     if isinstance(scene, Solver):
         solver = scene

@@ -20,8 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.rest.scheduler import RestWork
-from app.rest.timed_gathering import NO_ERRORS
+from app.rest.scheduler import NO_ERRORS, RestWork
 from app.session.lights import panel_of_faces
 from app.settings import Settings, make_solver, open_scene
 from gi_core.files.edits import Darken, Edit, Finish, Freeze, Light, Promote, edited

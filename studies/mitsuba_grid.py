@@ -25,7 +25,7 @@ from app.draw.layers import layers
 from app.draw.picture_files import write_png
 from app.draw.shot import Shot
 from app.draw.tonemap import meter, to_display
-from app.rest.timed_gathering import gather
+from app.rest.scheduler import gather
 from app.settings import Settings, make_solver, open_scene
 from gi_core.bsdf import ggx
 from gi_core.files.load import load_scene

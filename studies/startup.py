@@ -50,7 +50,7 @@ def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> d
 
     from app.draw.draw_mesh import draw_meshes
     from app.draw.picking import Picker
-    from app.rest.gather_jobs import StaticJob
+    from app.rest.jobs import StaticJob, first_task
     from app.rest.reference_store import StaticStore
     from app.settings import Settings, make_solver, open_scene
     from app.values import lamp
@@ -75,7 +75,7 @@ def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> d
     mark()
     now, end = time.time(), time.process_time() + rest
     job, steps = StaticJob(made, time.monotonic), made.solve_steps()
-    while time.process_time() < end and (next(steps, None) or ((run := job.next_work()) and (run(), True))):
+    while time.process_time() < end and (next(steps, None) or ((t := first_task((job,), settings)) and (t.run(), 1))):
         pass
     if rest:
         job.keep()

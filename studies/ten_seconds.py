@@ -50,7 +50,7 @@ def measure(what: str, points: int, noise: float, pictures: Path | None, more: f
 
 
 def _measure(what: str, points: int, noise: float, pictures: Path | None, more: float) -> dict:
-    from app.rest.gather_jobs import StaticJob
+    from app.rest.jobs import StaticJob, first_task
     from app.settings import Settings, make_solver, open_scene
     from gi_core.gather.reference_sample import draw_by_area, gather_sample
 
@@ -74,16 +74,16 @@ def _measure(what: str, points: int, noise: float, pictures: Path | None, more: 
         if progress.picture or shown:
             look()
     ready, all_photons, first = clock(), solver.frame.photons, shown[0][0]
-    while clock() <= first + SECONDS and (work := gathering.next_work()) is not None:
-        work()
+    while clock() <= first + SECONDS and (work := first_task((gathering,), settings)) is not None:
+        work.run()
         look()
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
     if pictures is not None:
         _save(solver, settings, {s: _at(shown, first + s)[2] for s in AFTER_FIRST}, pictures, Path(name).stem)
     then, *early = (_at(shown, seconds) for seconds in (SECONDS, *(first + after for after in AFTER_FIRST)))
     until, clouds = clock() + more, ""
-    while more and clock() < until and (work := gathering.next_work()) is not None:
-        work()
+    while more and clock() < until and (work := first_task((gathering,), settings)) is not None:
+        work.run()
     if more:
         clouds = f"{', '.join(_clouds(solver, _E(picture)) for picture in early)} | "
     solver.configure(subset_only=True)

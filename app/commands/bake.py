@@ -64,7 +64,7 @@ def bake(
     from app.draw.picture_files import write_channels
     from app.draw.shot import Shot
     from app.draw.units import units_of
-    from app.rest.timed_gathering import gather
+    from app.rest.scheduler import gather
 
     if out.suffix.lower() != ".glb":
         raise UsageError(f"--out must name a .glb file, got {out}")

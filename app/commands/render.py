@@ -67,7 +67,7 @@ def render(
     """
     from app.draw import motion
     from app.draw.shot import Shot
-    from app.rest.timed_gathering import gather
+    from app.rest.scheduler import gather
     from app.session.film import along, elsewhere, still
 
     linear = out.suffix.lower() == ".exr"

@@ -1,9 +1,9 @@
 """Error of the current light, measured at rest: frame time, noise, reference, comparison with another estimator.
 
-`next_task` returns one short task at a time; a drag waits for at most one. Results belong to the solver's irradiance
-and are dropped when it changes. A reference belongs to poses, to all or sampled receivers, and to levels of lamps; the
-last REMEMBERED are kept. Errors are relative to the light of each place that is brighter than the view, else to that of
-the view (`gi_core.gather.view_level`): all light may be sunlight, beside which a mottled room would count as done.
+Results belong to the solver's irradiance and are dropped when it changes. A reference belongs to poses, to all or
+sampled receivers, and to levels of lamps; the last REMEMBERED are kept. Errors are relative to the light of each place
+that is brighter than the view, else to that of the view (`gi_core.gather.view_level`): all light may be sunlight,
+beside which a mottled room would count as done.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from __future__ import annotations
 import functools
 import math
 import statistics
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.rest.comparison import ComparisonJob
-from app.rest.measured_points import MeasuredPoint
-from app.rest.results import ReferencePicture, Report
+from app.rest.jobs import ComparisonJob, Job
+from app.rest.results import MeasuredPoint, ReferencePicture, Report
+from app.settings import REFERENCE, Settings
 from app.worker import Task
 from gi_core.geometry.error import bias_left, luminance, noise_from_subset, relative_error, subset_to_compare
 
@@ -37,23 +37,47 @@ TIMED_FRAMES = 3  # per setting; their median counts
 REMEMBERED = 3  # references
 
 
-class Wants(NamedTuple):
-    """Parts that the window needs."""
-
-    numbers: bool = True  # the report
-    picture: bool = False  # the reference, or errors, at every receiver
-    other: str = ""  # an estimator to compare with
-
-
 @dataclass
 class Measured:
     """Measurements of the light that need no reference."""
 
-    twin: Solver | None  # None after the last measurement
+    twin: Solver | None = None  # None before the first measurement and after the last
     seconds: list[float] = field(default_factory=list)  # of frames of all photons
     photons: int = 0
     subset: int = 0  # photons of the subset behind the noise; 0: none
     fewer: np.ndarray | None = None  # (R, 3) irradiance of the subset
+
+
+def _frames(solver: Solver, m: Measured, clock: Callable[[], float]) -> Iterator[bool]:
+    """Time frames of all photons, then compute one of a subset: a frame per step, from the first that `m` lacks."""
+    if m.twin is None:
+        m.twin = solver.twin()
+        if solver.light == "photons":  # then they light mobiles too
+            m.twin.configure(subset_only=True)
+    twin = m.twin
+    while len(m.seconds) < TIMED_FRAMES:
+        started = clock()
+        twin.move_all({})
+        m.seconds.append(clock() - started)
+        m.photons = twin.frame.photons
+        yield True
+    m.subset = subset_to_compare(twin.frame.subsets) or 0
+    if m.subset:
+        m.fewer = _of_fewer(m, twin)
+    m.twin = None
+
+
+def _of_fewer(m: Measured, twin: Solver) -> np.ndarray:
+    """Return the irradiance (R, 3) of a subset; differences on path-traced mobiles are scaled to its variance."""
+    if not twin.frame.paths:
+        twin.move_all({}, m.subset)
+        return twin.irradiance
+    E = twin.irradiance
+    twin.move_all({}, m.subset, twin.paths_at_rest // 2)
+    fewer, mobile = twin.irradiance, slice(twin.surfaces.receiver_range(0).stop, None)
+    # Half the paths are independent paths: variances v and 2 v add up. A subset's difference has v (N / n - 1).
+    fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.subset - 1) / 3)
+    return fewer
 
 
 class ReferenceJob:
@@ -114,30 +138,49 @@ class ReferenceJob:
         return self._gathered.state.rounds
 
 
-class LiveError:
-    """One per solver; only the solver's thread uses it."""
+class LiveError(Job):
+    """Its own steps time frames; a comparison and references follow."""
+
+    name = "timing frames"
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        super().__init__(solver)
         self.comparison = ComparisonJob(solver)
         self.report: Report | None = None
         self.point: MeasuredPoint | None = None  # of the chart
-        self._solver, self._clock = solver, clock
+        self._clock, self._settings = clock, Settings()
         self._light: np.ndarray | None = None  # irradiance that the results belong to
-        self._measured: Measured | None = None
         self._references: dict[tuple, ReferenceJob] = {}  # newest last
         self._areas = solver.model.object_receivers.areas
         self._few = int((self._areas > 0).sum()) <= MOST_RECEIVERS
+
+    def key(self, settings: Settings) -> bool | None:
+        return settings.measure_errors or None
+
+    def begin(self) -> Iterator[bool]:
+        return _frames(self._solver, self._measured, self._clock)
+
+    def restart(self) -> None:
+        super().restart()
+        self._measured = Measured()
 
     def follow(self) -> None:
         """Drop the results of an earlier light."""
         if self._light is not self._solver.irradiance:
             self._light = self._solver.irradiance
-            self._measured = self.report = self.point = None
+            self.report = self.point = None
+            self.restart()
             self.comparison.restart()
+
+    def want(self, settings: Settings) -> None:
+        self.follow()
+        self._settings = settings
+        super().want(settings)
+        self.comparison.want(settings)
 
     def reference(self, poses: Mapping[str, Pose], everywhere: bool) -> ReferenceJob | None:
         """Return the reference at these poses: at all receivers, or at those of the report."""
-        return self._references.get(self._key(poses, everywhere))
+        return self._references.get(self._reference_key(poses, everywhere))
 
     @property
     def picture(self) -> ReferencePicture | None:
@@ -145,75 +188,37 @@ class LiveError:
         reference = self.reference(self._solver.poses, True)
         return None if reference is None else reference.picture
 
-    def next_task(self, wants: Wants, given_up: Set[str] = frozenset()) -> Task | None:
-        """Return the next task for the current light, the most urgent of a kind not given up; None at the end."""
-        self.follow()
-        if not wants.other:
-            self.comparison.drop()
-        poses, m, r = self._solver.poses, self._measured, self.report
+    def tasks(self) -> Iterator[Task]:
+        poses, r = self._solver.poses, self.report
         sampled, everywhere = self.reference(poses, False), self.reference(poses, True)
-        numbers = wants.numbers and not (r is not None and r.done)
+        numbers = self._settings.measure_errors and not (r is not None and r.done)
         rough = r is None or sampled is None or sampled.noise > FIRST_NOISE
-        picture = wants.picture and (everywhere is None or everywhere.noise > PICTURE_NOISE)
         gathering, at_some = "gathering the reference", functools.partial(self._gather, False)
         of_numbers = Task(gathering if self._few else f"{gathering} for the error", at_some)
-        compare = functools.partial(self.comparison.step, wants.other)
-        tasks = (
-            (wants.numbers and (m is None or m.twin is not None), Task("timing frames", self._measure)),
-            (
-                wants.other and not self.comparison.is_done(wants.other),
-                Task(f"computing {wants.other.replace('_', ' ')}", compare),
-            ),
-            (numbers and rough, of_numbers),
-            (picture, Task(gathering, functools.partial(self._gather, True))),
-            (numbers, of_numbers),
-        )
-        return next((task for due, task in tasks if due and task.name not in given_up), None)
+        yield from super().tasks()
+        yield from self.comparison.tasks()
+        if numbers and rough:
+            yield of_numbers
+        picture = REFERENCE in self._settings.beside_estimate
+        if picture and (everywhere is None or everywhere.noise > PICTURE_NOISE):
+            yield Task(gathering, functools.partial(self._gather, True))
+        if numbers:
+            yield of_numbers
 
     def keep(self) -> None:
         """Save the references at the scene's start poses."""
         for reference in self._references.values():
             reference.keep()
 
-    def _key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
+    def _reference_key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
         return tuple(sorted(poses.items())), everywhere or self._few, self._solver.levels.tobytes()
-
-    def _measure(self) -> None:
-        """Time a frame of all photons TIMED_FRAMES times, then compute one of a subset, one frame per call."""
-        if (m := self._measured) is None:
-            m = self._measured = Measured(self._solver.twin())
-            if self._solver.light == "photons":  # then they light mobiles too
-                m.twin.configure(subset_only=True)
-        twin = m.twin
-        if len(m.seconds) < TIMED_FRAMES:
-            started = self._clock()
-            twin.move_all({})
-            m.seconds.append(self._clock() - started)
-            m.photons = twin.frame.photons
-            return
-        m.subset = subset_to_compare(twin.frame.subsets) or 0
-        if m.subset:
-            m.fewer = self._of_fewer(m, twin)
-        m.twin = None
-
-    def _of_fewer(self, m: Measured, twin: Solver) -> np.ndarray:
-        """Return the irradiance (R, 3) of a subset; differences on path-traced mobiles are scaled to its variance."""
-        if not twin.frame.paths:
-            twin.move_all({}, m.subset)
-            return twin.irradiance
-        E = twin.irradiance
-        twin.move_all({}, m.subset, twin.paths_at_rest // 2)
-        fewer, mobile = twin.irradiance, slice(twin.surfaces.receiver_range(0).stop, None)
-        # Half the paths are independent paths: variances v and 2 v add up. A subset's difference has v (N / n - 1).
-        fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.subset - 1) / 3)
-        return fewer
 
     def _gather(self, everywhere: bool) -> None:
         """Trace a step of the reference and update the report."""
         from gi_core.gather.reference_sample import draw_by_area
         from gi_core.gather.view_level import visual_shares
 
-        solver, key = self._solver, self._key(self._solver.poses, everywhere)
+        solver, key = self._solver, self._reference_key(self._solver.poses, everywhere)
         reference = self._references.pop(key, None)
         if reference is None:
             rows = np.flatnonzero(self._areas > 0)
@@ -239,7 +244,7 @@ class LiveError:
         m, E, w = self._measured, self._light[reference.rows], reference.weights
         total = relative_error(E, reference.irradiance, w).l1
         noise = float("nan")
-        if m is not None and m.subset:
+        if m.subset:
             at = self._solver.model.transforms(self._solver.poses)
             deviation = self._solver.frame_light.deviation(at, self._solver.frame.background)[reference.rows]
             noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, deviation)
@@ -249,6 +254,6 @@ class LiveError:
         of = int((self._areas > 0).sum())
         bias = bias_left(total, noise, reference.noise)
         self.report = Report(total, noise, bias, reference.noise, len(reference.rows), of, reference.paths, done)
-        if m is not None and m.seconds and total == total:
+        if m.seconds and total == total:
             seconds = statistics.median(m.seconds)
             self.point = MeasuredPoint(self._solver.setting, m.photons, seconds, total, reference.noise)

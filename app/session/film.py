@@ -14,11 +14,12 @@ from app.draw.false_colour import Scale
 from app.draw.layers import Layers, layers
 from app.draw.picture_files import write_exr, write_png
 from app.draw.shot import Shot
-from app.rest.gather_jobs import restore
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
 from gi_core.gather.estimate import Estimate
+from gi_core.gather.static import StaticGather
 from gi_core.scene import Pose, Scene
+from gi_core.solver import Solver
 
 
 class Still(NamedTuple):
@@ -90,3 +91,13 @@ def _ready(film: Film, threads: int | None) -> tuple[Shot, bool]:
 def _drawn(ready: tuple[Shot, bool], at: Mapping[str, Pose]) -> Still:
     shot, linear = ready
     return next(along(shot, [at], linear))
+
+
+def restore(solver: Solver, light: Estimate) -> None:
+    """Show static light gathered by another solver of the same scene and settings."""
+    static = solver.frame_light.static
+    static.gathered = StaticGather(solver.model, solver.seed)
+    static.gathered.estimate = light
+    for progress in solver.gather_steps():
+        if progress.stage == "gathering":
+            return  # shown, and not a path traced

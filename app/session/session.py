@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from app.rest.measured_points import MeasuredPoints
+from app.rest.results import MeasuredPoints
 from app.session.lamp_changes import LampChanges, changes_exposure
 from app.session.log import WARNING, Log
 from app.session.open_scene import OpenScene

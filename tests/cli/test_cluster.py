@@ -24,8 +24,8 @@ from app.commands import bake, reference, render
 from app.measure.chart.page import _processes
 from app.measure.chart.run import Run
 from app.rest import spread_paths
-from app.rest.gather_jobs import restore
-from app.rest.timed_gathering import gather
+from app.rest.scheduler import gather
+from app.session.film import restore
 from app.settings import Settings, make_solver
 from gi_core.defaults.choose import choose
 from gi_core.gather.static import StaticGather
@@ -87,7 +87,7 @@ def test_frames_are_the_same_files_though_a_process_is_killed(machines, a_scene,
         monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "kept" / name))
         (tmp_path / name).mkdir()
         counted = functools.partial(gather, clock=ticking(0.01))  # as much light on any machine
-        monkeypatch.setattr("app.rest.timed_gathering.gather", counted)
+        monkeypatch.setattr("app.rest.scheduler.gather", counted)
         render.render(SMALL, tmp_path / name / "a.png", FRAMES, seconds=4.0, machines=team)
         found.append(files(tmp_path / name))
     assert one_is_killed and len(found[0]) == FRAMES and found[0] == found[1]

@@ -18,7 +18,7 @@ from app.commands.render import numbered
 from app.draw import motion
 from app.draw.picture_files import write_png
 from app.draw.tonemap import to_display
-from app.rest.timed_gathering import gather
+from app.rest.scheduler import gather
 from app.settings import Settings, make_solver
 from gi_core.scene import KeyFrames
 from tests.cli.test_render import checkered_room
@@ -202,7 +202,7 @@ def ticking(step: float):
 
 def test_a_picture_has_the_windows_light_within_its_time(tmp_path, room_instead_of_a_file, monkeypatch):
     """Gathered for some seconds, its light is that of paths; without seconds and by photons only, it is not."""
-    monkeypatch.setattr("app.rest.timed_gathering.gather", functools.partial(gather, clock=ticking(0.01)))
+    monkeypatch.setattr("app.rest.scheduler.gather", functools.partial(gather, clock=ticking(0.01)))
     asked = [(SMALL, 0.0), (SMALL, 80.0), (replace(SMALL, light="photons"), 1.0)]
     entries = [Image.open(*render.render(s, tmp_path / "a.png", seconds=t)).text for s, t in asked]
     assert [e["static_light"].partition(",")[0] for e in entries] == ["photons", "gathered", "photons"]

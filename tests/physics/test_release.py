@@ -82,7 +82,7 @@ def test_rested_scene_is_freed_with_its_references():
 
 def test_scene_under_comparison_is_freed():
     s = opened(replace(SETTINGS, compare="impact_count"))
-    until(s, lambda: s.light._work.live_error.comparison.steps is not None)
+    until(s, lambda: s.light._work.live_error.comparison._steps is not None)
     refs = [*held_by(s), weakref.ref(s.light._work.live_error.comparison)]
     s.close()
     s = None

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.rest import timed_gathering
-from app.rest.gather_jobs import StaticJob
+from app.rest import scheduler
+from app.rest.jobs import StaticJob, first_task
 from app.rest.reference_store import StaticStore
 from app.session.log import Log
 from app.session.opening import Opened, Opening
@@ -92,7 +92,7 @@ def test_switched_on_and_off_in_the_panel():
     session = opened("photons")
     rest_until(session, lambda: not session.refining)
     plain = session.irradiance
-    assert session.light._work.gathering.next_work() is None
+    assert first_task((session.light._work.gathering,), session.settings) is None
     session.want(replace(session.settings, light="best"))
     rest_until(session, lambda: is_finished(session))
     session.tick(1 / 60)
@@ -121,7 +121,7 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        timed_gathering.gather(solver, 3600.0, bar)
+        scheduler.gather(solver, 3600.0, bar)
     kept = StaticStore(solver.model, solver.seed).load()
     assert kept is not None and np.array_equal(kept.state.mean, solver.frame_light.static.gathered.state.mean)
 
@@ -139,7 +139,7 @@ def test_other_mobiles_find_the_same_file_other_walls_do_not():
 def test_nothing_is_gathered_with_photons_only():
     solver = Solver(SCENE, photons=100, radius=0.06)
     solver.solve()
-    assert StaticJob(solver, time.monotonic).next_work() is None
+    assert first_task((StaticJob(solver, time.monotonic),), Settings()) is None
 
 
 def test_estimators_keep_their_light():

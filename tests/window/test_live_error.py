@@ -12,8 +12,9 @@ import pytest
 
 from app.draw.draw_mesh import draw_meshes
 from app.rest import live_error as module
-from app.rest.live_error import LiveError, Wants
-from app.rest.measured_points import MeasuredPoints
+from app.rest.jobs import first_task
+from app.rest.live_error import LiveError
+from app.rest.results import MeasuredPoints
 from app.rest.scheduler import RestWork
 from app.session.log import Log
 from app.session.session import Session
@@ -32,7 +33,7 @@ from tests.support import viewer_support as support
 from tests.support.scene_builders import sunny_house
 from tests.window.test_session import FRAME, frame, make
 
-NUMBERS = Wants()
+NUMBERS, PICTURE = Settings(), Settings(reference=True)
 
 
 @pytest.fixture(autouse=True)
@@ -51,7 +52,7 @@ def solver():
 def finish(live_error, wants=NUMBERS, pieces=3000):
     """Do all the work; return the number of pieces."""
     for k in range(pieces):
-        task = live_error.next_task(wants)
+        task = first_task((live_error,), wants)
         if task is None:
             return k
         task.run()
@@ -160,7 +161,7 @@ def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
     finish(live_error)
     r = live_error.report
     assert 0 < r.receivers <= 300 < r.of and live_error.picture is None
-    finish(live_error, Wants(picture=True))
+    finish(live_error, PICTURE)
     picture = live_error.reference(solver.poses, True)
     assert picture.seen == live_error.picture.seen == 1
     E = np.full_like(solver.irradiance, np.nan)
@@ -193,7 +194,7 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
     solver = Solver(beside_a_face_without_area(), photons=20_000, radius=0.06)
     solver.solve()
     live_error = LiveError(solver, time.perf_counter)
-    finish(live_error, Wants(picture=True))
+    finish(live_error, PICTURE)
     E, known = live_error.picture.drawn.irradiance, solver.receivers.areas > 0
     assert np.isnan(E).any() and np.isfinite(E[known]).all()
     rest = SimpleNamespace(reference=live_error.picture, comparison=None)
@@ -215,10 +216,10 @@ def test_comparison_equals_a_solver_of_that_estimator(solver):
     alone = Solver(support.room(), "photon_map", photons=20_000, radius=0.06)
     alone.solve()
     live_error = LiveError(solver, time.perf_counter)
-    other = Wants(numbers=False, other="photon_map")
+    other = Settings(measure_errors=False, compare="photon_map")
     before = solver.irradiance
     finish(live_error, other)
-    assert live_error.comparison.is_done("photon_map") and not live_error.comparison.is_done("impact_count")
+    assert live_error.comparison.result.estimator == "photon_map"
     assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
     assert solver.irradiance is before and solver.setting.estimator == "tangent_plane"
     pose = solver.poses["block"]
@@ -230,7 +231,7 @@ def test_comparison_equals_a_solver_of_that_estimator(solver):
     finish(live_error, other)
     assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
     solver.move("block", pose)
-    assert live_error.next_task(Wants(numbers=False)) is None
+    assert first_task((live_error,), Settings(measure_errors=False)) is None
     assert live_error.comparison.result is None and live_error.comparison._twin is None, "its memory is given back"
 
 

@@ -396,8 +396,8 @@ def test_steps_left_open_keep_no_closed_scene():
     light, solver = SolverThread(s.solver, Log(), time.perf_counter, worker), weakref.ref(s.solver)
     light.refine(0.0)
     light._wait(support.PATIENCE)
-    light._work.gathering.steps = s.solver.gather_steps()
-    worker.submit(partial(next, light._work.gathering.steps)).result()
+    light._work.gathering._steps = s.solver.gather_steps()
+    worker.submit(partial(next, light._work.gathering._steps)).result()
     assert light.refined < 1
     light.close(support.PATIENCE)
     del s, light

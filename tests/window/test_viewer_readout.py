@@ -313,10 +313,10 @@ def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(pla
 
 def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(play, monkeypatch):
     """The window's thread traces none of its paths."""
-    from app.rest.plane_job import PlaneJob
+    from app.rest.jobs import PlaneJob
 
-    threads, step = set(), PlaneJob._step
-    monkeypatch.setattr(PlaneJob, "_step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
+    threads, step = set(), PlaneJob.step
+    monkeypatch.setattr(PlaneJob, "step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
 
     def script(hand, viewer):
         session = viewer.session

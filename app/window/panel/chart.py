@@ -7,7 +7,7 @@ import math
 import numpy as np
 from imgui_bundle import ImVec4, imgui, implot
 
-from app.rest.measured_points import MeasuredPoint
+from app.rest.results import MeasuredPoint
 from app.settings import Settings
 from app.window import theme
 from app.window.panel import widgets as ui

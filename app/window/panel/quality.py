@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from imgui_bundle import imgui
 
-from app.rest.measured_points import MeasuredPoint
+from app.rest.results import MeasuredPoint
 from app.settings import Settings
 from app.window.panel import status
 from app.window.panel import widgets as ui

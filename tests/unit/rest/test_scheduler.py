@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.rest import live_error
+from app.rest.jobs import Job, PlaneJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
@@ -83,10 +84,10 @@ def test_work_at_rest_ends_without_light():
 
 
 JOBS = {
-    "gathering the static light": "app.rest.gather_jobs.StaticJob._step",
-    "gathering the light at these poses": "app.rest.gather_jobs.PoseJob._step",
-    "timing frames": "app.rest.live_error.LiveError._measure",
-    "computing impact count": "app.rest.comparison.ComparisonJob.step",
+    "gathering the static light": "app.rest.jobs.StaticJob.step",
+    "gathering the light at these poses": "app.rest.jobs.PoseJob.step",
+    "timing frames": "app.rest.live_error.LiveError.step",
+    "computing impact count": "app.rest.jobs.ComparisonJob.step",
     "gathering the reference": "app.rest.live_error.ReferenceJob.step",
 }
 
@@ -115,7 +116,7 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     done = {
         "gathering the static light": session.light.snapshot.rest.gathered.fraction == 1.0,
         "gathering the light at these poses": at_poses is not None and at_poses.fraction == 1.0,
-        "timing frames": measured is not None and measured.twin is None,
+        "timing frames": len(measured.seconds) > 0 and measured.twin is None,
         "computing impact count": results.comparison is not None,
         "gathering the reference": report is not None and report.done,
     }
@@ -147,7 +148,8 @@ def test_unusable_stored_file_counts_as_none(what, folder):
 @pytest.mark.slow
 def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_poses():
     """Its light stays, marked as out of date, until that of the new poses is there; without a plane there is none."""
-    from app.rest.scheduler import PLANE, RestWork
+
+    from app.rest.scheduler import RestWork
     from app.settings import MeasuringPlane
 
     solver = Solver(SCENE, photons=3000, radius=0.06)
@@ -166,7 +168,7 @@ def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_
         raise AssertionError("the plane is not measured")
 
     until(lambda: work.results().plane is not None)
-    assert names[:12].count(PLANE) >= 3 and len(set(names)) > 1, "it takes turns"
+    assert names[:12].count(PlaneJob.name) >= 3 and len(set(names)) > 1, "it takes turns"
     until(lambda: work.results().plane.fraction == 1)
     first = work.results().plane
     assert first.is_current and np.isfinite(first.values).all()
@@ -178,3 +180,23 @@ def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_
     assert not np.array_equal(work.results().plane.values, first.values)
     work.next_task(replace(settings, plane=None))
     assert work.results().plane is None
+
+
+def test_a_step_that_raises_lets_the_job_begin_again():
+    """A measuring plane whose step was broken off by a move had ended for its poses."""
+    begun = []
+
+    class Counting(Job):
+        def key(self, settings):
+            return settings.photons
+
+        def begin(self):
+            begun.append(self._key)
+            return (1 // (2 - step) for step in range(len(begun) + 2))
+
+    jobs, settings = (Counting(None),), Settings(photons=1000)
+    with pytest.raises(ZeroDivisionError):
+        while first_task(jobs, settings).run() is False:
+            pass
+    assert first_task(jobs, settings) is not None and begun == [1000]
+    assert first_task(jobs, replace(settings, photons=2000)).run() is False and begun == [1000, 2000]

@@ -1,0 +1,241 @@
+"""Jobs at rest: work in short steps, begun for a key and again for another one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from app.rest.results import Comparison, GatherProgress
+from app.settings import REFERENCE, Settings
+from app.worker import Task
+from gi_core.base.pause import Progress
+
+if TYPE_CHECKING:
+    from app.rest.measuring_plane import Level, PlaneLight
+    from gi_core.gather.pose_gather import PoseGather
+    from gi_core.solver import Solver
+
+
+class Job:
+    """One per solver and kind of work; only the solver's thread uses it."""
+
+    name = ""  # the log names it after a failure
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+        self.restart()
+
+    def key(self, settings: Settings) -> Any:
+        """Return the inputs of the steps, None without work."""
+        raise NotImplementedError
+
+    def begin(self) -> Iterator:
+        """Return the steps of the present key. They refer to no job: that would be a reference cycle."""
+        raise NotImplementedError
+
+    def take(self, result: Any) -> bool:
+        """Take over the result of a step; return whether irradiance has changed."""
+        return isinstance(result, Progress) and result.picture
+
+    def restart(self) -> None:
+        """Drop the steps, and the results that belong to the light."""
+        self._key: Any = None
+        self._steps: Iterator | None = None  # None: not begun
+        self._ended = False
+
+    def drop(self) -> None:
+        """Free all that nothing wants any more."""
+        self.restart()
+
+    def want(self, settings: Settings) -> None:
+        """Follow the settings and the solver."""
+        key = self.key(settings)
+        if key is None:
+            self.drop()
+        elif key != self._key:
+            self.restart()
+            self._key = key
+
+    def tasks(self) -> Iterable[Task]:
+        """Return the tasks that are due, the most urgent first."""
+        return () if self._key is None or self._ended else (Task(self.name, self.step),)
+
+    def step(self) -> bool:
+        """Advance by a step; return whether irradiance has changed. Steps that raise begin again."""
+        steps, self._steps = self._steps or self.begin(), None
+        for result in steps:
+            self._steps = steps
+            return self.take(result)
+        self._ended = True
+        return False
+
+
+def first_task(jobs: Sequence[Job], settings: Settings, given_up: Collection[str] = ()) -> Task | None:
+    """Return the first task of a kind not given up, None at the end of all jobs."""
+    for job in jobs:
+        job.want(settings)
+    return next((task for job in jobs for task in job.tasks() if task.name not in given_up), None)
+
+
+class StaticJob(Job):
+    """Gathers the static part's light, and saves it."""
+
+    name = "gathering the static light"
+
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        super().__init__(solver)
+        self._clock, self._saved_at = clock, 0.0
+        self._saved: tuple | None = None  # photons, and noise and sets of gathered light, in the file
+
+    @property
+    def progress(self) -> GatherProgress:
+        solver, light = self._solver, self._solver.frame_light
+        g, error = light.static.gathered, light.static.error(solver.levels)
+        return GatherProgress(g.fraction if g else 0.0, error, light.is_gathered)
+
+    def key(self, settings: Settings) -> bool | None:
+        light = self._solver.frame_light
+        g = light.static.gathered
+        finished = self._steps is None and g is not None and g.enough  # its light is in the picture
+        finished = finished and not light.lacks_gloss(self._solver.frame.background)
+        return None if self._solver.light != "best" or finished else True
+
+    def begin(self) -> Iterator:
+        from app.rest.reference_store import StaticStore
+
+        solver, static = self._solver, self._solver.frame_light.static
+        if static.gathered is None:
+            static.gathered = StaticStore(solver.model, solver.seed).load()
+        self._saved_at = self._clock()
+        return solver.gather_steps()
+
+    def step(self) -> bool:
+        from app.rest.reference_store import SAVE_SECONDS
+
+        changed, enough = super().step(), self._solver.frame_light.static.gathered.enough
+        if self._ended or enough or self._clock() - self._saved_at > SAVE_SECONDS:
+            self.keep()
+        self._ended = False  # photons may come that lack gloss
+        return changed
+
+    def keep(self) -> None:
+        """Save the light on show and its paths if the file has others."""
+        from app.rest.reference_store import StaticStore
+
+        solver = self._solver
+        b, g = solver.frame.background, solver.frame_light.static.gathered
+        photons = 0 if b is None else b.estimate.photons
+        now = photons, g and g.noise, g and g.state and int(g.state.sets.sum())
+        store = StaticStore(solver.model, solver.seed)
+        if solver.light != "best" or now == self._saved or not (g or (photons and not store.path.exists())):
+            return  # a file that was not read may have less error
+        store.keep_light(solver.frame_light.static, b)
+        self._saved_at, self._saved = self._clock(), now
+
+
+class PoseJob(Job):
+    """Gathers the light at the present poses."""
+
+    name = "gathering the light at these poses"
+
+    @property
+    def light(self) -> PoseGather | None:
+        """The light at the present poses, None before the first step."""
+        s = self._solver
+        return s.frame_light.gathered_at(s.model.transforms(s.poses))
+
+    def key(self, settings: Settings) -> tuple | None:
+        s = self._solver
+        asked = s.light == "best" and s.model.names and s.frame.photons
+        return (s.frame.photons, *state_of(s)) if asked else None
+
+    def begin(self) -> Iterator:
+        return self._solver.gather_pose_steps()
+
+
+class PlaneJob(Job):
+    """Measures a plane at the present poses; see `app.rest.measuring_plane`."""
+
+    name = "measuring the plane"
+
+    def __init__(self, solver: Solver) -> None:
+        super().__init__(solver)
+        self._level: Level | None = None
+        self._light: PlaneLight | None = None
+        self._lit: tuple | None = None  # the key of the light
+
+    @property
+    def light(self) -> PlaneLight | None:
+        """The light on the plane; None without one, or before the first result."""
+        if self._light is None or self._key is None:
+            return None
+        return self._light._replace(is_current=self._lit == (self._key[0], *state_of(self._solver)))
+
+    def key(self, settings: Settings) -> tuple | None:
+        return None if settings.plane is None else (settings.plane, *state_of(self._solver))
+
+    def begin(self) -> Iterator:
+        from app.rest.measuring_plane import level_of, plane_steps
+
+        s = self._solver
+        self._level = self._level or level_of(s.model)
+        return plane_steps(s.model, self._key[0], self._level, s.poses, s.levels, s.seed)
+
+    def take(self, result: PlaneLight) -> bool:
+        if result.fraction > 0:  # earlier light stays until its successor has values
+            self._light, self._lit = result, self._key
+        return False
+
+    def drop(self) -> None:
+        super().drop()
+        self._light = None
+
+
+class ComparisonJob(Job):
+    """Computes the light of another estimator for the right side of a wipe, by a twin that shares the photons."""
+
+    result: Comparison | None
+
+    def __init__(self, solver: Solver) -> None:
+        super().__init__(solver)
+        self._twin: Solver | None = None
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        return f"computing {self._key.replace('_', ' ')}"
+
+    def key(self, settings: Settings) -> str | None:
+        return None if settings.compare in ("", REFERENCE) else settings.compare
+
+    def begin(self) -> Iterator:
+        self._twin = self._twin or self._solver.twin()
+        return _compared(self._solver, self._twin, self._key)
+
+    def take(self, result: Comparison | None) -> bool:
+        self.result = result
+        return False
+
+    def restart(self) -> None:
+        super().restart()
+        self.result = None
+
+    def drop(self) -> None:
+        super().drop()
+        self._twin = None
+
+
+def _compared(solver: Solver, twin: Solver, estimator: str) -> Iterator[Comparison | None]:
+    """Yield None per step of the twin, then the result."""
+    fields = {**solver.setting._asdict(), "estimator": estimator}
+    twin.configure(photons=solver.photons, light="photons", **fields)
+    yield None
+    for _ in twin.solve_steps():
+        yield None
+    twin.move_all(solver.poses)
+    drawn = solver.drawn(twin.irradiance)
+    yield Comparison(estimator, twin.frame.photons, twin.irradiance, drawn)
+
+
+def state_of(solver: Solver) -> tuple:
+    """Return poses and levels as a key."""
+    return tuple(sorted(solver.poses.items())), solver.levels.tobytes()
