@@ -10,7 +10,6 @@ from pathlib import Path
 from imgui_bundle import imgui, implot
 
 from app.session.log import Log
-from app.session.malloc_arenas import limit_arenas
 from app.session.moving_median import MovingMedian
 from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
@@ -24,6 +23,7 @@ from app.window.frame_clock import LONGEST_WAIT, FrameClock
 from app.window.menus import Menus
 from app.window.painter import Painter
 from app.window.viewport import Viewport
+from app.worker import limit_arenas
 
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from imgui_bundle import imgui
 
-from app.window.actions import files, lamps, objects, picture, views
+from app.window.actions import files, lamps, objects, views
 from app.window.panel.lights import AddLamp, ChangeLight, SelectLamp
 from app.window.panel.material import ChoosePart, Refinish
 from app.window.panel.objects import Move, Select
@@ -102,7 +102,7 @@ ACTIONS = {
     "export": Action(files.export, label="Export read-outs..."),
     "reset all": Action(views.reset_all, (K.r,), "R", "reset objects and view"),
     "reset poses": Action(objects.reset_poses, label="Reset objects"),
-    "reset settings": Action(picture.reset_settings, label="Reset settings"),
+    "reset settings": Action(views.reset_settings, label="Reset settings"),
     "reset view": Action(views.reset_view, (K.home,), "Home", "reset the view", label="Reset view"),
     "rest": Action(objects.rest, label="Rest on floor"),
     "insert": Action(objects.choose_and_insert, label="Insert object..."),
@@ -143,24 +143,24 @@ ACTIONS = {
         lambda w: toggle_full_screen(), (K.f11,), "F11", "full screen, or a window again", False, "Full screen"
     ),
     "reference": Action(
-        partial(picture.toggle, "reference"), (K._0,), "0", "switch between estimate and reference",
+        partial(views.toggle, "reference"), (K._0,), "0", "switch between estimate and reference",
         label="Estimate or reference",
     ),
     "show paths": Action(
-        partial(picture.toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"
+        partial(views.toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"
     ),
     "show disc": Action(
-        partial(picture.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts at the cursor or a click",
+        partial(views.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts at the cursor or a click",
         label="What the estimator counts",
     ),
     "show recomputed": Action(
-        partial(picture.toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed",
+        partial(views.toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed",
         label="What the frame computed",
     ),
-    "meter": Action(picture.meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
+    "meter": Action(views.meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
     "clear chart": Action(lambda w: w.session.points.clear()),
     "toggle panel": Action(views.toggle_panel, (K.tab,), "Tab", "hide or show the panel", False, "Panel"),
     "help": Action(views.toggle_help, (K.h,), "H", "hide or show this help", False, "Keys and mouse"),
     "quit": Action(lambda w: w.leave(), (_ctrl(K.q),), "Ctrl+Q", "quit", False, "Quit"),
-    **{f"estimator {k}": Action(partial(picture.choose_estimator, k), (key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
+    **{f"estimator {k}": Action(partial(views.choose_estimator, k), (key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
 }  # fmt: skip

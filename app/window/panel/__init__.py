@@ -3,46 +3,92 @@
 `draw(window, folds)` returns the edited settings and the requested actions. The frame compares old and new
 settings and restarts the first stage that a change affects.
 
-A section is one file with `draw(settings, window, actions) -> Settings` and one line in SECTIONS, or in RESEARCH if it
-is about the method: one switch shows those. A new setting is one entry of a group in app/settings.py. Numbers are read
-from the session (app/session/session.py) and from `session.light.snapshot`, the frame on show. Widgets with label and
-tooltip are in widgets.py.
+A section is a function (settings, window, actions) -> Settings, the `draw` of its own file where it is long, and a line
+in SECTIONS, or in RESEARCH if it is about the method: one switch shows those. A new setting is one entry of a group in
+app/settings.py. Numbers are read from the session (app/session/session.py) and from `session.light.snapshot`, the frame
+on show. Widgets with label and tooltip are in widgets.py.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 from imgui_bundle import hello_imgui, imgui
 
 from app.settings import Settings
 from app.window.panel import (
-    artifacts,
     chart,
     error,
     lamps,
     material,
     method,
-    motion,
-    notes,
     objects,
     picture,
     quality,
-    rays,
     readouts,
+    research,
     scene,
-    search,
-    statistics,
     status,
-    timings,
 )
 from app.window.panel import widgets as ui
-from app.window.panel.steady import Steady
 from app.window.parts import Window
 
 PREFERENCE = "sections"  # in the window's ini file
+PANEL_WIDTH = "panel"  # in the window's ini file
 FOLDED, UNFOLDED = "-", "+"
+
+
+class Steady:
+    """The panel stays where it is: as wide in letters at every interface size, and its rows under the mouse.
+
+    `load` after the window opens; `begin`, `mark` each section, then `end`, once per frame; `save` at its end.
+    """
+
+    def __init__(self) -> None:
+        self._letters = 22.0  # the panel's width in letters
+        self._width = 0.0  # the same as set last [points]
+        self._font = 0.0  # size [points] when the panel was drawn last; 0: not yet
+        self._at: dict[str, float] = {}  # section -> its place in the whole of the panel [points]
+        self._before: dict[str, float] = {}  # the same of the last frame
+        self._used = ""  # the section that the mouse was on last
+
+    def load(self) -> None:
+        with suppress(ValueError):
+            self._letters = max(float(hello_imgui.load_user_pref(PANEL_WIDTH)), 1.0)
+
+    def save(self) -> None:
+        hello_imgui.save_user_pref(PANEL_WIDTH, f"{self._letters:g}")
+
+    def begin(self) -> None:
+        """Keep the panel's width in letters, where the user has drawn its edge."""
+        font, node = imgui.get_font_size(), imgui.internal.get_current_window().dock_node
+        if node is not None:
+            if font == self._font and node.size.x != self._width:  # the user has moved its edge
+                self._letters, self._width = node.size.x / font, node.size.x
+            if font != self._font:
+                most = 0.55 * imgui.get_main_viewport().work_size.x  # the picture has the rest
+                self._width = math.floor(min(self._letters * font, most))
+                imgui.internal.dock_builder_set_node_size(node.id_, (self._width, node.size.y))
+                self._before.clear()
+        self._font = font
+        self._at.clear()
+
+    def mark(self, section: str) -> None:
+        """Remember where a section begins."""
+        self._at[section] = imgui.get_cursor_pos_y()
+        if imgui.is_window_hovered() and imgui.get_cursor_screen_pos().y <= imgui.get_mouse_pos().y:
+            self._used = section
+
+    def end(self) -> None:
+        """Keep the section that the mouse was on where it was, after a click in the picture has made others longer."""
+        if not imgui.is_window_hovered() and self._used in self._at and self._used in self._before:
+            shift = self._at[self._used] - self._before[self._used]
+            if shift:
+                imgui.set_scroll_y(imgui.get_scroll_y() + shift)
+        self._before = dict(self._at)
 
 
 class Folds:
@@ -116,18 +162,18 @@ SECTIONS = (
     Section("Picture", picture.draw),
     Section("Read-outs", readouts.draw),
     Section("Quality", quality.draw),
-    Section("Scene notes", notes.draw, unfolded=False, visible=lambda window: bool(window.session.scene.notes)),
+    Section("Scene notes", scene.notes, unfolded=False, visible=lambda window: bool(window.session.scene.notes)),
 )
 RESEARCH = (
     Section("Method", method.draw),
-    Section("Motion", motion.draw),
+    Section("Motion", research.motion),
     Section("Error", error.draw),
     Section("Error against time", chart.draw, unfolded=False),
-    Section("Bias correction", artifacts.draw, unfolded=False),
-    Section("Disc search", search.draw, unfolded=False, visible=_has_discs),
-    Section("Rays", rays.draw, unfolded=False),
-    Section("Timings", timings.draw, unfolded=False),
-    Section("Statistics", statistics.draw, unfolded=False),
+    Section("Bias correction", research.artifacts, unfolded=False),
+    Section("Disc search", research.search, unfolded=False, visible=_has_discs),
+    Section("Rays", research.rays, unfolded=False),
+    Section("Timings", research.timings, unfolded=False),
+    Section("Statistics", research.statistics, unfolded=False),
 )
 
 

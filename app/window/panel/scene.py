@@ -1,4 +1,4 @@
-"""The current scene: name, units, reload."""
+"""The current scene: name, units, reload; assumptions made where its files give no value."""
 
 from __future__ import annotations
 
@@ -34,4 +34,12 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
         imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))
         imgui.text_wrapped(window.reload.problem)
         imgui.pop_style_color()
+    return s
+
+
+def notes(s: Settings, window: Window, actions: set[str]) -> Settings:
+    imgui.push_style_color(imgui.Col_.text, (*theme.DIM_TEXT, 1.0))
+    for note in window.session.scene.notes:
+        imgui.text_wrapped(note)
+    imgui.pop_style_color()
     return s

@@ -10,13 +10,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.session import malloc_arenas
-from app.session.malloc_arenas import ARENAS
+from app import worker
+from app.worker import ARENAS
 
 ROOT = Path(__file__).parents[3]
 IN_THREADS = """
 import ctypes, re, sys, threading
-from app.session.malloc_arenas import limit_arenas
+from app.worker import limit_arenas
 if sys.argv[1] == "limited":
     limit_arenas()
 together = threading.Barrier(8)
@@ -53,5 +53,5 @@ def test_other_c_libraries_are_left_alone(monkeypatch, problem):
             raise problem("not here")
         return SimpleNamespace()  # another C library
 
-    monkeypatch.setattr(malloc_arenas.ctypes, "CDLL", library)
-    assert malloc_arenas.limit_arenas() is None
+    monkeypatch.setattr(worker.ctypes, "CDLL", library)
+    assert worker.limit_arenas() is None

@@ -1,0 +1,159 @@
+"""Sections about the method, all small."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from imgui_bundle import imgui
+
+from app.settings import CLICKED, POINTED, Settings
+from app.window.panel import widgets as ui
+from app.window.parts import Window
+
+BUDGET_RANGE = (8, 100)  # [ms]; 101: off
+SWITCHES = {  # field -> estimator, name, explanation
+    "control": (
+        "tangent_plane",
+        "Artifact control",
+        "light counts only on the part of a disc that light can reach past other objects.\n"
+        "Off: slightly faster, but corners and contacts darken and light leaks through thin walls.",
+    ),
+    "border_correction": (
+        "photon_map",
+        "Border correction",
+        "a vertex on a border or a crease counts hits on its own surface alone, divided by the part of the disc that "
+        "this surface covers. Vertices beside a border are not corrected.\n"
+        "Off: free borders are dark; at creases, hits on the other surface count too.",
+    ),
+    "textbook": (
+        "photon_map",
+        "Count k-th hit",
+        "the k-th hit counts too, as in the report. Light is too bright by the factor k / (k - 1).",
+    ),
+}
+LABELS = {"bvh": "BVH", "grid3d": "3D grid", "bsp": "BSP tree"}
+
+
+def motion(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """The time budget of a frame while something moves."""
+    snapshot = window.session.light.snapshot
+    low, high = BUDGET_RANGE
+    value = round(s.budget) if s.budget > 0 else high + 1
+    with ui.idle("" if snapshot.poses else "the scene has no movable object"):
+        changed, value = ui.int_slider("Time budget", value, low, high + 1, f"{value} ms" if value <= high else "off")
+        if changed:
+            s = replace(s, budget=float(value) if value <= high else 0.0)
+        ui.tip(
+            "Time for computing light per frame while something moves. It limits photons and paths; at rest all are "
+            "used.\nOff: every frame uses all photons."
+        )
+    shown = f"{ui.thousands(snapshot.photons)} of {ui.thousands(snapshot.photons_at_rest)}"
+    ui.number("Photons shown", shown, "Photons in this picture, of those in the picture at rest.")
+    paths = ui.thousands(snapshot.paths) if snapshot.paths else ui.DASH
+    ui.number("Paths per vertex", paths, "Paths traced per vertex of objects that move. A dash: photons light them.")
+    return s
+
+
+def artifacts(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """Bias correction: switches of the estimators, and the receivers that artifact control concerns."""
+    for field, (of, name, about) in SWITCHES.items():
+        with ui.idle(ui.only(of, s)):
+            changed, on = imgui.checkbox(name, getattr(s, field))
+            if changed:
+                change: dict[str, Any] = {field: on}
+                s = replace(s, **change)
+            ui.tip(f"{of}: {about}")
+    snapshot = window.session.light.snapshot
+    control = snapshot.control
+    ui.number(
+        "Clipped discs",
+        f"{100 * control.share:.1f} %",
+        "Receivers with a wall or an edge in their disc; for photon_map, on a border.",
+    )
+    ui.number("   stale", ui.thousands(control.stale),
+              "Static receivers with a movable object in their disc. The last frame estimated them again.")  # fmt: skip
+    ui.number(
+        "   on mobiles",
+        ui.thousands(control.on_mobiles),
+        "Mobile receivers with another object in their disc.",
+    )
+    cost = snapshot.timings.get("contact")
+    ui.number("   contact time", ui.DASH if cost is None else ui.ms(cost), "Time to find these in the last frame.")
+    return s
+
+
+def search(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """Disc search of tangent_plane: choice, time, size of the index."""
+    from gi_core.discs.search import SEARCHES  # already loaded here; at the top it would delay the window
+
+    s = ui.choice(s, "Search", "search", {key: ui.title(key) for key in SEARCHES},
+                  "Method that finds path segments through a disc: a grid of discs, spheres, or all pairs.\n"
+                  "It changes the time, not the picture.")  # fmt: skip
+    snapshot = window.session.light.snapshot
+    cost = snapshot.timings.get("estimate")
+    ui.number("Estimate time", ui.DASH if cost is None else ui.ms(cost),
+              "Time to find and sum disc intersections in the last frame.")  # fmt: skip
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_disabled(snapshot.search_summary)
+    imgui.pop_text_wrap_pos()
+    return s
+
+
+def rays(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """The structure that traces rays: choice, and its cells over the picture."""
+    from gi_core.rays.structures import DEFAULT, STRUCTURES  # already loaded here
+
+    shown = replace(s, rays=s.rays or DEFAULT)
+    chosen = ui.choice(shown, "Structure", "rays", {key: LABELS.get(key, ui.title(key)) for key in STRUCTURES},
+                       "Space partitioning that traces rays. A change opens the scene again;\n"
+                       "the first time, kernels are compiled for half a minute.\n"
+                       "It changes the time, not the light.")  # fmt: skip
+    if chosen.rays != shown.rays:
+        actions.add("reload")
+        s = chosen
+    return ui.choice(s, "Cells", "cells", {"": "Hidden", POINTED: "Ray under the cursor", CLICKED: "Ray of a click"},
+                     "Leaf cells of the structure over the picture: grey near the point under the cursor,\n"
+                     "yellow where its ray passes, dim where they are empty. The ray of a click stays:\n"
+                     "click a surface, then orbit. Embree does not show its own.")  # fmt: skip
+
+
+def timings(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """Times of a frame and of its stages."""
+    session, frame = window.session, window.frame_seconds.value
+    gi_seconds = session.light.gi_seconds.value
+    fps = f" ({1 / frame:.0f} fps)" if frame > 0 else ""
+    ui.number("Frame", ui.ms(frame) + fps, "Of frames with a new picture, including drawing and display.")
+    gi = ui.ms(gi_seconds) if gi_seconds > 0 else ui.DASH
+    ui.number("GI update", gi, "Time from new poses to irradiance: median of the last moves.")
+    for stage, seconds in session.light.snapshot.timings.items():
+        ui.number("   " + stage, ui.ms(seconds), f"Time of the stage '{stage}' in the last update.")
+    return s
+
+
+def statistics(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """Counts: photons, path segments changed by mobiles, triangles, receivers."""
+    session, snapshot = window.session, window.session.light.snapshot
+    traced, goal, changes = snapshot.photons_at_rest, session.settings.photons, snapshot.changes
+    ui.label("Photons traced")
+    share = traced / goal if goal else 1.0
+    imgui.progress_bar(min(share, 1.0), (-1, 0), "")
+    ui.write_over(f"{ui.thousands(traced)} of {ui.thousands(goal)}")
+    ui.tip(f"Photons traced, of those requested. They have {ui.thousands(snapshot.segments)} path segments.")
+    n = max(snapshot.photons, 1)
+    ui.number("Photons cut", f"{ui.thousands(changes.photons_cut)}   ({100 * changes.photons_cut / n:.2g} %)",
+              "Photons with a path that a movable object blocks. Only these are traced again.")  # fmt: skip
+    ui.number(
+        "Segments removed",
+        ui.thousands(changes.old_segments),
+        "Path segments behind such an object, subtracted.",
+    )
+    ui.number(
+        "Segments added",
+        ui.thousands(changes.new_segments),
+        "Path segments from such an object on, added.",
+    )
+    triangles = sum(len(mesh.triangles) for mesh in session.meshes)
+    ui.number("Triangles", ui.thousands(triangles), "Triangles of the static part and the mobiles.")
+    ui.number("Receivers", ui.thousands(len(snapshot.irradiance)), "Sides of vertices; each stores irradiance.")
+    return s
