@@ -1,8 +1,8 @@
 """Settings: the table of all of them, and one frozen record that the command line, the panel and the commands share.
 
 A setting is one entry of a group below: its type, its default, its option, and the columns of `Row`. Options, saved
-scenes, copied commands, resets, and what a change makes due are read from there.
-Only the standard library is imported at the top, so that `--help` and `--version` stay instant.
+scenes, copied commands, resets, and what a change makes due are read from there. Nothing at the top imports numpy, so
+that `--help` and `--version` stay instant.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app import values
-from app.values import LampSetting, MeasuringPlane, Pin
+from app.values import MeasuringPlane, Pin
+from gi_core.scene.types import LampLevel, LightScene
 
 if TYPE_CHECKING:
     from gi_core.base.results import Results
@@ -167,12 +168,12 @@ class Method:
 class Lighting:
     """Levels of lamps. A change mixes light that is there; each press of the mouse is a step of undo."""
 
-    lamps: tuple[LampSetting, ...] = option(  # those that differ from the scene file
+    lamps: tuple[LampLevel, ...] = option(  # those that differ from the scene file
         (), values.lamp, "NAME=LEVEL", "level of a lamp: 0.5, or r,g,b; `gi-viewer info` lists lamps", "lamp",
         kept="lamps", of_scene=True,
     )  # fmt: skip
     solo: str = unlisted("", of_scene=True)  # the only lamp that is on; "": all that are on
-    light_scenes: tuple[tuple[str, tuple[LampSetting, ...]], ...] = unlisted(  # by name, besides the scene file's
+    light_scenes: tuple[LightScene, ...] = unlisted(  # by name, besides the scene file's
         (), kept="light_scenes", of_scene=True
     )
 
@@ -264,9 +265,9 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
         setting = {name: value for name, value in solver.setting._asdict().items() if name in TABLE}
         return replace(self, **setting, photons=solver.photons, light=solver.light)
 
-    def in_light_scene(self, lamps: tuple[LampSetting, ...]) -> Settings:
+    def in_light_scene(self, lamps: tuple[LampLevel, ...]) -> Settings:
         """Return settings of these lamps; all others are as in the scene file."""
-        return replace(self, lamps=tuple(lamp for lamp in lamps if lamp != LampSetting(lamp.name)), solo="")
+        return replace(self, lamps=tuple(lamp for lamp in lamps if lamp != LampLevel(lamp.name)), solo="")
 
     def without_solo(self, names: Iterable[str]) -> Settings:
         """Return settings of the same levels of these lamps, in which none is alone."""
@@ -278,18 +279,19 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
     def with_light_scene(self, name: str, names: Iterable[str]) -> Settings:
         """Return settings that keep the present levels of these lamps as a light scene."""
         now = self.without_solo(names).lamps
-        return replace(self, light_scenes=tuple({**dict(self.light_scenes), name: now}.items()))
+        scenes = {**dict(self.light_scenes), name: now}
+        return replace(self, light_scenes=tuple(LightScene(*scene) for scene in scenes.items()))
 
-    def _lamps(self, names: Iterable[str]) -> dict[str, LampSetting]:
+    def _lamps(self, names: Iterable[str]) -> dict[str, LampLevel]:
         """Return the state of each of these lamps, and of those that are set."""
-        return {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
+        return {name: LampLevel(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
 
     def levels(self, names: Iterable[str]) -> dict[str, tuple[float, float, float]]:
         """Return the level per channel of each of these lamps, and of those that are set."""
         lamps = self._lamps(names)
         lit = {name: lamp.on and self.solo in ("", name) for name, lamp in lamps.items()}
         return {
-            name: tuple(lamp.dim * c * lit[name] for c in lamp.colour)  # type: ignore[misc]
+            name: tuple(lamp.level * c * lit[name] for c in lamp.colour)  # type: ignore[misc]
             for name, lamp in lamps.items()
         }
 

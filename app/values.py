@@ -1,6 +1,6 @@
 """Values of settings: records, and functions that read the text of an option or raise ArgumentTypeError with its range.
 
-Only the standard library is imported, so that `--help` stays instant.
+Nothing that imports numpy is imported, so that `--help` stays instant.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from gi_core.scene.types import LampLevel
+
 LONGEST_SIDE = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
@@ -20,15 +22,6 @@ MOST_EXPOSURE = 64.0  # EV, of either sign; beyond, every picture is black or wh
 TINIEST, BIGGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
 LEAST_ERROR = 0.01  # %
 MOST_LEVEL = 1000.0  # level of a lamp, as in `gi_core.lights.lamps`
-
-
-class LampSetting(NamedTuple):
-    """Level of a lamp: its light is that of the scene file times `dim` and `colour`."""
-
-    name: str
-    dim: float = 1.0
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    on: bool = True
 
 
 class Pin(NamedTuple):
@@ -152,7 +145,7 @@ def isolines(text: str) -> tuple[float, ...]:
     return values
 
 
-def lamp(text: str) -> LampSetting:
+def lamp(text: str) -> LampLevel:
     name, equals, numbers = text.rpartition("=")
     try:
         values = tuple(not_negative(n) for n in numbers.split(","))
@@ -160,7 +153,7 @@ def lamp(text: str) -> LampSetting:
         values = ()
     fits = name and equals and len(values) in (1, 3) and max(values) <= MOST_LEVEL
     _require(fits, f"NAME=LEVEL or NAME=r,g,b, numbers from 0 to {MOST_LEVEL:g}", text)
-    return LampSetting(name, values[0]) if len(values) == 1 else LampSetting(name, 1.0, values)  # type: ignore[arg-type]
+    return LampLevel(name, values[0]) if len(values) == 1 else LampLevel(name, 1.0, values)  # type: ignore[arg-type]
 
 
 def pose(text: str) -> tuple[str, tuple[float, ...]]:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.cli.writable import remove_parts, replacing, write_whole
-from app.settings import OPTIONS, TABLE, TOGETHER, LampSetting, MeasuringPlane, Pin, Settings, flag_of, open_scene
+from app.settings import OPTIONS, TABLE, TOGETHER, LampLevel, MeasuringPlane, Pin, Settings, flag_of, open_scene
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
@@ -114,8 +114,8 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     places = Table(root.values.get("poses", {}), f"{path}: [poses]", None)
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
     levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", None)
-    lamps = tuple(LampSetting(*lamp_level(levels, name)) for name in levels.values)
-    scenes = tuple((name, tuple(LampSetting(*lamp) for lamp in of)) for name, of in read_light_scenes(root))
+    lamps = tuple(lamp_level(levels, name) for name in levels.values)
+    scenes = tuple(read_light_scenes(root))
     camera = _camera(root.values["camera"], f"{path}: [camera]") if "camera" in root else None
     views = Table(root.values.get("cameras", {}), f"{path}: [cameras]", None).values
     cameras = tuple((name, _camera(view, f"{path}: [cameras.{name}]")) for name, view in views.items())
@@ -211,19 +211,19 @@ def _text_of(settings: Settings, names: Mapping[str, str]) -> str:
     return HEADER + tomli_w.dumps(document) + lamps + scenes
 
 
-def _lamps_table(header: str, lamps: tuple[LampSetting, ...]) -> str:
+def _lamps_table(header: str, lamps: tuple[LampLevel, ...]) -> str:
     """Return a table of lamps, a line per lamp; a lamp that is off keeps its level and colour."""
     lines = [f"{_key(name)} = {_lamp_value(lamp)}" for name, lamp in {lamp.name: lamp for lamp in lamps}.items()]
     return "\n".join(["", f"[{header}]", *lines, ""])
 
 
-def _lamp_value(lamp: LampSetting) -> str:
+def _lamp_value(lamp: LampLevel) -> str:
     """Return the state of a lamp in its shortest spelling."""
-    level, colour = repr(float(lamp.dim)), repr([float(c) for c in lamp.colour])
+    level, colour = repr(float(lamp.level)), repr([float(c) for c in lamp.colour])
     white = lamp.colour == (1, 1, 1)
     if lamp.on and white:
         return level
-    if lamp.on and lamp.dim == 1:
+    if lamp.on and lamp.level == 1:
         return colour
     keys = [f"level = {level}"] + [f"colour = {colour}"] * (not white) + ["on = false"] * (not lamp.on)
     return f"{{ {', '.join(keys)} }}"

@@ -350,7 +350,7 @@ def _darkened(scene: Scene, name: str, number: int | None) -> Scene:
         lights = tuple(light for light in scene.lights if light.name != name)
         scene = replace(scene, lights=lights, materials=materials, static=_without_stand_in(scene, name))
     lamps = lamps_of(scene)
-    kept = (LightScene(s.name, tuple(level for level in s.levels if level.lamp in lamps)) for s in scene.light_scenes)
+    kept = (LightScene(s.name, tuple(level for level in s.levels if level.name in lamps)) for s in scene.light_scenes)
     return replace(scene, light_scenes=tuple(kept))
 
 

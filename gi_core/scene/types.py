@@ -7,11 +7,12 @@ Units: metres, watts, radians unless a name says degrees; colours are linear Rec
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
+if TYPE_CHECKING:  # settings have some of these records, and the command line waits for no numpy
+    import numpy as np
 
-from gi_core.bsdf.models import Lobe
+    from gi_core.bsdf.models import Lobe
 
 
 def part_named(mobile: str, material: str) -> str:
@@ -125,6 +126,8 @@ class KeyFrames(NamedTuple):
     quaternions: np.ndarray  # (K, 4) float64 unit (w, x, y, z)
 
     def __repr__(self) -> str:
+        import numpy as np
+
         return f"<KeyFrames: {np.size(self.times)} keys>"  # it describes bad values too
 
 
@@ -195,7 +198,7 @@ Light = PlacedLight | DirectionalLight | SkyLight
 class LampLevel(NamedTuple):
     """State of a lamp: its light is that of the scene file times `level` and `colour`, or none while it is off."""
 
-    lamp: str
+    name: str
     level: float = 1.0
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     on: bool = True

@@ -30,7 +30,7 @@ from app.measure.chart.settings import (
 )
 from app.measure.chart.truth import PoseTruth, cases, choose, drawn_gloss, gloss_truth, steady_and_moved
 from app.measure.results import KEY, Results
-from app.settings import LampSetting, Settings, UsageError, make_solver, open_scene
+from app.settings import LampLevel, Settings, UsageError, make_solver, open_scene
 from gi_core.geometry.error import luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
@@ -242,7 +242,7 @@ def test_receivers_without_area_are_not_watched(tmp_path):
 
 def test_the_truth_has_the_levels_of_the_lamps(small):
     """Also those of a saved scene: the truth of a dimmed lamp was that of the full one."""
-    settings = replace(SMALL, lamps=(LampSetting("lamp", 0.25),))
+    settings = replace(SMALL, lamps=(LampLevel("lamp", 0.25),))
     solvers = [make_solver(open_scene(s), s) for s in (SMALL, settings)]
     for solver in solvers:
         solver.solve()
@@ -278,7 +278,7 @@ def test_rows_of_other_levels_are_not_used(tmp_path):
     old = {k: v for k, v in UNDER.items() if k != "lamps"}
     Results(tmp_path, old, ("photons",)).add({"photons": 8})
     assert Results(tmp_path, UNDER, ("photons",)).has({"photons": 8})
-    dimmed = UNDER | {"lamps": chart_run.lamps_of(Settings(lamps=(LampSetting("lamp", 0.25),)))}
+    dimmed = UNDER | {"lamps": chart_run.lamps_of(Settings(lamps=(LampLevel("lamp", 0.25),)))}
     assert dimmed["lamps"] == "lamp 0.25, 0.25, 0.25"
     assert not Results(tmp_path, dimmed, ("photons",)).has({"photons": 8})
 

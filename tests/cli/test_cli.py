@@ -12,11 +12,11 @@ import pytest
 
 from app import __main__ as cli
 from app.cli.options import settings_of
-from app.settings import LampSetting, Settings, open_scene
+from app.settings import LampLevel, Settings, open_scene
 from tests.support.cli_support import FAST, one_line
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL", "gi_core")
+HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL")
 
 
 def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
@@ -79,7 +79,7 @@ def test_help_names_every_command():
 # Arguments ------------------------------------------------------------------------------------------
 
 
-LAMPS = LampSetting("lamp", 0.5), LampSetting("red=lamp", 1.0, (1.0, 0.5, 0.0))
+LAMPS = LampLevel("lamp", 0.5), LampLevel("red=lamp", 1.0, (1.0, 0.5, 0.0))
 LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "rays", "seed")
 PICTURE = ("size", "exposure", "white_balance", "tone_map", "show", "cull")
 OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's

@@ -16,7 +16,7 @@ import pytest
 from app import __main__ as cli
 from app.cli import saved_scene
 from app.cli.options import settings_of
-from app.settings import OPTIONS, LampSetting, MeasuringPlane, Pin, Settings, make_solver, open_scene
+from app.settings import OPTIONS, LampLevel, MeasuringPlane, Pin, Settings, make_solver, open_scene
 from gi_core.files.edits import Insert, Light
 from gi_core.files.find import shipped_scenes
 from gi_core.scene import Camera, Pose, SceneError
@@ -67,7 +67,7 @@ def test_the_light_of_a_saved_scene_has_the_same_bits(scene, tmp_path):
 
 
 def test_levels_of_lamps_are_saved(tmp_path):
-    lamps = LampSetting("lamp", 0.7, (1.0, 0.9, 1 / 3)), LampSetting("sun", 0.3), LampSetting("sky", on=False)
+    lamps = LampLevel("lamp", 0.7, (1.0, 0.9, 1 / 3)), LampLevel("sun", 0.3), LampLevel("sky", on=False)
     here = saved_scene.with_view(replace(SETTINGS, lamps=lamps, solo="sun"), {}, CAMERA)
     alone = here.without_solo(("lamp", "sun", "sky", "bulb"))
     assert alone.levels(()) == {"lamp": (0, 0, 0), "sun": (0.3,) * 3, "sky": (0, 0, 0), "bulb": (0, 0, 0)}
@@ -81,8 +81,8 @@ def test_levels_of_lamps_are_saved(tmp_path):
 
 def test_a_lamp_that_is_off_keeps_its_level_and_colour(tmp_path):
     """The file held three zeros, which opened as a lamp that is on at 0 %."""
-    lamps = LampSetting("a bulb", 0.4, (1.0, 0.7, 0.4), on=False), LampSetting("sun", 0.3, on=False)
-    others = LampSetting("lamp", 1.0, (1.0, 0.5, 0.25)), LampSetting("sky", 0.0), LampSetting("strip", on=False)
+    lamps = LampLevel("a bulb", 0.4, (1.0, 0.7, 0.4), on=False), LampLevel("sun", 0.3, on=False)
+    others = LampLevel("lamp", 1.0, (1.0, 0.5, 0.25)), LampLevel("sky", 0.0), LampLevel("strip", on=False)
     given = replace(SETTINGS, lamps=(*lamps, *others), light_scenes=(('my "night"', lamps), ("all", ())))
     saved_scene.write(tmp_path / "a.toml", given)
     text = (tmp_path / "a.toml").read_text()
@@ -95,12 +95,12 @@ def test_a_lamp_that_is_off_keeps_its_level_and_colour(tmp_path):
 @pytest.mark.parametrize(
     "value, lamp",
     [
-        ("0", LampSetting("bulb", 0.0)),
-        ("[0.5, 0.5, 0.5]", LampSetting("bulb", 0.5)),
-        ("[1, 0.5, 0]", LampSetting("bulb", 1.0, (1.0, 0.5, 0.0))),
-        ("{ on = false }", LampSetting("bulb", on=False)),
-        ("{ level = [0.5, 0.2, 0.1], on = false }", LampSetting("bulb", 1.0, (0.5, 0.2, 0.1), on=False)),
-        ("{ level = 2, colour = [1, 0.5, 0] }", LampSetting("bulb", 2.0, (1.0, 0.5, 0.0))),
+        ("0", LampLevel("bulb", 0.0)),
+        ("[0.5, 0.5, 0.5]", LampLevel("bulb", 0.5)),
+        ("[1, 0.5, 0]", LampLevel("bulb", 1.0, (1.0, 0.5, 0.0))),
+        ("{ on = false }", LampLevel("bulb", on=False)),
+        ("{ level = [0.5, 0.2, 0.1], on = false }", LampLevel("bulb", 1.0, (0.5, 0.2, 0.1), on=False)),
+        ("{ level = 2, colour = [1, 0.5, 0] }", LampLevel("bulb", 2.0, (1.0, 0.5, 0.0))),
     ],
 )
 def test_a_lamp_has_several_spellings(value, lamp, tmp_path):
@@ -159,7 +159,7 @@ def test_another_scene_keeps_nothing_of_the_last_one():
 
     from app.session.reload import settings_for
 
-    kept = (("evening", (LampSetting("lamp", 0.5),)),)
+    kept = (("evening", (LampLevel("lamp", 0.5),)),)
     plane, pin = MeasuringPlane((0, 0), (1, 1), 0.75), Pin("a", (0, 0, 0), (0, 1, 0))
     now = SimpleNamespace(
         settings=replace(SETTINGS, light_scenes=kept, pins=(pin,), plane=plane), requests=SimpleNamespace(filled={})
@@ -173,7 +173,7 @@ def test_a_saved_scene_brings_its_own_light_scenes(tmp_path):
 
     from app.session.reload import settings_for
 
-    kept = (("evening", (LampSetting("lamp", 0.5),)),)
+    kept = (("evening", (LampLevel("lamp", 0.5),)),)
     saved_scene.write(tmp_path / "a.toml", replace(SETTINGS, light_scenes=kept))
     now = SimpleNamespace(settings=SETTINGS, requests=SimpleNamespace(filled={}))
     assert settings_for(now, str(tmp_path / "a.toml"), ()).light_scenes == kept
@@ -376,7 +376,7 @@ def test_names_that_are_no_text_are_saved(tmp_path):
     write_glb(tmp_path / "rooms/glow.glb", BOX * 3, BOX_FACES, material=glow)
     settings = replace(settings, scene=str(tmp_path / "rooms/glow.glb"), mobiles=tuple(mobiles), edits=(), units=None)
     scene = open_scene(settings)
-    settings = replace(settings, lamps=(LampSetting("lamp \ufffd", 0.5),))
+    settings = replace(settings, lamps=(LampLevel("lamp \ufffd", 0.5),))
     for place in (saved, tmp_path / "rooms"):
         here = saved_scene.with_view(settings, {m.name: m.pose for m in scene.mobiles}, CAMERA)
         saved_scene.write(place / "kit.toml", here, scene.files)

@@ -14,7 +14,7 @@ from app.rest.reference_store import StaticStore
 from app.session.log import Log
 from app.session.opening import Opened, Opening
 from app.session.session import Session
-from app.settings import LampSetting, Settings
+from app.settings import LampLevel, Settings
 from gi_core.gather import static
 from gi_core.gather.estimate import better
 from gi_core.lights.mix import mix
@@ -214,7 +214,7 @@ def test_the_light_last_on_show_is_in_the_first_picture(stage, monkeypatch):
     before = solver.frame_light.static
     g = before.gathered
     shown, paths = better(g and g.estimate, before.on_show(solver.frame.background)), g and g.state
-    for lamps in ((), (LampSetting(solver.lamps.names[0], 0.3),)):
+    for lamps in ((), (LampLevel(solver.lamps.names[0], 0.3),)):
         again = Opening(replace(first.settings, lamps=lamps), load=lambda settings: SCENE)
         again._thread.join()
         now = again.result.solver

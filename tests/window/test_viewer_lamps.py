@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from app.cli import saved_scene
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of, of_luminance_one
-from app.settings import LampSetting
+from app.settings import LampLevel
 from app.window.panel import widgets as ui
 from app.window.panel.lamps import BRIGHTEST_BY_SLIDER, OF_FILE, recoloured
 from gi_core.scene import PointLight
@@ -154,7 +154,7 @@ def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
     def script(hand, viewer):
         session = viewer.session
         hand.wait_for_light()
-        session.want(replace(session.settings, lamps=(LampSetting("bulb", 0.25),)))
+        session.want(replace(session.settings, lamps=(LampLevel("bulb", 0.25),)))
         hand.drag(hand.at(BLOCK_FRONT), [c + 40 for c in hand.at(BLOCK_FRONT)])
         assert session.moved
         hand.wait_for_light()
@@ -195,7 +195,7 @@ def test_every_entry_of_the_light_scenes_can_be_chosen(play):
         hand.wait_for_light()
         ctx.set_ref("Panel")
         ctx.item_close("Objects")
-        dim = (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))
+        dim = (LampLevel("bulb", 0.5), LampLevel("lamp", on=False))
         for entry, lamps in (("dim", dim), (OF_FILE, ()), ("dim", dim)):
             ctx.combo_click(f"##Light scene/{entry}")
             hand.wait(lambda: session.lamp_changes._start is None)
@@ -205,9 +205,7 @@ def test_every_entry_of_the_light_scenes_can_be_chosen(play):
             assert session.light.snapshot.levels.tolist() == [[0.0 if lamps else 1.0] * 3, [level] * 3]
         assert not errors(viewer)
 
-    given = replace(
-        support.SETTINGS, light_scenes=(("dim", (LampSetting("bulb", 0.5), LampSetting("lamp", on=False))),)
-    )
+    given = replace(support.SETTINGS, light_scenes=(("dim", (LampLevel("bulb", 0.5), LampLevel("lamp", on=False))),))
     play(script, given, support.opening(two_lamps()))
 
 
@@ -224,7 +222,7 @@ def test_the_white_balance_stays_where_lamps_change(play):
         ctx.item_click("**/lamp/Solo")
         hand.wait_for_light()
         pictures = [hand.pixels()]
-        session.want(replace(session.settings, lamps=(LampSetting("lamp", 1.0, (0.5, 1.0, 2.0)),)))
+        session.want(replace(session.settings, lamps=(LampLevel("lamp", 1.0, (0.5, 1.0, 2.0)),)))
         hand.wait_for_light()
         pictures.append(hand.pixels())
         assert viewer.viewport.look().gains == gains
@@ -281,11 +279,11 @@ def test_lamps_that_are_off_keep_their_levels_in_a_saved_scene(play, folder):
         def saved():
             return saved_scene.read(str(viewer.files.save(session, viewer.viewport, "a.toml")[0]))
 
-        off = (LampSetting("bulb", 0.4, on=False),)
+        off = (LampLevel("bulb", 0.4, on=False),)
         assert saved().lamps == off and saved().light_scenes == (("evening", off),)
         ctx.item_check("**/bulb/##on")
         ctx.item_click("**/lamp/Solo")
-        assert saved().lamps == (LampSetting("lamp"), *off)
+        assert saved().lamps == (LampLevel("lamp"), *off)
         ctx.item_click("**/Reset lamps")
         ctx.item_click("**/lamp/Solo")
         hand.wait_for_light()

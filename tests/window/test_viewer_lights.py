@@ -10,7 +10,7 @@ import pytest
 from app.cli import saved_scene
 from app.session.lights import PANEL, LightId, aim_of
 from app.session.opening import Opening
-from app.settings import LampSetting, Settings
+from app.settings import LampLevel, Settings
 from app.window.actions import lamps as actions
 from app.window.drag import TURN_SPEED
 from app.window.panel import widgets as ui
@@ -151,7 +151,7 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(play, folder):
         hand.wait_for_light()
         assert viewer.session is now and now.edits == edits
         (level,) = now.settings.lamps
-        assert level.name == "bulb 2" and level.dim == pytest.approx(0.5, rel=1e-4)
+        assert level.name == "bulb 2" and level.level == pytest.approx(0.5, rel=1e-4)
 
         # A removed lamp keeps its level for an undo.
         change(hand, viewer, lambda: ctx.item_click("**/Remove lamp"))
@@ -371,7 +371,7 @@ def test_levels_of_a_removed_lamp_are_no_mistake(folder):
         'scene = "office"\nedits = [{ kind = "darken", name = "pendant" }]\n[lamps]\npendant = 0.5\n'
     )
     settings = saved_scene.read("a.toml")
-    assert settings.lamps == (LampSetting("pendant", 0.5),)
+    assert settings.lamps == (LampLevel("pendant", 0.5),)
     from app.settings import make_solver, open_scene
 
     solver = make_solver(open_scene(settings), settings)

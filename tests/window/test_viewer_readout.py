@@ -13,7 +13,7 @@ from PIL import Image
 from app.cli import saved_scene
 from app.session.log import Log
 from app.settings import MeasuringPlane
-from app.values import LampSetting
+from app.values import LampLevel
 from app.window import overlay, view_content
 from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
@@ -166,7 +166,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
 
         read, settings = viewport.read, viewer.session.settings
         viewport.read = lambda at_rest: read(False)  # the scale of another lamp does not wait for rest
-        viewer.session.want(replace(settings, lamps=(LampSetting("lamp", 0.25),)))
+        viewer.session.want(replace(settings, lamps=(LampLevel("lamp", 0.25),)))
         hand.wait(lambda: viewport.picture.scale.high < 0.5 * scale.high)
         viewer.session.want(settings)
         hand.wait(lambda: viewport.picture.scale == scale)

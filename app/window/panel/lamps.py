@@ -13,7 +13,7 @@ from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_on
 from app.draw.units import units_of
 from app.session.lights import LightId
 from app.session.session import Session
-from app.settings import LampSetting, Settings
+from app.settings import LampLevel, Settings
 from app.window import theme
 from app.window.panel import lights
 from app.window.panel import widgets as ui
@@ -40,13 +40,13 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     names = max((imgui.calc_text_size(name).x for name in lamps), default=0.0)
     for k, name in enumerate(lamps):
         imgui.push_id(name)
-        lamp = setting_of.get(name, LampSetting(name))
+        lamp = setting_of.get(name, LampLevel(name))
         changed, lamp, solo = _row(lamp, solo, k, window, names, actions)
         if changed:
             setting_of[name] = lamp
         imgui.pop_id()
-    s = replace(s, lamps=tuple(lamp for lamp in setting_of.values() if lamp != LampSetting(lamp.name)), solo=solo)
-    flux = sum(_flux(setting_of.get(name, LampSetting(name)), solo, k, session) for k, name in enumerate(lamps))
+    s = replace(s, lamps=tuple(lamp for lamp in setting_of.values() if lamp != LampLevel(lamp.name)), solo=solo)
+    flux = sum(_flux(setting_of.get(name, LampLevel(name)), solo, k, session) for k, name in enumerate(lamps))
     ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
     snapshot = session.light.snapshot
     if snapshot.effective_photons < snapshot.photons:
@@ -62,27 +62,27 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         imgui.separator()
         lights.head(selected, session, actions)
         name = selected.name
-        lamp = _flux_field(setting_of.get(name, LampSetting(name)), lamps.index(name), session)
+        lamp = _flux_field(setting_of.get(name, LampLevel(name)), lamps.index(name), session)
         unselected = tuple(other for other in s.lamps if other.name != name)
-        s = s if lamp == setting_of.get(name, LampSetting(name)) else replace(s, lamps=(*unselected, lamp))
+        s = s if lamp == setting_of.get(name, LampLevel(name)) else replace(s, lamps=(*unselected, lamp))
     lights.draw(window, actions)
     return s
 
 
-def _flux_field(lamp: LampSetting, k: int, session: Session) -> LampSetting:
+def _flux_field(lamp: LampLevel, k: int, session: Session) -> LampLevel:
     """Draw the flux of the selected lamp as a number; it sets the level."""
     unit = units_of(session.scene.units).flux
-    full = _flux(lamp._replace(dim=1.0, on=True), "", k, session)
-    (flux,), edited, *_ = ui.fields("Flux", (full * lamp.dim,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
+    full = _flux(lamp._replace(level=1.0, on=True), "", k, session)
+    (flux,), edited, *_ = ui.fields("Flux", (full * lamp.level,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
     ui.tip("Flux of the selected lamp. Double-click to type it; the level follows.")
-    return lamp._replace(dim=min(max(flux / full, 0.0), BRIGHTEST)) if edited and full > 0 else lamp
+    return lamp._replace(level=min(max(flux / full, 0.0), BRIGHTEST)) if edited and full > 0 else lamp
 
 
 def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
     ui.label("Light scene")
     names = session.model.emitters.lamps.names
-    of_file = {scene.name: tuple(LampSetting(*lamp) for lamp in scene.levels) for scene in session.scene.light_scenes}
+    of_file = dict(session.scene.light_scenes)
     asked, choices = s.levels(names), of_file | dict(session.settings.light_scenes)
     choices.setdefault(OF_FILE, ())
     shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(names) == asked)
@@ -111,8 +111,8 @@ def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
 
 
 def _row(
-    lamp: LampSetting, solo: str, k: int, window: Window, names: float, actions: set[Any]
-) -> tuple[bool, LampSetting, str]:
+    lamp: LampLevel, solo: str, k: int, window: Window, names: float, actions: set[Any]
+) -> tuple[bool, LampLevel, str]:
     """Draw a lamp's row; return whether it changed, the lamp, and the name of the lamp that is alone.
 
     names: width of the longest name [points].
@@ -151,10 +151,10 @@ def _row(
     imgui.same_line(level_at)
     imgui.set_next_item_width(level_end - level_at)
     imgui.begin_disabled(not lit)
-    changed, percent = imgui.slider_float("##level", 100 * lamp.dim, 0.0, 100 * BRIGHTEST_BY_SLIDER, PERCENT)
+    changed, percent = imgui.slider_float("##level", 100 * lamp.level, 0.0, 100 * BRIGHTEST_BY_SLIDER, PERCENT)
     imgui.end_disabled()
     if changed:
-        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), BRIGHTEST))
+        lamp = lamp._replace(level=min(max(percent / 100, 0.0), BRIGHTEST))
     ui.tip(f"Level of the lamp, 100 % as in the scene file: {flux} now. Ctrl-click to type one, up to "
            f"{100 * BRIGHTEST:.0f} %.")  # fmt: skip
     imgui.same_line(colour_at)
@@ -168,7 +168,7 @@ def _row(
     return lamp != before, lamp, solo
 
 
-def _colour(lamp: LampSetting, base: tuple[float, float, float]) -> LampSetting:
+def _colour(lamp: LampLevel, base: tuple[float, float, float]) -> LampLevel:
     """Draw the lamp's colour; a click opens temperature and RGB."""
     shown = [c * b for c, b in zip(lamp.colour, base, strict=True)]
     most = max(*shown, 1e-9)
@@ -213,13 +213,13 @@ def _nearest(rgb: tuple[float, ...]) -> float:
     return kelvin_of(rgb)
 
 
-def _flux(lamp: LampSetting, solo: str, k: int, session: Session) -> float:
+def _flux(lamp: LampLevel, solo: str, k: int, session: Session) -> float:
     """Return the luminance of the lamp's flux at its level."""
     if not lamp.on or solo not in ("", lamp.name):
         return 0.0
     full = session.model.emitters.flux_of_lamps[k]
     lit = [c * b for c, b in zip(lamp.colour, of_luminance_one(full), strict=True)]
-    return float(luminance(full)) * lamp.dim * float(REC709 @ lit)
+    return float(luminance(full)) * lamp.level * float(REC709 @ lit)
 
 
 def _shown(flux: float, session: Session) -> str:

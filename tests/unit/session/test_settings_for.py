@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 from app.cli import saved_scene
 from app.session.reload import settings_for
-from app.settings import LampSetting, Settings
+from app.settings import LampLevel, Settings
 from app.window import files
 
 OLD = Settings(
-    "a.toml", photons=5_000, lamps=(LampSetting("ceiling", 0.5),), solo="ceiling", tone_map="clip", light="photons",
+    "a.toml", photons=5_000, lamps=(LampLevel("ceiling", 0.5),), solo="ceiling", tone_map="clip", light="photons",
     poses=(("cat", (0.0, 0.0, 0.0)),), camera=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 40.0), reference=True,
 )  # fmt: skip
 
@@ -23,7 +23,7 @@ def test_a_plain_scene_takes_over_looks_alone():
 
 def test_a_saved_scene_gives_all_that_it_holds(tmp_path):
     path = tmp_path / "b.toml"
-    there = Settings("cornell", lamps=(LampSetting("light", 2.0),), poses=(("pawn", (0.1, 0.2, 0.3, 1.0, 0, 0, 0)),))
+    there = Settings("cornell", lamps=(LampLevel("light", 2.0),), poses=(("pawn", (0.1, 0.2, 0.3, 1.0, 0, 0, 0)),))
     saved_scene.write(path, there)
     s = settings_for(SimpleNamespace(settings=OLD, requests=SimpleNamespace(filled={})), str(path), ("c.glb",))
     assert s.levels(()) == there.levels(()) and not s.solo
@@ -35,7 +35,7 @@ def test_a_dimmed_lamp_and_a_moved_object_are_changes():
     session = SimpleNamespace(settings=Settings(), poses={"pawn": 1}, edits=(), ready=True)
     kept._clean = files._state(session)
     assert not kept.has_changed(session)
-    session.settings = replace(session.settings, lamps=(LampSetting("light", 0.5),))
+    session.settings = replace(session.settings, lamps=(LampLevel("light", 0.5),))
     assert kept.has_changed(session)
     session.settings = Settings(show="irradiance", estimator="photon_map", light="best")
     assert not kept.has_changed(session)

@@ -241,12 +241,12 @@ def test_the_printed_command_line_opens_the_window_with_the_choice():
     from app.cli.options import settings_of
     from app.commands.tune import command_line
     from app.measure.tuning import Tuned
-    from app.settings import LampSetting, Settings
+    from app.settings import LampLevel, Settings
 
     chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}
     asked = Settings(
         scene="my room.glb", mobiles=("chair.glb",), poses=(("chair", (1.0, 0.5, -2.0)),), up="z", seed=3, budget=20.0,
-        light="best", rays="octree", lamps=(LampSetting("desk lamp", 0.5), LampSetting("sun", 1.0, (1.0, 0.5, 0.0))),
+        light="best", rays="octree", lamps=(LampLevel("desk lamp", 0.5), LampLevel("sun", 1.0, (1.0, 0.5, 0.0))),
     )  # fmt: skip
     setting = Setting("photon_map", 0.0123, 80, control=False)
     found = Tuned(TunedChoice(setting, 123_456, 8192, 0.01, 0.02, 0.03, True), (), {}, 16)
