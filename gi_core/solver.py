@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.base.pause import Progress, pause, steps, undivided
 from gi_core.base.results import KEPT, Results
-from gi_core.defaults.choose import choose
+from gi_core.defaults import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
 from gi_core.estimators import DEFAULT, ESTIMATORS

@@ -29,7 +29,7 @@ from app.measure.chart.figure import need_matplotlib
 from app.measure.tables import markdown_table
 from app.settings import Settings, open_scene
 from gi_core.geometry.surfaces import Surfaces, flatten
-from gi_core.instruments.ray_timing import REPEATS, Rays, built, costs, rays_of
+from gi_core.instruments.timing import REPEATS, Rays, built, costs, rays_of
 from gi_core.model import Model
 from gi_core.rays.accelerator import Accelerator
 from gi_core.rays.structures import STRUCTURES

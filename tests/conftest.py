@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from gi_core import defaults
 from gi_core.base import threads
 from gi_core.base.threads import split
-from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.instruments import compile_ahead
 from gi_core.photons import pilot
@@ -82,7 +82,7 @@ def brief_pilot():
 
     The pilot then gives the scene size alone. With all photons it is half the work of most solvers in tests.
     """
-    chosen, one_at_a_time = choose.choose, threading.RLock()
+    chosen, one_at_a_time = defaults.choose, threading.RLock()
 
     def brief(model, photons, radius, neighbours):
         with one_at_a_time, pytest.MonkeyPatch.context() as patch:

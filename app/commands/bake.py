@@ -112,8 +112,7 @@ def _reference(
     solver: Solver, scene: Scene, settings: Settings, error: float, machines: Machines | None, bar: Bar
 ) -> np.ndarray:
     """Return unbiased irradiance (R, 3) at the solver's poses and levels; it is kept on disk."""
-    from app.rest.reference_store import ReferenceStore
-    from app.rest.spread_paths import gather
+    from app.rest.reference_store import ReferenceStore, gather
 
     store = ReferenceStore(solver.model, solver.poses, seed=solver.seed, levels=solver.levels)
     for reached in gather(store, error, machines, scene, settings.rays):

@@ -45,8 +45,7 @@ def reference(settings: Settings, error: float, machines: Machines | None = None
 
     Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
     """
-    from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, reference_folder
-    from app.rest.spread_paths import gather
+    from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, gather, reference_folder
     from gi_core.model import Model
 
     check_folder(FOLDER_VARIABLE, reference_folder())

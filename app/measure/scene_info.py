@@ -147,14 +147,14 @@ def _strength(light: Light) -> tuple[float, float, float]:
 
 
 def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) -> list[tuple[str, str]]:
-    from gi_core.defaults import choose
+    from gi_core import defaults
     from gi_core.estimators import ESTIMATORS
 
     file = solver.scene.defaults
     rules = {
-        "photons": f"enough for noise of {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,}"
-        f" or as many as {choose.MOST_SECONDS:g} s on two cores allow",
-        "radius": f"at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces",
+        "photons": f"enough for noise of {100 * defaults.LEAST_NOISE:g} %, at most {defaults.MOST_PHOTONS:,}"
+        f" or as many as {defaults.MOST_SECONDS:g} s on two cores allow",
+        "radius": f"at most {100 * defaults.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces",
         "neighbours": "the hits on a disc of that radius, 50 to 1,000 (photon_map alone uses it)",
     }
     texts = {

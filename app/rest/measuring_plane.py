@@ -19,7 +19,7 @@ import numpy as np
 from app.draw.camera import frame_of
 from app.settings import MeasuringPlane
 from app.values import MOST_GRID_POINTS
-from gi_core.defaults.choose import LitPart, lit_part
+from gi_core.defaults import LitPart, lit_part
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias

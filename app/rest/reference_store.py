@@ -1,7 +1,8 @@
 """Files of references and static light: an interrupted run continues from its file.
 
 A file's name is a hash of all inputs of its result, so an edited scene or another pose never loads an outdated file.
-Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in the user's cache.
+Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in the user's cache. Other processes can
+trace the paths of a reference.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import platformdirs
@@ -26,14 +27,16 @@ import platformdirs
 from app.cli.writable import remove_parts, replacing
 from gi_core.base.results import digest
 from gi_core.files.formats.boundary import at_once
+from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
-from gi_core.scene.types import Pose
+from gi_core.scene import Pose, Scene
 
 if TYPE_CHECKING:
+    from app.cli.cluster import Machines
     from gi_core.frames.background import Background
     from gi_core.frames.static_light import StaticLight
 
@@ -44,6 +47,8 @@ MOST_BYTES = 2 << 30  # of all files of static light; those of references stay
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 REFERENCE_SEED = 0
 SAVE_SECONDS = 20.0
+PATHS_PER_TASK = 1 << 16  # a quarter of a second
+TASKS = 8  # per process and step of the reference
 
 
 def reference_folder() -> Path:
@@ -241,3 +246,46 @@ def _digest(model: Model, seed: int, kind: str, *arrays: np.ndarray) -> str:
     """Return a hash of a scene's lights, a seed and arrays."""
     lights = [(type(light).__name__, [np.asarray(v).tolist() for v in light[1:]]) for light in model.scene.lights]
     return digest(FORMAT, lights, np.asarray(model.scene.up, float), int(seed), kind, *arrays)
+
+
+class PathJob(NamedTuple):
+    """Data that all paths share."""
+
+    scene: Scene
+    rays: str | None
+    positions: np.ndarray  # (n, 3) [m]
+    normals: np.ndarray  # (n, 3)
+    seed: int
+    poses: Mapping[str, Pose]
+    levels: np.ndarray  # (G, 3), of the lamps
+
+
+def gather(
+    store: ReferenceStore, error: float, machines: Machines | None, scene: Scene, rays: str | None
+) -> Iterator[Reached]:
+    """Gather as ReferenceStore.gather() does, here or, with machines, by other processes; the same bits.
+
+    scene, rays: those of the store's model, as they were given to it.
+    """
+    if machines is None:
+        return store.gather(error)
+    return store.gather(error, SpreadPaths(machines, store, scene, rays), TASKS * PATHS_PER_TASK * machines.processes)
+
+
+class SpreadPaths:
+    """Replaces `Gatherer.paths` of a reference."""
+
+    def __init__(self, machines: Machines, store: ReferenceStore, scene: Scene, rays: str | None) -> None:
+        job = PathJob(scene, rays, store.positions, store.normals, store.seed, store.poses, store.levels)
+        self._crew = machines.crew(_ready, job)
+
+    def __call__(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
+        """Return estimates (rows, count, channels) as `Gatherer.paths` does, bit for bit."""
+        size = max(PATHS_PER_TASK // count, 1)
+        tasks = [(rows[k : k + size], first, count, m, stream) for k in range(0, len(rows), size)]
+        return np.concatenate(list(self._crew.map(Gatherer.paths, tasks)))
+
+
+def _ready(job: PathJob, threads: int | None) -> Gatherer:
+    model = Model(job.scene, threads, job.rays)
+    return Gatherer(job.scene, job.positions, job.normals, job.seed, job.poses, model=model, levels=job.levels)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.rest.results import GatherProgress
     from app.session.lights import LightId
     from app.session.method_view import MethodParts
-    from gi_core.defaults.choose import Chosen
+    from gi_core.defaults import Chosen
     from gi_core.files.edits import Edit, Values
     from gi_core.model import Model
     from gi_core.scene import Scene

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,6 @@ from imgui_bundle import hello_imgui
 
 from app.cli import saved_scene
 from app.session.session import Session
-from app.session.watch import Watch
 from app.settings import TABLE
 from app.window import dialogs
 from app.window.viewport import Viewport
@@ -18,6 +18,9 @@ from gi_core.scene.errors import utf8
 
 MOST_RECENT = 10
 RECENT, WATCHES = "recent", "reload when files change"  # preferences in the window's ini file
+PERIOD = 1.0  # s between two looks at the disk
+
+State = dict[str, tuple[int, int]]  # path -> time of the last change [ns], size
 
 
 class Files:
@@ -108,3 +111,41 @@ def _state(session: Session) -> tuple:
     """Return what a saved scene would keep, apart from ways of looking at it."""
     counted = (getattr(session.settings, name) for name, row in TABLE.items() if row.kept and row.counts)
     return session.poses, session.edits, tuple(counted)
+
+
+class Watch:
+    """Call `changed` often: it looks at the disk once per PERIOD."""
+
+    def __init__(self) -> None:
+        self._files: list[str] = []
+        self._known: State = {}
+        self._last: State = {}  # at the last look
+        self._due = 0.0
+
+    def follow(self, files: Iterable[str]) -> None:
+        """Watch files that exist, from their present state on."""
+        self._known = _stamps(files)
+        self._files = list(self._known)
+        self._last = self._known
+
+    def changed(self, now: float) -> bool:
+        """Return whether files have changed and rest since the last look: a program may be writing them. now: [s]."""
+        if now < self._due:
+            return False
+        self._due = now + PERIOD
+        before, self._last = self._last, _stamps(self._files)
+        if self._last != before or self._last == self._known or len(self._last) < len(self._files):
+            return False
+        self._known = self._last
+        return True
+
+
+def _stamps(files: Iterable[str]) -> State:
+    state = {}
+    for name in files:
+        try:
+            stat = Path(name).stat()
+        except OSError:
+            continue  # replaced at this moment, or gone
+        state[name] = (stat.st_mtime_ns, stat.st_size)
+    return state

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from imgui_bundle import imgui
 
-from app.draw.marks import PLATE, PLATE_OPACITY, ROUND_EM
+from app.draw.legend import PLATE, PLATE_OPACITY, ROUND_EM
 from app.window import theme
 
 PLATE_PAD_EM = (0.6, 0.3)  # of the plate

@@ -10,8 +10,7 @@ from imgui_bundle import imgui
 
 from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS
-from app.draw.legend import COLOUR_STEPS, TICK_EM, Layout, Legend, layout
-from app.draw.marks import PLATE, PLATE_OPACITY
+from app.draw.legend import COLOUR_STEPS, PLATE, PLATE_OPACITY, TICK_EM, Layout, Legend, layout
 from app.window import theme
 from app.window.view_content import Errors
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from app.draw.marks import PLATE, PLATE_OPACITY, ROUND_EM
+from app.draw.legend import PLATE, PLATE_OPACITY, ROUND_EM
 from app.session.log import ERROR, INFO, WARNING, Log, LogEntry
 from app.session.reload import Reload
 from app.session.session import Session

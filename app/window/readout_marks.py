@@ -9,12 +9,12 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.colour_map import sequential_colours
-from app.draw.marks import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks
+from app.draw.legend import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks
 from app.window import label, legend
 from app.window.label import LabelPlaces
 
 if TYPE_CHECKING:
-    from app.draw.marks import Point
+    from app.draw.legend import Point
     from app.rest.measuring_plane import PlaneLight
     from app.window.label import Box
     from app.window.view import View

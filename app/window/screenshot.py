@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.draw.legend import Legend, with_legend
-from app.draw.marks import Marks, with_marks
+from app.draw.legend import Legend, Marks, with_legend, with_marks
 from app.draw.picture_files import write_png
 from app.draw.renderer import Look, Renderer
 

@@ -215,9 +215,9 @@ class Viewer:
     def _draw_status(self) -> None:
         state = ""
         if self._ready and self.session.ready:
-            state = panel.status.status_of(self.session).text
+            state = panel.quality.status_of(self.session).text
             if self.session.in_motion or self.viewport.control.is_moving:  # at rest, few new pictures are needed
-                state += f"  ·  {panel.status.frame_rate(self.frame_seconds.value)}"
+                state += f"  ·  {panel.quality.frame_rate(self.frame_seconds.value)}"
         overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
 
     def draw_menus(self) -> None:

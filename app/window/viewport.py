@@ -29,8 +29,7 @@ from app.window.gizmo import Gizmo
 from app.window.label import Box
 from app.window.lamp_handles import LampHandles
 from app.window.legend import of_errors
-from app.window.pins import Pins
-from app.window.pointer import Pointer, pick
+from app.window.pointer import Pins, Pointer, pick
 from app.window.scale_fit import ScaleFit
 from app.window.view import View
 from app.window.view_content import Shown, Side

@@ -9,8 +9,17 @@ from app import __main__ as cli
 from app.measure.bench import ray_tables, report
 from app.measure.bench.report import Times, crossover, markdown
 from gi_core.discs.search import PRETESTS, SEARCHES
-from gi_core.instruments.ray_timing import KINDS, Cost, Structure, built, costs, rays_of
-from gi_core.instruments.search_timing import photon_lines, search_run, static_discs
+from gi_core.instruments.timing import (
+    KINDS,
+    Cost,
+    Structure,
+    built,
+    costs,
+    photon_lines,
+    rays_of,
+    search_run,
+    static_discs,
+)
 from gi_core.model import Model
 from gi_core.scene.types import Camera, Material, PointLight, Scene
 from gi_core.solver import Solver

@@ -23,11 +23,11 @@ from app.cli.cluster import Crew, Machines
 from app.commands import bake, reference, render
 from app.measure.chart.page import _processes
 from app.measure.chart.run import Run
-from app.rest import spread_paths
+from app.rest import reference_store
 from app.rest.scheduler import gather
 from app.session.film import restore
 from app.settings import Settings, make_solver
-from gi_core.defaults.choose import choose
+from gi_core.defaults import choose
 from gi_core.gather.static import StaticGather
 from gi_core.scene import Pose
 from tests.cli.test_render import checkered_room
@@ -95,7 +95,7 @@ def test_frames_are_the_same_files_though_a_process_is_killed(machines, a_scene,
 
 
 def test_reference_and_baked_light_are_the_same_files(machines, a_scene, one_is_killed, tmp_path, monkeypatch):
-    monkeypatch.setattr(spread_paths, "PATHS_PER_TASK", 1 << 12)
+    monkeypatch.setattr(reference_store, "PATHS_PER_TASK", 1 << 12)
     found = []
     for name, team in (("here", None), ("there", machines)):
         monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / name))

@@ -151,7 +151,7 @@ def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
 
 
 def test_numbers_in_the_text_are_those_of_the_program():
-    from gi_core.defaults import choose
+    from gi_core import defaults
     from gi_core.files import load
     from gi_core.files.completion import completion, refinement
     from gi_core.files.formats import mesh_file
@@ -162,10 +162,10 @@ def test_numbers_in_the_text_are_those_of_the_program():
         f"some {load.MOST_RECEIVERS:,} receivers",
         f"reflectances above {mesh_file.MOST_REFLECTANCE:g} ",
         f"at less than {receivers.CREASE_DEGREES:g} degrees",
-        f"noise of {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,} or as many as",
-        f"as many as {choose.MOST_SECONDS:g} s on two cores allow",
-        f"| at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces |",
-        f"on a disc of that radius, {choose.NEIGHBOURS} to {choose.MOST_NEIGHBOURS:,} |",
+        f"noise of {100 * defaults.LEAST_NOISE:g} %, at most {defaults.MOST_PHOTONS:,} or as many as",
+        f"as many as {defaults.MOST_SECONDS:g} s on two cores allow",
+        f"| at most {100 * defaults.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces |",
+        f"on a disc of that radius, {defaults.NEIGHBOURS} to {defaults.MOST_NEIGHBOURS:,} |",
         f"longer than {one_over(completion.LARGEST_MOBILE)} of the scene "
         f"or shorter than {one_over(completion.SMALLEST_MOBILE)} of it",
         f"split to {one_over(refinement.COARSEST)} of their length",

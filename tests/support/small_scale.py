@@ -76,7 +76,7 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr(settings, "SECONDS", 0.1)
     patch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 8192)
     patch.setattr("gi_core.tuning.setting_trials.MOST_TRIAL_PATHS", 32)
-    patch.setattr("gi_core.defaults.choose.MOST_PHOTONS", 4096)
+    patch.setattr("gi_core.defaults.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.draw.marks import LINE, Dot, Label, Marks, with_marks
+from app.draw.legend import LINE, Dot, Label, Marks, with_marks
 from app.settings import Pin
 from app.window import readout_marks
 from tests.support import viewer_support as support

@@ -17,12 +17,11 @@ import pytest
 from app import __main__ as cli
 from app.cli import saved_scene
 from app.cli.options import settings_of
-from app.session import watch
 from app.session.opening import Opening
 from app.settings import Settings, open_scene
 from app.window import dialogs
 from app.window.actions.lamps import use_file
-from app.window.files import Files
+from app.window.files import Files, Watch
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
@@ -335,7 +334,7 @@ def test_the_copied_command_and_reset_settings(play, monkeypatch):
 
 
 def test_changed_files_are_read_again(play, folder, monkeypatch):
-    monkeypatch.setattr(watch, "PERIOD", 0.0)
+    monkeypatch.setattr("app.window.files.PERIOD", 0.0)
     file, loader = folder / "room.glb", Loader()
     file.write_bytes(b"one")
 
@@ -357,7 +356,7 @@ def test_changed_files_are_read_again(play, folder, monkeypatch):
 
 
 def test_a_file_counts_as_changed_once_it_rests(tmp_path):
-    a, seen = tmp_path / "a.glb", watch.Watch()
+    a, seen = tmp_path / "a.glb", Watch()
     a.write_bytes(b"1")
     seen.follow([str(a)])
     assert not seen.changed(10.0)
@@ -390,7 +389,7 @@ def test_all_files_of_a_scene_are_watched(tmp_path):
     names = ["a.toml", "m.glb", "room.mtl", "room.obj", "spot.ies", "wood.png", "x.glb"]
     assert sorted(map(os.path.basename, files)) == names
     for name in names:
-        seen = watch.Watch()
+        seen = Watch()
         seen.follow([*files, str(tmp_path / "gone")])
         (file,) = tmp_path.rglob(name)
         os.utime(file, (1.0, 1.0))

@@ -11,7 +11,7 @@ import pytest
 
 from app.session.opening import Opening
 from app.window import dialogs, keys, label, overlay
-from app.window.panel.status import status_of
+from app.window.panel.quality import status_of
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors
 from tests.support.viewer_hand import keys as named_keys

@@ -26,7 +26,7 @@ from app.measure.atlas.row import (
     ratios,
     solved,
 )
-from gi_core.instruments.ray_timing import Rays, boxes_crossed, built, run_of
+from gi_core.instruments.timing import Rays, boxes_crossed, built, run_of
 from gi_core.scene import Mesh, Pose
 
 

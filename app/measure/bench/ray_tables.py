@@ -11,7 +11,7 @@ from app.measure.chart.figure import need_matplotlib
 from app.measure.tables import markdown_table
 
 if TYPE_CHECKING:
-    from gi_core.instruments.ray_timing import Cost, Structure
+    from gi_core.instruments.timing import Cost, Structure
     from gi_core.model import Model
     from gi_core.scene.types import Camera
 
@@ -28,7 +28,7 @@ NOTE = (
 
 def measured(model: Model, bar: Bar, rays: int = RAYS_PER_KIND) -> list[tuple[Structure, dict[str, Cost]]]:
     """Return every structure at every leaf size over a model's static part, with its costs by kind of ray."""
-    from gi_core.instruments.ray_timing import LEAVES, STRUCTURES, built, costs, rays_of
+    from gi_core.instruments.timing import LEAVES, STRUCTURES, built, costs, rays_of
 
     casts = rays_of(model, scene_camera(model), rays)
     meshes = [(model.surfaces.vertices[0], model.surfaces.faces[0])]

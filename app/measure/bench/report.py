@@ -220,7 +220,7 @@ def _static(solver: Solver) -> int:
 
 def _search_times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str, str, float], Times]:
     """Return the times of each search by (receivers, search, radius)."""
-    from gi_core.instruments.search_timing import (
+    from gi_core.instruments.timing import (
         SEARCHES,
         cells_of,
         frame_lines,
@@ -246,8 +246,8 @@ def _search_times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> 
 
 def _timed_pretests(solver: Solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
     """Return seconds by (search, pre-test) for all segments of 10,000 photons and for those of a frame."""
-    from gi_core.instruments.search_timing import PRETESTS as TRIED
-    from gi_core.instruments.search_timing import SEARCHES, frame_lines, photon_lines, search_run, static_discs
+    from gi_core.instruments.timing import PRETESTS as TRIED
+    from gi_core.instruments.timing import SEARCHES, frame_lines, photon_lines, search_run, static_discs
 
     radius = TREE_RADII[0] * solver.scene_size
     discs, out = static_discs(solver.model, radius), {}

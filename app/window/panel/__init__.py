@@ -21,17 +21,14 @@ from imgui_bundle import hello_imgui, imgui
 from app.settings import Settings
 from app.window.panel import (
     chart,
-    error,
     lamps,
     material,
-    method,
     objects,
     picture,
     quality,
     readouts,
     research,
     scene,
-    status,
 )
 from app.window.panel import widgets as ui
 from app.window.parts import Window
@@ -134,7 +131,7 @@ class Folds:
             imgui.set_scroll_here_y(1.0)
 
 
-__all__ = ["RESEARCH", "SECTIONS", "Folds", "Section", "draw", "status"]
+__all__ = ["RESEARCH", "SECTIONS", "Folds", "Section", "draw", "quality"]
 
 
 def _always(window: Window) -> bool:
@@ -165,9 +162,9 @@ SECTIONS = (
     Section("Scene notes", scene.notes, unfolded=False, visible=lambda window: bool(window.session.scene.notes)),
 )
 RESEARCH = (
-    Section("Method", method.draw),
+    Section("Method", research.method),
     Section("Motion", research.motion),
-    Section("Error", error.draw),
+    Section("Error", research.error),
     Section("Error against time", chart.draw, unfolded=False),
     Section("Bias correction", research.artifacts, unfolded=False),
     Section("Disc search", research.search, unfolded=False, visible=_has_discs),

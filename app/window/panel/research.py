@@ -1,13 +1,15 @@
-"""Sections about the method, all small."""
+"""Sections about the method."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 from imgui_bundle import imgui
 
-from app.settings import CLICKED, POINTED, Settings
+from app.rest.results import GatherProgress
+from app.settings import CLICKED, POINTED, REFERENCE, Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
@@ -33,6 +35,12 @@ SWITCHES = {  # field -> estimator, name, explanation
     ),
 }
 LABELS = {"bvh": "BVH", "grid3d": "3D grid", "bsp": "BSP tree"}
+RADIUS_RANGE = (0.002, 0.2)  # of the scene size
+PHOTONS_RANGE = (1_000, 10_000_000)
+NEIGHBOURS_RANGE = (2, 1_000)
+GLOSS_NAMES = {"quadtree": "QuadTree (summarised)", "list": "List", "all_rays": "QuadTree (all rays)"}
+LIGHT_NAMES = {"best": "Best available", "photons": "Photons only"}
+NO_COMPARISON = "None"
 
 
 def motion(s: Settings, window: Window, actions: set[str]) -> Settings:
@@ -157,3 +165,124 @@ def statistics(s: Settings, window: Window, actions: set[str]) -> Settings:
     ui.number("Triangles", ui.thousands(triangles), "Triangles of the static part and the mobiles.")
     ui.number("Receivers", ui.thousands(len(snapshot.irradiance)), "Sides of vertices; each stores irradiance.")
     return s
+
+
+def method(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """Parameters of the method: photons, radius, neighbours, path tracing."""
+    session, snapshot = window.session, window.session.light.snapshot
+    changed, photons = ui.int_slider("Photons", s.photons, *PHOTONS_RANGE, ui.thousands(s.photons), logarithmic=True)
+    if changed:
+        s = replace(s, photons=ui.rounded(max(photons, 1)))
+    ui.tip("Number of photons. More photons give less noise and slower frames.")
+
+    size = session.chosen.scene_size
+    low, high = (share * size for share in RADIUS_RANGE)
+    changed, radius = ui.float_slider("Radius", s.radius, low, high, f"{s.radius:.3g} m", logarithmic=True)
+    if changed and radius > 0:
+        s = replace(s, radius=float(f"{radius:.3g}"))
+    ui.tip(
+        "Radius around each vertex within which photon paths count. For photon_map: the largest radius. "
+        "Impact_count uses it only in motion, to smooth changes.\n"
+        f"Now {100 * s.radius / size:.2g} % of the scene size.\n"
+        "A larger radius gives less noise and blurs shadow edges over that length. Ctrl+click to type a value."
+    )
+
+    with ui.idle(ui.only("photon_map", s)):
+        k_now = f"{s.neighbours}"
+        changed, k = ui.int_slider("Neighbours k", s.neighbours, *NEIGHBOURS_RANGE, k_now, logarithmic=True)
+        if changed:
+            s = replace(s, neighbours=max(k, 1))
+        ui.tip("Nearest photon hits per estimate of photon_map.")
+    compared = s.compare not in ("", REFERENCE)
+    with ui.idle("a comparison with an estimator shows the light of photons alone" if compared else ""):
+        chosen = ui.choice(replace(s, light="photons") if compared else s, "Light", "light", LIGHT_NAMES,
+                      "Best available: path tracing lights movable objects in each frame. It lights the static part "
+                      "once its noise is below the photons'.\n"
+                      "Photons only, as in the report: the estimator lights everything. Choosing another estimator "
+                      "selects this mode; each estimator keeps its own mode.")  # fmt: skip
+        s = s if compared else chosen
+    if snapshot.gloss is not None:
+        s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
+                      "How rays at glossy vertices are kept.\n"
+                      "QuadTree (summarised): sums in 64 cells of directions; the graphics card evaluates them.\n"
+                      "List: every ray, as in the report; every ray is evaluated for each view.\n"
+                      "QuadTree (all rays): single rays only in cells where the lobe is bright.")  # fmt: skip
+    _progress("Static part", session.gathered, "photons are better",
+              "Error of the gathered light on the static part. Gathering ends at 0.7 %.")  # fmt: skip
+    _progress("At mobiles", snapshot.rest.at_poses if session.gathered is not None else None, "frames are better",
+              "Noise of the light on mobiles and of the light that they change, gathered while they rest. "
+              "Gathering ends at 0.7 %, or after 47 rounds of paths.")  # fmt: skip
+    return s
+
+
+def _progress(name: str, g: GatherProgress | None, otherwise: str, about: str) -> None:
+    """Write the error of gathered light and whether the picture shows it."""
+    if g is None or g.error >= 1:
+        text = ui.DASH if g is None else "gathering"
+    else:
+        text = f"{100 * g.error:.1f} %, {'shown' if g.used else otherwise}"
+    ui.number(name, text, about)
+
+
+def error(s: Settings, window: Window, actions: set[str]) -> Settings:
+    """Error against the unbiased reference, measured at rest, and side-by-side comparison."""
+    r = window.session.light.snapshot.rest.report
+    changed, measure_errors = imgui.checkbox("Measure errors", s.measure_errors)
+    if changed:
+        s = replace(s, measure_errors=measure_errors)
+    ui.tip("Measure errors while nothing moves. A drag interrupts the measurement.")
+    imgui.begin_disabled(not window.session.is_current)  # numbers of the light before
+    at = ui.DASH if r is None else f"{ui.thousands(r.receivers)} of {ui.thousands(r.of)}"
+    about = "Receivers store light, one per vertex and side. A large scene is measured at a random sample of them."
+    ui.number("Receivers", at, about)
+    ui.number(
+        "Total",
+        _percent(r and r.total),
+        "Mean error of irradiance against the unbiased reference, relative to the mean irradiance. Absolute values, in "
+        "luminance, weighted by area. Places brighter than the view count less, by their light.",
+    )
+    ui.number(
+        "   noise",
+        _percent(r and r.noise, "up to "),
+        "Error that more photons remove: an upper bound, from the difference to a subset of the photons.\n"
+        "For photon_map it includes the effect of the changed search radius.",
+    )
+    ui.number(
+        "   bias",
+        _percent(r and r.bias, "at least "),
+        "Error that more photons do not remove, such as blur over the radius: a lower bound.\n"
+        "bias² = total² - noise² - reference noise².",
+    )
+    paths = "" if r is None else f" So far: {ui.thousands(round(r.paths))} paths per receiver."
+    ui.number(
+        "Reference noise",
+        _percent(r and r.reference_noise, "±"),
+        f"Noise of the reference, included in the total.{paths}",
+    )
+    imgui.end_disabled()
+    return _compare(s)
+
+
+def _compare(s: Settings) -> Settings:
+    from gi_core.estimators import ESTIMATORS  # already loaded here
+
+    names = {"": NO_COMPARISON, **{key: ui.title(key) for key in ESTIMATORS}, REFERENCE: ui.title(REFERENCE)}
+    s = ui.choice(
+        s, "Compare with", "compare", names,
+        "Show another estimator of the same photons, or the reference, right of a line that you drag across the "
+        "picture. It is computed while nothing moves. With an estimator, both sides show the light of photons alone.",
+    )  # fmt: skip
+    changed, reference = imgui.checkbox("Show reference", s.reference)
+    if changed:
+        s = replace(s, reference=reference)
+    ui.tip("Show the reference in place of the estimate. Key 0.")
+    return s
+
+
+def _percent(value: float | None, bound: str = "") -> str:
+    """Return a share in percent, a dash for an unknown one."""
+    if value is None or math.isnan(value):
+        return ui.DASH
+    if value <= 0:
+        return "not measurable"
+    return f"{bound}{100 * value:.{1 if value >= 0.00995 else 2}f} %"

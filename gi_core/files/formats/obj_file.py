@@ -17,9 +17,8 @@ import numpy as np
 
 from gi_core.files.formats.boundary import Boundary, like_named, text_of
 from gi_core.files.formats.classes import lamps_of_texture
-from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
+from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed, without_overlaps
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
-from gi_core.files.formats.polygons import without_overlaps
 from gi_core.files.formats.texture_images import MISSING, Images, find
 from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.file_parts import FileParts, Part
-from gi_core.files.formats.polygons import without_overlaps
+from gi_core.files.formats.file_parts import FileParts, Part, without_overlaps
 from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.types import Material

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.defaults import choose
+from gi_core import defaults
 from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
 from gi_core.geometry.error import luminance, relative_error
@@ -39,55 +39,56 @@ def crates(count: int) -> list:
     return [box(c, np.add(c, step / 2), 1, 0) for c in corners]
 
 
-def lit_places(model: Model) -> choose.Places:
-    return choose.places(model, model.pilot, *choose._box(model, model.pilot.hits), 1.0)
+def lit_places(model: Model) -> defaults.Places:
+    return defaults.places(model, model.pilot, *defaults._box(model, model.pilot.hits), 1.0)
 
 
 def test_furniture_gets_a_smaller_radius_than_flat_ground():
-    even = choose.choose(Model(room()), None, None, None)
-    assert even.radius == pytest.approx(choose.RADIUS_SHARE * even.scene_size, rel=0.05)
-    furnished = choose.choose(Model(room(*crates(12))), None, None, None)
+    even = defaults.choose(Model(room()), None, None, None)
+    assert even.radius == pytest.approx(defaults.RADIUS_SHARE * even.scene_size, rel=0.05)
+    furnished = defaults.choose(Model(room(*crates(12))), None, None, None)
     assert furnished.radius < 0.8 * even.radius
     assert furnished.predicted.bias > 2 * even.predicted.bias
 
 
 def test_photons_reach_the_noise_limit_or_the_time_or_memory_limit(monkeypatch):
     model = Model(room())
-    chosen = choose.choose(model, None, None, None)
-    assert chosen.predicted.noise == pytest.approx(choose.LEAST_NOISE, rel=0.05)  # two digits of photons
-    monkeypatch.setattr(choose, "MOST_SECONDS", 1.0)
-    hurried = choose.choose(model, None, None, None)
+    chosen = defaults.choose(model, None, None, None)
+    assert chosen.predicted.noise == pytest.approx(defaults.LEAST_NOISE, rel=0.05)  # two digits of photons
+    monkeypatch.setattr(defaults, "MOST_SECONDS", 1.0)
+    hurried = defaults.choose(model, None, None, None)
     assert hurried.photons < chosen.photons
     assert hurried.predicted.seconds == pytest.approx(1.0, rel=0.05)
-    monkeypatch.setattr(choose, "MOST_PHOTONS", 50_000)
-    assert choose.choose(model, None, None, None).photons == 50_000
+    monkeypatch.setattr(defaults, "MOST_PHOTONS", 50_000)
+    assert defaults.choose(model, None, None, None).photons == 50_000
 
 
 def test_given_settings_are_kept_and_photons_do_not_change_the_radius():
     model = Model(room())
-    free = choose.choose(model, None, None, None)
-    assert choose.choose(model, 1000, None, None)[:2] == (1000, free.radius)
-    wide = choose.choose(model, None, 2 * free.radius, None)
+    free = defaults.choose(model, None, None, None)
+    assert defaults.choose(model, 1000, None, None)[:2] == (1000, free.radius)
+    wide = defaults.choose(model, None, 2 * free.radius, None)
     assert wide.radius == 2 * free.radius
     assert wide.photons < free.photons
-    assert choose.choose(model, 77, 0.3, 9)[:3] == (77, 0.3, 9)
+    assert defaults.choose(model, 77, 0.3, 9)[:3] == (77, 0.3, 9)
     said = Model(replace(room(), defaults=Defaults(photons=500, radius=0.2, scene_size=3.0)))
-    assert choose.choose(said, None, None, None)[:2] == (500, 0.2)
-    assert choose.choose(said, None, None, None).scene_size == 3.0
+    assert defaults.choose(said, None, None, None)[:2] == (500, 0.2)
+    assert defaults.choose(said, None, None, None).scene_size == 3.0
 
 
 @pytest.mark.parametrize(("photons", "share"), [(20_000, 1.0), (2_000, 0.0), (100_000_000, 0.0)])
 def test_k_of_the_photon_map_is_the_hits_on_a_disc(photons, share):
     """So that both smooth alike: hits spread over all faces. Within bounds."""
     model = Model(room())
-    chosen = choose.choose(model, photons, 0.1, None)
+    chosen = defaults.choose(model, photons, 0.1, None)
     on_disc = len(model.pilot.hits) / model.pilot.photons * photons * math.pi * 0.1**2 / model.surfaces.areas.sum()
-    expected = on_disc if share else choose.NEIGHBOURS if photons < 20_000 else choose.MOST_NEIGHBOURS
+    expected = on_disc if share else defaults.NEIGHBOURS if photons < 20_000 else defaults.MOST_NEIGHBOURS
     assert chosen.neighbours == pytest.approx(expected, rel=0.5 * share)
 
 
 def test_the_choice_is_always_the_same():
-    assert choose.choose(Model(room(), 1), None, None, None)[:4] == choose.choose(Model(room()), None, None, None)[:4]
+    one, other = (defaults.choose(Model(room(), *threads), None, None, None) for threads in ((1,), ()))
+    assert one[:4] == other[:4]
 
 
 def test_a_chosen_number_is_the_one_that_its_digits_mean():
@@ -95,15 +96,15 @@ def test_a_chosen_number_is_the_one_that_its_digits_mean():
     for e in range(-5, 3):
         for k in range(10, 100):
             typed = float(f"{k}e{e}")
-            assert choose._round(1.001 * typed) == choose._round(typed) == typed == float(f"{typed:.4g}")
+            assert defaults._round(1.001 * typed) == defaults._round(typed) == typed == float(f"{typed:.4g}")
 
 
 def test_scenes_without_light_or_without_a_hit():
     away = quad((0, 0, 1), (1, 0, 0), (0, 1, 0), (1, 1), 1)
     over = Scene(merge(floor(), away), (grey(0.5), lamp(10.0)), up=(0, 0, 1))  # a lamp that shines upwards
     for scene in (replace(room(), materials=(grey(0.5), grey(0.5))), plane_scene(), over):
-        chosen = choose.choose(Model(scene), None, None, None)
-        assert chosen.photons == choose.FEWEST_PHOTONS
+        chosen = defaults.choose(Model(scene), None, None, None)
+        assert chosen.photons == defaults.FEWEST_PHOTONS
         assert chosen.predicted is None
         assert chosen.radius > 0
 
@@ -112,7 +113,7 @@ def test_no_radius_is_far_below_the_distance_between_receivers():
     walls = box((0, 0, 0), (1, 1, 1), 12, 0, inward=True)  # a value every 8 cm
     scene = Scene(merge(walls, LAMP, *crates(12)), (grey(0.5), lamp(10.0)), up=(0, 0, 1))
     lit = lit_places(Model(scene))
-    chosen = choose.choose(Model(scene), None, None, None)
+    chosen = defaults.choose(Model(scene), None, None, None)
     assert chosen.radius >= 0.95 * min(0.025 * chosen.scene_size, 0.5 * lit.spacing)
 
 
@@ -123,9 +124,9 @@ def test_noise_of_even_light_is_poisson():
     density = 1 / (math.pi * model.emitters.parameters[0, 6] ** 2)  # photons start on a disc that covers all
     assert np.median(lit.density) == pytest.approx(density, rel=0.1)
     expected = density * math.pi * 0.1**2 * 10_000
-    counting = choose.SOBOL * math.sqrt(2 / math.pi / expected)
-    assert choose.noise(lit, 0.1, 10_000) == pytest.approx(counting, rel=0.1)
-    assert choose.noise(lit, 0.1, choose.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
+    counting = defaults.SOBOL * math.sqrt(2 / math.pi / expected)
+    assert defaults.noise(lit, 0.1, 10_000) == pytest.approx(counting, rel=0.1)
+    assert defaults.noise(lit, 0.1, defaults.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
 
 
 def test_predicted_noise_is_near_that_of_two_solutions():
@@ -137,7 +138,7 @@ def test_predicted_noise_is_near_that_of_two_solutions():
     mean = 0.5 * (one.irradiance + two.irradiance)
     assert (luminance(mean) > 0).any()
     found = relative_error(one.irradiance, mean, w).l1 * math.sqrt(2)  # off its own mean by half the difference
-    assert 0.6 < found / choose.noise(lit, 0.05, 40_000) < 1.4
+    assert 0.6 < found / defaults.noise(lit, 0.05, 40_000) < 1.4
 
 
 def test_uneven_ground_by_hand():
@@ -147,17 +148,17 @@ def test_uneven_ground_by_hand():
     assert len(lit.positions) > 1000
     middle = lit._replace(positions=np.array([[0.0, 0.0, 0.0]]), normals=np.array([[0.0, 0.0, 1.0]]))
     rim = middle._replace(positions=np.array([[0.999, 0.0, 0.0]]))
-    assert choose.uneven(model, middle, 0.2) == 0
-    assert choose.uneven(model, rim, 0.2) == pytest.approx(0.5, abs=0.13)  # of eight directions, one along the rim
+    assert defaults.uneven(model, middle, 0.2) == 0
+    assert defaults.uneven(model, rim, 0.2) == pytest.approx(0.5, abs=0.13)  # of eight directions, one along the rim
     wall = quad((0.05, -1, -0.5), (0, 2, 0), (0, 0, 1))
     walled = Model(Scene(merge(floor(2.0, 40), wall), (grey(0.5),), lights=(SUN,), up=(0, 0, 1)))
-    assert choose.uneven(walled, middle, 0.2) == pytest.approx(3 / 8, abs=0.13)  # 0.14 cos a > 0.05
+    assert defaults.uneven(walled, middle, 0.2) == pytest.approx(3 / 8, abs=0.13)  # 0.14 cos a > 0.05
 
 
 def test_lit_places_are_seen_by_the_camera():
     camera = Camera((0.5, 0.5, 0.5), (0.5, 0.5, 0.0), 40.0)  # from the middle of the room down to its floor
     seen = lit_places(Model(replace(room(), camera=camera)))
-    assert len(seen.positions) >= choose.FEWEST_HITS
+    assert len(seen.positions) >= defaults.FEWEST_HITS
     assert (seen.positions[:, 2] < 1e-5).all()
     away = Camera((5.0, 5.0, 5.0), (9.0, 9.0, 9.0), 40.0)
     assert (lit_places(Model(replace(room(), camera=away))).positions[:, 2] > 0.5).any()
@@ -189,5 +190,5 @@ def test_predicted_work_is_near_that_of_the_disc_index(radius):
     s = segments_of(paths, 0, 2000)
     over = lines(s, model.static.rotation[0], model.static.position[0], model, radius)
     counted = disc_tests(discs, over) / 2000
-    _, predicted = choose.work(model, paths, radius)
+    _, predicted = defaults.work(model, paths, radius)
     assert 0.6 < predicted / counted < 1.6
