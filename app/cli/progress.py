@@ -1,4 +1,4 @@
-"""Progress bar on stderr for commands without a window; silent unless stderr is a terminal."""
+"""Progress on stderr for commands without a window, silent unless stderr is a terminal; warnings about the light."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from app.cli.warnings import warnings_of
-
 if TYPE_CHECKING:
     from app.settings import Settings
     from gi_core.scene import Scene
@@ -17,6 +15,7 @@ if TYPE_CHECKING:
 
 BAR_CHARACTERS = 28
 REDRAW_SECONDS = 0.1
+ESCAPES = 0.8  # of the photons at their first flight
 
 
 class Bar:
@@ -104,3 +103,24 @@ def solve(solver: Solver, bar: Bar) -> None:
         bar(progress.stage, progress.fraction)
     for text in warnings_of(solver).values():
         bar.say(f"gi-viewer: {text}")
+
+
+def warnings_of(solver: Solver) -> dict[str, str]:
+    """Return one sentence per kind of warning: "memory", "escapes", "behind"; empty without any."""
+    from gi_core.files.completion.completion import lit_by_stand_ins
+
+    sentences, chosen = {}, solver.chosen
+    if solver.frame.store.memory_full:
+        wanted = f"{solver.frame.photons:,} of the {solver.photons:,} photons wanted"
+        sentences["memory"] = f"memory holds no more than {wanted}"
+    if chosen.escaped_first > ESCAPES and not lit_by_stand_ins(solver.scene):  # added lights cannot be turned
+        sentences["escapes"] = (
+            f"{100 * chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; close it, or turn "
+            "its lights inwards: most photons are wasted and the picture is noisier than necessary"
+        )
+    if chosen.behind_first > 0.5:  # 0.5 of them, absorbed by backs of one-sided faces
+        sentences["behind"] = (
+            f"{100 * chosen.behind_first:.0f} % of the light first meets backs of one-sided faces, which are black; "
+            "turn these faces over, or make their materials two-sided"
+        )
+    return sentences

@@ -1,4 +1,4 @@
-"""Files of pictures: PNG with parameters as tEXt entries, OpenEXR layers, films.
+"""Files of pictures: PNG with parameters as tEXt entries, of the window too; OpenEXR layers, films.
 
 OpenEXR is written by the library of that name, MP4 by PyAV (H.264), GIF and WebP by Pillow.
 """
@@ -16,10 +16,14 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from app.cli.writable import replacing, write_whole
+from app.draw.legend import Legend, Marks, with_legend, with_marks
 from gi_core.scene.errors import utf8
 
 if TYPE_CHECKING:  # heavy, and PNG needs no layers
     from app.draw.layers import Layers
+    from app.draw.renderer import Look, Renderer
+
+SAMPLES_OF_A_SCREENSHOT = 8
 
 
 def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[str, object] | None = None) -> Path:
@@ -109,3 +113,38 @@ def _write_pillow(path: Path, pictures: Iterable[np.ndarray], rate: int, form: s
     first = next(later)
     options = {"quality": 90, "method": 4} if form == "WEBP" else {}
     first.save(path, form, save_all=True, append_images=later, duration=round(1000 / rate), loop=0, **options)
+
+
+def next_free(folder: Path) -> Path:
+    """Return the first of gi-viewer-001.png, -002.png, ... that does not exist."""
+    n = 1
+    while (path := folder / f"gi-viewer-{n:03d}.png").exists():
+        n += 1
+    return path
+
+
+def write_screenshot(
+    renderer: Renderer,
+    look: Look,
+    legend: Legend | None,
+    metadata: dict[str, str],
+    path: Path,
+    scale: int = 1,
+    marks: Marks | None = None,
+    pixels: float = 1.0,
+) -> Path:
+    """Draw at `scale` times the viewport's size and write a PNG, with its legend and marks. Raises OSError.
+
+    pixels: of the viewport per point of the marks.
+
+    A picture of 4 times the size has a quarter of SAMPLES_OF_A_SCREENSHOT, so that it fits into memory.
+    """
+    (width, height), samples = renderer.size, renderer.samples_now
+    renderer.resize(scale * width, scale * height, SAMPLES_OF_A_SCREENSHOT // scale)
+    try:
+        renderer.draw(look)
+        picture = renderer.pixels()
+    finally:
+        renderer.resize(width, height, samples)
+    picture = picture if marks is None else with_marks(picture, marks, scale * pixels)
+    return write_png(path, picture if legend is None else with_legend(picture, legend), metadata)

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.cli.progress import opened
+from app.cli.progress import opened, warnings_of
 from app.cli.version import version
-from app.cli.warnings import warnings_of
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from app.cli.warnings import warnings_of
+from app.cli.progress import warnings_of
 from app.session.snapshot import Snapshot, snapshot_of
 from gi_core.base.pause import Interrupted
 

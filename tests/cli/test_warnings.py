@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.cli.warnings import warnings_of
+from app.cli.progress import warnings_of
 from app.commands import render
 from app.session.log import Log
 from app.session.opening import Opened

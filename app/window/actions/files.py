@@ -8,9 +8,10 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from app.cli.writable import write_whole
+from app.draw.picture_files import next_free, write_screenshot
 from app.session.log import WARNING
 from app.settings import UsageError
-from app.window import dialogs, readout_marks, screenshot, view_content
+from app.window import dialogs, readout_marks, view_content
 from app.window.actions.lamps import is_photometric, use_file
 from app.window.actions.objects import insert, is_mesh
 from app.window.parts import Window
@@ -111,14 +112,14 @@ def save_picture(window: Window, path: Path | None = None) -> str:
 
     path: None for the next free name in the working folder.
     """
-    path = path or screenshot.next_free(Path.cwd())
+    path = path or next_free(Path.cwd())
     viewport, renderer = window.viewport, window.painter.renderer
     metadata = viewport.picture.metadata(window.session.light.snapshot)
     look = viewport.look(outlined=False)
     try:
         scale = window.session.settings.picture_scale
         marks, pixels = readout_marks.marks(viewport), renderer.size[1] / viewport.view.size[1]
-        screenshot.save(renderer, look, viewport.legend, metadata, path, scale, marks, pixels)
+        write_screenshot(renderer, look, viewport.legend, metadata, path, scale, marks, pixels)
         window.log(f"saved {path}")
         return ""
     except OSError as problem:
@@ -131,7 +132,7 @@ def save_picture_as(window: Window) -> None:
     def write(path: str) -> str:
         return save_picture(window, _with_suffix(path, ".png"))
 
-    window.files.dialog.save("Save the picture", str(screenshot.next_free(Path.cwd())), dialogs.PICTURES, write)
+    window.files.dialog.save("Save the picture", str(next_free(Path.cwd())), dialogs.PICTURES, write)
 
 
 def _with_suffix(path: str, suffix: str) -> Path:
