@@ -65,7 +65,7 @@ def test_it_stays_on_show_with_its_errors(before):
 def test_it_changes_as_photons_say(before, monkeypatch):
     solver, many = after(before, DARK), Solver(edited(before.scene, [DARK]), **GIVEN)
     many.solve()
-    monkeypatch.setattr(static, "ENOUGH", 0.01)
+    monkeypatch.setattr(static, "ENOUGH", 0.02)
     monkeypatch.setattr(pose_gather, "CLEARLY", 0.1)
     for _ in many.gather_pose_steps():
         pass
