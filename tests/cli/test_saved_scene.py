@@ -130,10 +130,7 @@ def test_read_outs_are_saved(tmp_path):
 @pytest.mark.parametrize(
     "text, message",
     [
-        (
-            "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 0]\nheight = 0.75",
-            "[measuring_plane]: plane must be A0,B0",
-        ),
+        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 0]\nheight = 0.75", "[measuring_plane]: plane must be A0,B0"),
         ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]", "[measuring_plane]: height is missing; write height = ..."),
         (
             "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]\nheight = 1\npoints = [0, 2.5]",

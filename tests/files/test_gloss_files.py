@@ -184,10 +184,7 @@ WORDS = [
     ('brdf = [{ model = "eon" }, { model = "eon", n = 2 }]', 'model 2 of brdf: eon has no parameter "n"; it has '),
     ('brdf = [{ model = "eon", scale = true }]', "model 1 of brdf: scale belongs to the whole material; write it"),
     ('brdf = [{ model = "eon", factor = -1 }]', "model 1 of brdf: factor of eon must be a number from 0 to 1e+06, got"),
-    (
-        'brdf = [{ model = "eon", factor = true }]',
-        "model 1 of brdf: factor of eon must be a number from 0 to ",
-    ),
+    ('brdf = [{ model = "eon", factor = true }]', "model 1 of brdf: factor of eon must be a number from 0 to "),
     ('brdf = [{ model = "eon" }]\nks = 1', 'ks belongs to a model of the list; write brdf = [{ model = "ward", ks ='),
     (
         'brdf = [{ model = "ward", kd = 1 }, { model = "lewis", kd = 1 }]',

@@ -129,10 +129,7 @@ CRATE = box((1, 0.1, 1), (2, 1.1, 2))
 def test_crate_with_a_lamp_inside_keeps_its_inner_side(what):
     bulb = quad((1.4, 0.5, 1.4), (0.1, 0, 0), (0, 0, 0.1), material=1)
     parts = [quad((0, 0, 0), (0, 0, 3), (3, 0, 0)), CRATE, *([bulb] if what == "lamp" else [])]
-    scene = sides(
-        merge(*parts),
-        (BULB, PointLight("p", (1.5, 0.6, 1.5), (1.0,) * 3)) if what == "point" else (BULB,),
-    )
+    scene = sides(merge(*parts), (BULB, PointLight("p", (1.5, 0.6, 1.5), (1.0,) * 3)) if what == "point" else (BULB,))
     assert two_sided(scene, slice(2, 14)).all()
 
 

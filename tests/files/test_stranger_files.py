@@ -146,12 +146,7 @@ def test_points_and_lines_are_left_out_with_a_line(tmp_path):
         [(0, 5126, 4, "VEC3"), (1, 5125, 6, "SCALAR")],
         nodes=[{"mesh": 0}],
         meshes=[
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0}, "indices": 1},
-                    {"attributes": {"POSITION": 0}, "mode": 1},
-                ]
-            }
+            {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}, {"attributes": {"POSITION": 0}, "mode": 1}]}
         ],
     )
     read = read_mesh_file(file)

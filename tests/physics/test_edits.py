@@ -33,17 +33,7 @@ from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import (
-    Material,
-    Mesh,
-    Mobile,
-    Paint,
-    PointLight,
-    Pose,
-    Scene,
-    SkyLight,
-    Texture,
-)
+from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, SkyLight, Texture
 from gi_core.solver import Solver, edited_solver, photons_of
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import luminaire

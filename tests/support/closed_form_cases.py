@@ -166,11 +166,7 @@ CASES = {
         0.12,
     ),
     "overcast sky": ClosedFormCase(
-        sky_plane,
-        lambda p, n: np.full(len(p), closed_form.sky(1.0)),
-        lambda r: {"all": within(r, 0.15)},
-        60_000,
-        0.12,
+        sky_plane, lambda p, n: np.full(len(p), closed_form.sky(1.0)), lambda r: {"all": within(r, 0.15)}, 60_000, 0.12
     ),
     "parallel rectangles": ClosedFormCase(
         rectangles,

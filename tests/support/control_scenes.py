@@ -164,11 +164,7 @@ def bumpy_wall(two_sided: bool = False) -> ControlScene:
         return (np.abs(p[:, :2] - 0.5).max(axis=1) < 0.25) & (np.abs(p[:, 2]) < 0.01)
 
     return ControlScene(
-        scene,
-        0.02,
-        800_000,
-        lambda p, n: inner(p) & (p[:, 2] < -0.001),
-        lambda p, n: inner(p) & (p[:, 2] > 0.001),
+        scene, 0.02, 800_000, lambda p, n: inner(p) & (p[:, 2] < -0.001), lambda p, n: inner(p) & (p[:, 2] > 0.001)
     )
 
 

@@ -65,8 +65,7 @@ def test_paths_disc_and_colours_follow_keys_cursor_and_drags(play, monkeypatch):
 
 
 GLOSSY = replace(
-    support.room(24),
-    materials=(Material("white", (0.5,) * 3, gloss=Gloss(alpha=0.3)), *support.room(24).materials[1:]),
+    support.room(24), materials=(Material("white", (0.5,) * 3, gloss=Gloss(alpha=0.3)), *support.room(24).materials[1:])
 )
 
 

@@ -55,14 +55,7 @@ def images() -> tuple[list[bytes], list[bytes]]:
         ("RGB", "TGA"),
         ("RGB", "PPM"),
     ]
-    for mode, kind in [
-        *forms,
-        ("P", "GIF"),
-        ("RGB", "WEBP"),
-        ("RGB", "EPS"),
-        ("RGB", "ICO"),
-        ("RGB", "PCX"),
-    ]:
+    for mode, kind in [*forms, ("P", "GIF"), ("RGB", "WEBP"), ("RGB", "EPS"), ("RGB", "ICO"), ("RGB", "PCX")]:
         (colour.convert("L") if mode == "I;16" else colour).convert(mode).save(stream := io.BytesIO(), kind)
         odd.append(stream.getvalue())
     odd += [

@@ -153,12 +153,7 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
     half = math.sqrt(0.5)
     mobiles, lights = [], []
     for i in range(g.pick(0, 1, 1, 2)):
-        place = g.pick(
-            {},
-            {"position": g.reals(3)},
-            {"axis": direction},
-            {"rotation": [half, 0, half, 0]},
-        )
+        place = g.pick({}, {"position": g.reals(3)}, {"axis": direction}, {"rotation": [half, 0, half, 0]})
         path = _some(
             g, {"times": [0, 1.5, 4], "positions": [g.reals(3) for _ in range(3)]}, {"spin": 90, "spin_axis": direction}
         )

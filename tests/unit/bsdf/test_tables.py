@@ -249,11 +249,7 @@ def test_edges_of_the_numbers_give_valid_draws(case):
         ("schlick", {"C": 1, "r": 0.2}, r"at 6\d to 89 degrees of incidence \(17[89]\S* % at 89 degrees\)"),
         ("strauss", {"s": 0.7, "m": 1, "C": 1}, r"at 8\d to 89 degrees of incidence \(45\d\S* % at 89 degrees\)"),
         ("lafortune", {"ks": 1, "cz": 1.1, "n": 20}, r"at 0 to 5\d degrees of incidence \(67\d\S* % at 0 degrees\)"),
-        (
-            "lafortune",
-            {"ks": 1, "cz": 2, "n": 1000},
-            r"at 0 to 8\d degrees of incidence \(1.081e\+303 % at 0",
-        ),
+        ("lafortune", {"ks": 1, "cz": 2, "n": 1000}, r"at 0 to 8\d degrees of incidence \(1.081e\+303 % at 0"),
         ("lewis", {"ks": 0.7, "kd": 0.5}, r"at 0 to 4\d degrees of incidence \(120\S* % at 0 degrees\)"),
         ("perfect_specular", {"ks": 0.7, "kd": 0.5}, r"at 0 to 89 degrees of incidence \(120 % at 0 degrees\)"),
     ],

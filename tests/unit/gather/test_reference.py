@@ -156,9 +156,7 @@ def test_standard_error_equals_the_scatter_of_seeds():
     scatter = runs.std(axis=0, ddof=1)
     assert scatter == pytest.approx(error * math.sqrt(60), rel=0.4)
     seeds_test(
-        runs,
-        reference_irradiance(scene, *build.ROOM_POINTS, 100_000, 98, model=model)[0],
-        "short runs against a long",
+        runs, reference_irradiance(scene, *build.ROOM_POINTS, 100_000, 98, model=model)[0], "short runs against a long"
     )
 
 
