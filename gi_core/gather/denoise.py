@@ -30,6 +30,7 @@ from gi_core.geometry.mesh_neighbours import Neighbours
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
 GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones, at 20, 40 and 80 % of difference
 PASSES = 2
+LEAST_LEFT = 1 / 19  # of the variance: two passes average a receiver with two rings, some 19; a risk may be negative
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 DENOISE_GRAIN = 1024  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
@@ -43,9 +44,9 @@ class Denoised(NamedTuple):
     risk: np.ndarray  # (n,) float64, ... and the estimated squared error after; rough for a single receiver
 
     def share(self, weights: np.ndarray) -> float:
-        """Return the share of the error (l2, by weights (n,)) that remains, 0 .. 1."""
+        """Return the share of the error (l2, by weights (n,)) that remains, up to 1."""
         noise = float(weights @ self.squares)
-        return math.sqrt(min(max(float(weights @ self.risk) / noise, 0.0), 1.0)) if noise > 0 else 1.0
+        return math.sqrt(min(max(float(weights @ self.risk) / noise, LEAST_LEFT), 1.0)) if noise > 0 else 1.0
 
 
 def denoise(

@@ -140,16 +140,18 @@ class Rounds:
         smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
         cost: np.ndarray | None = None,
         least: int = 0,
+        smaller: int = 0,
     ):
         """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
 
         pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
         that distribute them; weights, rounds: see ReferenceRounds; cost (n,): relative time of a path; None: equal.
-        least: log2 of the paths of a set, at least.
+        least: log2 of the paths of a set, at least. smaller: log2 of how much smaller sets are at first, until
+        enlarge().
         """
         self.paths, self._pilot, self._smoothed = paths, pilot, smoothed
         self._weights, self._rounds, self.state = weights, rounds, state
-        self._least = least
+        self._least, self.smaller = least, smaller
         self._cost = np.ones(len(state.sets)) if cost is None else cost
         self._pace = Pace(FIRST_SECONDS, SMALLEST_STEP, PATHS_AT_ONCE)
         self._parts: list[np.ndarray] = []  # estimates of the first paths of a set that takes several steps
@@ -165,6 +167,19 @@ class Rounds:
         rows, count = self._trace(self._pace.fit(STEP) if paths is None else paths, end)
         self._pace.took(float(self._cost[rows].sum()) * count, time.perf_counter() - began)
 
+    @property
+    def done(self) -> float:
+        """Rounds that have come to all points, as a number of whole ones."""
+        return self.state.rounds / (1 << self.smaller)
+
+    def enlarge(self, times: int) -> None:
+        """Begin anew with sets 2^times larger, of fewer than `smaller`."""
+        s = self.state
+        self.smaller -= times
+        s.log2_set[:] = -1
+        for a in (s.sets, s.mean, s.squares):
+            a[:] = 0
+
     def _trace(self, paths: int, end: int | None) -> tuple[np.ndarray, int]:
         """Trace paths of total cost `paths`, or of one point; return the rows and the paths of each."""
         s = self.state
@@ -176,8 +191,8 @@ class Rounds:
             return rows, pilot
         if s.log2_set.min() < 0:
             w, rounds = self._weights, self._rounds
-            s.log2_set[:] = EVEN_SET if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)
-            np.maximum(s.log2_set, self._least, out=s.log2_set)
+            whole = EVEN_SET if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)
+            s.log2_set[:] = np.maximum(whole - self.smaller, self._least)
         now = s.rounds
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
         due = np.flatnonzero(s.sets == now)

@@ -55,6 +55,23 @@ def numbers(first: int, count: int, dimension: int, m: int) -> np.ndarray:
     return np.array([strata.uniform(11, first + k, 1, dimension, m) for k in range(count)])
 
 
+def test_smaller_sets_come_first_and_leave_no_trace():
+    """A quarter of the paths, but one per delta light. Whole sets have the bits of those that began at once."""
+    scene, options = build.coloured_room(), {"weights": UNEVEN, "rounds": 2}
+    rounds = ReferenceRounds(scene, P, N, 3, **options)
+    rounds.smaller = 2
+    while rounds.state.rounds < 4:
+        rounds.step()
+    assert rounds.done == 1.0
+    small = rounds.state.log2_set.copy()
+    rounds.enlarge(2)
+    while rounds.state.rounds < 2:
+        rounds.step()
+    whole = gathered(scene, 2, 3, **options)
+    assert np.array_equal(small, np.maximum(whole.log2_set - 2, 1)) and whole.log2_set.max() > 2
+    assert all(np.array_equal(a, b) for a, b in zip(rounds.state, whole, strict=True))
+
+
 # -- delta lights -------------------------------------------------------------------------------------
 
 
