@@ -205,8 +205,8 @@ class Solver:
         """Put several mobiles at new poses and update irradiance once.
 
         photons: one of `subsets`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
-        `gi_core.frames.frame_size.PATHS`, None: 64. Raises SceneError for a name that no mobile has, a pose that is not
-        rigid, and any other number of photons or paths. A move that any exception breaks off has not been made, such as
+        `light_setting.PATHS`, None: 64. Raises SceneError for a name that no mobile has, a pose that is not rigid, and
+        any other number of photons or paths. A move that any exception breaks off has not been made, such as
         Interrupted at a pause (`gi_core.base.pause.breaking_off`).
         """
         if photons is not None:

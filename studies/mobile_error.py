@@ -18,7 +18,7 @@ from itertools import count
 import numpy as np
 
 from gi_core.files.load import load_scene
-from gi_core.frames.frame_size import PATHS
+from gi_core.frames.light_setting import PATHS
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference_sample import gather_sample
 from gi_core.geometry.error import bias_left, luminance, relative_error

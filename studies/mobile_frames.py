@@ -20,7 +20,7 @@ from app.measure.chart.run import Run
 from app.measure.chart.settings import Choice
 from app.settings import Settings, open_scene
 from gi_core.estimators import DEFAULT
-from gi_core.frames.frame_size import PATHS
+from gi_core.frames.light_setting import PATHS
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
 from gi_core.geometry.error import bias_left, luminance, relative_error
 from gi_core.scene.errors import SceneError

@@ -20,7 +20,7 @@ from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
-from gi_core.frames.frame_size import FrameSize
+from gi_core.frames.light_setting import FrameSize
 from gi_core.gloss.light import GlossLight
 from gi_core.lights.mix import irradiance_at
 from gi_core.photons.flux_sums import Evaluated

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 
-from gi_core.frames.frame_size import PATHS, FrameSize
+from gi_core.frames.light_setting import PATHS, FrameSize
 
 TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
 GATHERING = 0.7  # share of the budget for up to ...

@@ -14,8 +14,7 @@ from gi_core.frames.background import Background
 from gi_core.frames.control_variate import Direct
 from gi_core.frames.edited_light import LightAtPoses
 from gi_core.frames.frame_gloss import FrameGloss
-from gi_core.frames.frame_size import PATHS, PATHS_AT_REST, FrameSize
-from gi_core.frames.light_setting import LightSetting
+from gi_core.frames.light_setting import PATHS, PATHS_AT_REST, FrameSize, LightSetting
 from gi_core.frames.mobile_light import AtRest, MobileLight
 from gi_core.frames.pose_light import PoseLight
 from gi_core.frames.static_light import StaticLight

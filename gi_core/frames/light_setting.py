@@ -1,10 +1,11 @@
-"""Settings of the light of frames, besides those of the estimator."""
+"""Settings of the light of frames, besides those of the estimator; the size of a frame."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,16 @@ from gi_core.gloss.source import QUADTREE, WAYS
 from gi_core.scene.rules import FLAG, one_of
 
 LIGHTS = ("best", "photons")
+# Per receiver of a mobile, on average: an eighth to a third apart, so that little of a frame's time stays unused.
+PATHS = (4, 6, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256)
+PATHS_AT_REST = 64  # the default, with some 4 % of noise
+
+
+class FrameSize(NamedTuple):
+    """Photons and paths of a frame."""
+
+    photons: int
+    paths: int  # per receiver of a mobile; 0: photons light mobiles
 
 
 @dataclass(eq=False)

@@ -30,7 +30,6 @@ from gi_core.geometry.mesh_neighbours import Neighbours
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
 GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones, at 20, 40 and 80 % of difference
 PASSES = 2
-LEAST_LEFT = 1 / 19  # of the variance: two passes average a receiver with two rings, some 19; a risk may be negative
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 DENOISE_GRAIN = 1024  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
@@ -46,7 +45,8 @@ class Denoised(NamedTuple):
     def share(self, weights: np.ndarray) -> float:
         """Return the share of the error (l2, by weights (n,)) that remains, up to 1."""
         noise = float(weights @ self.squares)
-        return math.sqrt(min(max(float(weights @ self.risk) / noise, LEAST_LEFT), 1.0)) if noise > 0 else 1.0
+        # two passes average a receiver with two rings, some 19; a risk may be negative
+        return math.sqrt(min(max(float(weights @ self.risk) / noise, 1 / 19), 1.0)) if noise > 0 else 1.0
 
 
 def denoise(

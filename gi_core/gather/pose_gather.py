@@ -46,8 +46,6 @@ STAGE = "gathering at these poses"
 MORE = 1.3  # growth of rounds from one result to the next
 COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
 MOST = 47  # rounds until the last result: twice those that noise is sized for
-FEWEST = 4  # rounds of a result: noise after denoising is understated with fewer
-SMALLER, LARGER = 4, 2  # log2 of how much smaller the sets of the first result are, and of the steps to whole ones
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
 FAR_OFF, SURE = 0.15, 5.0  # or a vertex of a mobile is so far off, by so many standard errors: in gallery the mean is
@@ -91,7 +89,7 @@ class PoseGather:
         relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
         state, smoothed = ReferenceState.empty(len(self.rows), channels=6), self._paths.smoothed
         rounds, least = static_gather.ROUNDS, least_set(lights.delta)
-        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, rounds, smoothed, cost, least, SMALLER)
+        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, rounds, smoothed, cost, least, smaller=4)
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), 0.0  # rounds of the last result
         self._least = float("inf")  # of `left` so far: with more paths, less is smoothed and noise may rise again
@@ -114,11 +112,12 @@ class PoseGather:
         """
         while not self.enough:
             r = self._rounds
-            if r.state.rounds >= FEWEST and r.done > MORE * self._seen:
+            # noise after denoising is understated with fewer than 4 rounds
+            if r.state.rounds >= 4 and r.done > MORE * self._seen:
                 self._seen = r.done
                 self._result(static())
                 if r.smaller:
-                    r.enlarge(LARGER)
+                    r.enlarge(2)
                 new()
             else:
                 self._know(static())

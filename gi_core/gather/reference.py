@@ -99,16 +99,10 @@ def may_be_light(values: np.ndarray) -> bool:
 
 
 def reference_irradiance(
-    scene: Scene,
-    positions: np.ndarray,
-    normals: np.ndarray,
-    paths: int,
-    seed: int,
-    poses: Mapping[str, Pose | np.ndarray] | None = None,
-    light_sampling: bool = True,
-    model: Model | None = None,
+    scene: Scene, positions: np.ndarray, normals: np.ndarray, paths: int, seed: int,
+    poses: Mapping[str, Pose | np.ndarray] | None = None, light_sampling: bool = True, model: Model | None = None,
     levels: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return irradiance at points and its standard error, both (n, 3) float64 [W/m2], by independent paths.
 
     positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses`: of mobiles by name, where
@@ -131,17 +125,10 @@ class Rounds:
     """Rounds of paths at points, without end. Each step changes the arrays of `state`, a ReferenceState, in place."""
 
     def __init__(
-        self,
-        paths: Callable[..., np.ndarray],
-        pilot: Callable[[np.ndarray], np.ndarray],
-        weights: np.ndarray | None,
-        state: ReferenceState,
-        rounds: int = ROUNDS,
-        smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
-        cost: np.ndarray | None = None,
-        least: int = 0,
-        smaller: int = 0,
-    ):
+        self, paths: Callable[..., np.ndarray], pilot: Callable[[np.ndarray], np.ndarray], weights: np.ndarray | None,
+        state: ReferenceState, rounds: int = ROUNDS, smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
+        cost: np.ndarray | None = None, least: int = 0, smaller: int = 0,
+    ):  # fmt: skip
         """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
 
         pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
@@ -219,22 +206,12 @@ class ReferenceRounds(Rounds):
     """Rounds of the reference's paths at points of a scene."""
 
     def __init__(
-        self,
-        scene: Scene,
-        positions: np.ndarray,
-        normals: np.ndarray,
-        seed: int,
-        weights: np.ndarray | None = None,
-        poses: Mapping[str, Pose | np.ndarray] | None = None,
-        light_sampling: bool = True,
-        model: Model | None = None,
-        state: ReferenceState | None = None,
-        mobiles: bool = True,
-        rounds: int = ROUNDS,
-        levels: np.ndarray | None = None,
-        per_lamp: bool = False,
+        self, scene: Scene, positions: np.ndarray, normals: np.ndarray, seed: int, weights: np.ndarray | None = None,
+        poses: Mapping[str, Pose | np.ndarray] | None = None, light_sampling: bool = True, model: Model | None = None,
+        state: ReferenceState | None = None, mobiles: bool = True, rounds: int = ROUNDS,
+        levels: np.ndarray | None = None, per_lamp: bool = False,
         smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
-    ):
+    ):  # fmt: skip
         """Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
 
         weights (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.

@@ -18,7 +18,7 @@ from app.settings import Settings
 from gi_core.base import vectors
 from gi_core.base.pause import Progress, pause
 from gi_core.display.dilation import Drawn
-from gi_core.frames.frame_size import FrameSize
+from gi_core.frames.light_setting import FrameSize
 from gi_core.lights.lamps import Lamps
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
 

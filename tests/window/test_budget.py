@@ -11,7 +11,7 @@ from app.session.log import ERROR
 from app.session.session import STILL, Session
 from app.session.solver_thread import _timings
 from gi_core.frames.frame_budget import IN_A_ROW, TIMED, FrameBudget
-from gi_core.frames.frame_size import PATHS, FrameSize
+from gi_core.frames.light_setting import PATHS, FrameSize
 from gi_core.model import Model
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
