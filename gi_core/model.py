@@ -19,9 +19,10 @@ from gi_core.geometry.receiver_classes import covered_share
 from gi_core.geometry.receivers import NONE, Receivers
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
+from gi_core.lights.emission_guide import Guide
 from gi_core.lights.light_sampling import Lights, at_levels, lights_of
 from gi_core.photons.pilot import Pilot, pilot
-from gi_core.rays.accelerator import LIFT, Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.rays.accelerator import FAR, LIFT, Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.rays.structures import checked
 from gi_core.rays.two_level import build_world, enclosing_sphere
@@ -64,6 +65,7 @@ class Model:
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
         self.results = Results() if results is None else results
+        self._guides: dict[str, Guide] = {}
         self._light()
 
     def _light(self) -> None:
@@ -78,9 +80,23 @@ class Model:
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         distant = any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights)
         _check_reach(scene, self.surfaces, max(self.world.size, 2 * lit[1] * distant))
-        self.emitters = build_emitters(scene, self.surfaces, *lit)
+        self.emitters = build_emitters(scene, self.surfaces, *lit).guided(self._guide_of)
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
         self.farthest = float(np.abs(lit[0]).max() + 1.5 * lit[1])  # [m], largest coordinate of lights and of photons
+
+    def _guide_of(self, kind: int, parameters: np.ndarray) -> Guide:
+        """Return the guide of a distant light, kept for other lights of the same geometry."""
+        key = digest(np.array([kind, self.world.size]), parameters)
+        if key not in self._guides:
+            self._guides[key] = Guide(kind, parameters, self._meets_receivers)
+        return self._guides[key]
+
+    def _meets_receivers(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Return whether rays (n, 3) meet a side of the static part that has receivers, (n,) bool."""
+        limits = np.full(len(origin), FAR * self.world.size, np.float32)
+        _, face = nearest_in_world(self.accelerator, self.static, origin, direction, limits)
+        behind = dot(direction, self.world.normals[face]) > 0.0
+        return (face >= 0) & (~behind | self.world.two_sided[face])
 
     def relit(self, scene: Scene) -> Model | None:
         """Return the model of a scene that differs in lights and poses alone, with the same geometry; None: in more.
@@ -173,7 +189,7 @@ class Model:
         lobe, (used, of_face) = s.lobe[faces].copy(), np.unique(self.scene.static.face_material, return_inverse=True)
         lobe[:, 4:][lobe[:, 4:] < 0] = -1.0  # numbers of tables: mobiles have some too
         models = [(m.brdf, m.scaled, m.grain) for m in (self.scene.materials[k] for k in used)]
-        lights = e.kind, e.parameters, e.flux, e.cdf, e.units, e.lamp, e.tables, e.lamps.names
+        lights = e.kind, e.parameters, e.flux, e.cdf, e.units, e.lamp, e.tables, e.guides, e.lamps.names
         points = (a[rows] for a in self.evaluation_points)
         places = self.world.size, self.origins[0], self.shape_keys[0], *points
         return digest(*places, s.reflectance[faces], lobe, models, of_face, *lights)

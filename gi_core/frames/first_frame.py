@@ -14,6 +14,7 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
 from gi_core.frames.frame_light import FrameLight
 from gi_core.gloss.source import OPENED
+from gi_core.lights.emission import FEW
 from gi_core.model import Model
 from gi_core.photons.subsets import is_level, next_level
 
@@ -25,7 +26,6 @@ MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
 LATE = 1 << 18  # little compared with so many photons
 EARLY_PATHS = 112  # per receiver, before photons beyond the first picture: their light has less noise for its time
-FEW = 0.25  # share of photons by flux that count, below which lamps share them by their levels
 RECENT = 3  # backgrounds kept: one per shipped estimator
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
 

@@ -7,6 +7,7 @@ the Sobol sequence picks the light, so photon i depends on (seed, i) alone.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,8 @@ from gi_core.base.fixed_point import UNITS
 from gi_core.base.jit import kernel
 from gi_core.base.vectors import unit
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.lights.kinds import AREA, KIND_OF, KINDS, PHOTOMETRIC, SKY, WIDTH, Surroundings, emitted
+from gi_core.lights.emission_guide import EVEN, Guide, guided
+from gi_core.lights.kinds import AREA, IS_DISTANT, KIND_OF, KINDS, PHOTOMETRIC, SKY, WIDTH, Surroundings, emitted
 from gi_core.lights.kinds import parameters as parameters_of
 from gi_core.lights.lamps import Lamps, lamps_of, sky_name
 from gi_core.lights.photometric import TABLE, tables_of
@@ -24,6 +26,7 @@ from gi_core.scene.types import Scene
 
 NO_FACE = -1  # start of a path in free space
 SPARE = 0.1  # share of photons that stays shared by flux, so that lamps that are off keep some
+FEW = 0.25  # share of photons by flux that count, below which a lamp's are guided, and lamps share them by levels
 
 
 class Emitters(NamedTuple):
@@ -40,6 +43,9 @@ class Emitters(NamedTuple):
     lamp: np.ndarray  # (E,) int64, lamp of each emitter
     lamps: Lamps
     tables: np.ndarray  # (n,) float64, of luminaires, see `photometric.py`
+    arriving: np.ndarray  # (G,) float64, share of each lamp's flux that meets receivers, in powers of 4; 1: not guided
+    guides: np.ndarray  # (m,) float64, of guided emitters, see `emission_guide.py`
+    guide: np.ndarray  # (E, 2) int64, first and last of an emitter's numbers among `guides`
 
     @property
     def total_flux(self) -> np.ndarray:
@@ -63,15 +69,21 @@ class Emitters(NamedTuple):
         largest = self.flux.max(axis=1)
         return np.bincount(self.lamp, largest, self.lamps.count) / largest.sum()
 
+    @property
+    def shares_of_arriving(self) -> np.ndarray:
+        """Share of each lamp of the flux that arrives, (G,)."""
+        arriving = self.shares_of_flux * self.arriving
+        return arriving / arriving.sum()
+
     def shares_at(self, levels: np.ndarray) -> np.ndarray:
         """Return the shares (G,) of the lamps by flux at levels (G, 3), not all 0, in powers of 4.
 
-        SPARE of the photons stay shared by flux. A slider changes the shares only where it crosses a power.
+        SPARE of the photons stay shared as at full levels. A slider changes the shares only where it crosses a power.
         """
-        flux = self.shares_of_flux * levels.max(axis=1)
+        flux = self.shares_of_arriving * levels.max(axis=1)
         power = np.frexp(flux)[1] // 2 * 2  # exact, so that the same levels give the same bits
         at = np.where(flux > 0, np.ldexp(1.0, power), 0.0)
-        return (1 - SPARE) * at / at.sum() + SPARE * self.shares_of_flux
+        return (1 - SPARE) * at / at.sum() + SPARE * self.shares_of_arriving
 
     def shared(self, shares: np.ndarray) -> Emitters:
         """Return emitters whose lamps emit these shares (G,) > 0 of the photons; they sum to 1. Fluxes stay."""
@@ -79,11 +91,37 @@ class Emitters(NamedTuple):
         of_lamp = np.bincount(self.lamp, largest, self.lamps.count)
         cdf = np.cumsum(shares[self.lamp] * (largest / of_lamp[self.lamp]))
         cdf[-1] = 1.0
-        return self._replace(cdf=cdf, scale=self.shares_of_flux / shares)
+        return self._replace(cdf=cdf, scale=self.shares_of_flux / shares / np.where(self.arriving < 1.0, EVEN, 1.0))
+
+    def guided(self, guide_of: Callable[[int, np.ndarray], Guide]) -> Emitters:
+        """Return emitters whose distant lamps emit mostly what meets receivers, where little does.
+
+        guide_of: returns the guide of a kind of emitter and its parameters. Fluxes stay.
+        """
+        guides = {e: guide_of(int(self.kind[e]), self.parameters[e]) for e in np.flatnonzero(IS_DISTANT[self.kind])}
+        if not guides:
+            return self
+        share, largest = np.ones(len(self.kind)), self.flux.max(axis=1)
+        share[list(guides)] = [g.arriving for g in guides.values()]
+        met, sent = (np.bincount(self.lamp, w, self.lamps.count) for w in (share * largest, largest))
+        power = np.frexp(np.maximum(met / sent, 1e-3))[1] // 2 * 2  # an edit changes shares across a power only
+        arriving = np.where(met < FEW * sent, np.ldexp(1.0, power), 1.0)
+        if not (few := arriving < 1.0).any():
+            return self
+        tables = [guides[e].table if e in guides and few[g] else np.zeros(0) for e, g in enumerate(self.lamp)]
+        ends = np.cumsum([0, *map(len, tables)])
+        guide = np.stack([ends[:-1], ends[1:]], axis=1)
+        units = np.rint(self.units * np.where(few[self.lamp], EVEN, 1.0)[:, None]).astype(np.int64)
+        other = self._replace(units=units, arriving=arriving, guides=np.concatenate(tables), guide=guide)
+        return other.shared(other.shares_of_arriving)
 
     def effective(self, levels: np.ndarray) -> float:
-        """Return the share of photons that count at levels (G, 3): 1 where each carries the same flux (Kish 1965)."""
+        """Return the share of photons that count at levels (G, 3): 1 where each carries the same flux (Kish 1965).
+
+        Of guided lamps, the flux that arrives counts.
+        """
         shares, carried = self.shares, self.scale * levels.max(axis=1)
+        carried *= np.where(self.arriving < 1.0, EVEN * self.arriving, 1.0)
         squares = float((shares * carried**2).sum())
         return float((shares * carried).sum()) ** 2 / squares if squares > 0 else 1.0
 
@@ -98,6 +136,8 @@ class _Sources(NamedTuple):
     units: np.ndarray
     lamp: np.ndarray
     tables: np.ndarray
+    guides: np.ndarray
+    guide: np.ndarray
 
 
 class EmittedPhotons(NamedTuple):
@@ -166,6 +206,9 @@ def _distribution(kinds, parameters, faces, flux, names, tables) -> Emitters:
         lamp=np.array([lamps.sources[name] for name in names], np.int64),
         lamps=lamps,
         tables=tables,
+        arriving=np.ones(lamps.count),
+        guides=np.zeros(0),
+        guide=np.zeros((int(lit.sum()), 2), np.int64),
     )
 
 
@@ -178,11 +221,14 @@ def _emit(seed, i, sources, photons, k):
     before = sources.cdf[e - 1] if e > 0 else 0.0
     # The rest of the number, scaled to [0, 1), is uniform again.
     u = min((u - before) / (sources.cdf[e] - before), 1.0)
+    first, last, carried = sources.guide[e, 0], sources.guide[e, 1], 1.0
+    if last > first:
+        s, t, u, v, carried = guided(sources.guides[first:last], s, t, u, v)
     start_point, way = emitted(sources.kind[e], sources.parameters[e], sources.tables, u, v, s, t)
     photons.origin[k, 0], photons.origin[k, 1], photons.origin[k, 2] = start_point
     photons.direction[k, 0], photons.direction[k, 1], photons.direction[k, 2] = way
     for c in range(3):
-        photons.flux[k, c] = sources.units[e, c]
+        photons.flux[k, c] = int(sources.units[e, c] * carried + 0.5)
     photons.start[k] = sources.face[e] * 2 if sources.face[e] >= 0 else NO_FACE
     photons.lamp[k] = sources.lamp[e]
 
@@ -200,8 +246,7 @@ def emit(emitters: Emitters, seed: int, first: int, count: int) -> EmittedPhoton
         np.empty(count, np.int32), np.empty(count, np.uint8),
     )  # fmt: skip
     if count:
-        e = emitters
-        _emit_range(seed, first, _Sources(e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, e.tables), photons)
+        _emit_range(seed, first, _Sources(*(getattr(emitters, name) for name in _Sources._fields)), photons)
     return photons
 
 
@@ -225,8 +270,10 @@ def _alike(before: Emitters, g: int, now: Emitters, k: int) -> bool:
     luminaires = before.kind[a] == PHOTOMETRIC
     starts = old[luminaires, TABLE].astype(int), new[luminaires, TABLE].astype(int)
     old[luminaires, TABLE] = new[luminaires, TABLE] = 0
+    guides = ([of.guides[slice(*of.guide[e])] for e in rows] for of, rows in ((before, a), (now, b)))
     return (
         np.array_equal(before.kind[a], now.kind[b])
+        and all(map(np.array_equal, *guides))
         and np.array_equal(old, new)
         and np.array_equal(before.flux[a], now.flux[b])
         and all(
