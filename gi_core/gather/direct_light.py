@@ -28,7 +28,7 @@ from gi_core.rays.accelerator import FAR, GAP, Transforms
 from gi_core.rays.structures import any_hit, new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
-SEE_GRAIN, ADD_GRAIN = 4, 1024  # groups per thread
+SEE_GRAIN, ADD_GRAIN = 16, 1024  # groups per thread
 FIRST_SECONDS, LEAST, MOST = 2e-4, 16, 1 << 12  # per group before measurements; groups per step
 
 
@@ -38,29 +38,31 @@ class Groups(NamedTuple):
     receiver: np.ndarray  # (g, GROUP) int64
     position: np.ndarray  # (g, GROUP, 3) float32 [m], lifted off the surface
     normal: np.ndarray  # (g, GROUP, 3) float64 unit; 0 in the room to spare, which gets no light
-    strength: np.ndarray  # (g, P, GROUP) float32: irradiance over the value of each point; 0: the static part hides it
-    lit: np.ndarray  # (g, P) bool: a point brings light to the group
     centre: np.ndarray  # (g, 3) float64 [m], of a sphere around it
     radius: np.ndarray  # (g,) float64 [m]
+    # Pairs of a group and a point that brings light to it, by group:
+    first: np.ndarray  # (g + 1,) int64, pairs before those of each group
+    point: np.ndarray  # (n,) int64
+    strength: np.ndarray  # (n, GROUP) float32: irradiance over the value of the point; 0: the static part hides it
 
 
 class Blocked(NamedTuple):
     """Rays that mobiles block, one row per mobile."""
 
     pose: list[bytes]  # of each mobile, b"": unknown
-    rays: np.ndarray  # (m, g, P) uint16, a bit per receiver of the group
+    rays: np.ndarray  # (m, n) uint16 of each pair, a bit per receiver of the group
     any: np.ndarray  # (m, g) bool, the mobile blocks a ray of the group
 
     @classmethod
-    def unknown(cls, mobiles: int, groups: int, points: int) -> Blocked:
-        return cls([b""] * mobiles, np.empty((mobiles, groups, points), np.uint16), np.empty((mobiles, groups), bool))
+    def unknown(cls, mobiles: int, groups: int, pairs: int) -> Blocked:
+        return cls([b""] * mobiles, np.empty((mobiles, pairs), np.uint16), np.empty((mobiles, groups), bool))
 
 
 class DirectLight:
     """`per_lamp` (n, 3 G) [W/m2] is the direct light of static receivers without mobiles, once `is_known`."""
 
     def __init__(self, model: Model, seed: int):
-        self._model, self._points = model, light_points(model.lights, seed)
+        self._model, self._points = model, light_points(model.lights, model.emitters.arriving, seed)
         self.per_lamp = np.empty((0, model.lights.channels))
         self._groups: Groups | None = None
         self._blocked: Blocked | None = None
@@ -80,34 +82,43 @@ class DirectLight:
         if self.is_known or self._points is None or self._model.surfaces.objects == 1:
             return
         m, static = self._model, self._model.surfaces.receiver_range(0)
-        groups = _groups(*(a[static] for a in m.evaluation_points), m.lifts, len(self._points.kind))
+        groups = _groups(*(a[static] for a in m.evaluation_points), m.lifts)
+        parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP), np.float32))]
         light, at, pace = np.zeros((static.stop, m.lights.channels)), 0, Pace(FIRST_SECONDS, LEAST, MOST)
         pause()
         while at < len(groups.radius):
             count, began = pace.share_of(len(groups.radius) - at, STEP), time.perf_counter()
-            self._measure(groups, at, count, light)
+            parts += self._measure(groups, at, count, light)
             pace.took(count, time.perf_counter() - began)
             at += count
             pause()
-        self.per_lamp, self._groups = light, groups
+        pairs, point, strength = (np.concatenate(part) for part in zip(*parts, strict=True))
+        first = np.concatenate([[0], np.cumsum(pairs)])
+        self.per_lamp, self._groups = light, groups._replace(first=first, point=point, strength=strength)
 
-    def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> None:
-        """Measure the light of `count` groups from `at` on."""
+    def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+        """Measure the light of `count` groups from `at` on; return the pairs per group, and points and strengths."""
         m = self._model
         places, _ = m.evaluation_points
 
-        def work(_, first, last):
-            of, part = m.lights, (at + first, at + last, light)
-            _see(m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, places, new_ray(), *part)
+        def see(first, last):
+            strength, of = np.zeros((last - first, len(self._points.kind), GROUP), np.float32), m.lights
+            whole = m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, places, new_ray()
+            _see(*whole, first, strength, light)
+            lit = strength.any(axis=2)
+            return lit.sum(axis=1), np.nonzero(lit)[1], strength[lit]
 
-        run_ranges(work, count, m.threads, SEE_GRAIN)
+        def work(_, first, last):
+            return [see(at + k, at + min(k + SEE_GRAIN, last)) for k in range(first, last, SEE_GRAIN)]
+
+        return list(itertools.chain.from_iterable(run_ranges(work, count, m.threads, SEE_GRAIN)))
 
     def blocked(self, at: Transforms, levels: np.ndarray) -> np.ndarray:
         """Return the direct light (n, 3) [W/m2] that mobiles block at their poses, at levels (G, 3) of the lamps."""
         m, p, groups = self._model, self._points, self._groups
         out, n = np.zeros((len(self.per_lamp), 3)), len(groups.radius)
         if self._blocked is None:
-            self._blocked = Blocked.unknown(len(at.position) - 1, n, len(p.kind))
+            self._blocked = Blocked.unknown(len(at.position) - 1, n, len(groups.point))
         pose, rays, shaded = self._blocked
         now = [pose_bits(at, k + 1) for k in range(len(pose))]
         moved = [k for k in range(len(pose)) if pose[k] != now[k]]
@@ -122,7 +133,7 @@ class DirectLight:
         return out
 
     def _find_blocked(self, at: Transforms, moved: list[int], rays: np.ndarray, shaded: np.ndarray) -> None:
-        """Write the rays (m, g, P) that mobiles block, and the groups (m, g) where they do, of the moved ones."""
+        """Write the rays (m, n) that mobiles block, and the groups (m, g) where they do, of the moved ones."""
         m, p, groups = self._model, self._points, self._groups
         points = {k: p._replace(place=_in_object(at, k + 1, p)) for k in moved}
 
@@ -147,7 +158,7 @@ def _in_object(at: Transforms, o: int, points: LightPoints) -> np.ndarray:
     return (points.place - np.where(points.distant[:, None], 0.0, at.position[o])) @ at.rotation[o]
 
 
-def _groups(position: np.ndarray, normal: np.ndarray, lift: np.ndarray, points: int) -> Groups:
+def _groups(position: np.ndarray, normal: np.ndarray, lift: np.ndarray) -> Groups:
     """Return groups of receivers (n, 3), without light; lift (n,) [m]: of rays off the surface."""
     n, count = len(position), -(-len(position) // GROUP)
     order = np.resize(hilbert_order(position), count * GROUP)
@@ -157,8 +168,8 @@ def _groups(position: np.ndarray, normal: np.ndarray, lift: np.ndarray, points: 
     low, high = place.min(axis=1).astype(np.float64), place.max(axis=1).astype(np.float64)
     centre = (low + high) / 2
     radius = np.sqrt(((place - centre[:, None]) ** 2).sum(axis=2).max(axis=1))
-    strength, lit = np.zeros((count, points, GROUP), np.float32), np.zeros((count, points), bool)
-    return Groups(order.reshape(-1, GROUP), place, up.reshape(-1, GROUP, 3), strength, lit, centre, radius)
+    dark = np.zeros(count + 1, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP), np.float32)
+    return Groups(order.reshape(-1, GROUP), place, up.reshape(-1, GROUP, 3), centre, radius, *dark)
 
 
 @inlined
@@ -177,9 +188,9 @@ def _limit(distance, reach, position):
 
 
 @kernel
-def _see(scenes, points, area, delta, far, groups, places, ray, first, last, light):
-    """Write the strengths and the light of groups first .. last - 1, of receivers at places (n, 3) [m]."""
-    for g in range(first, last):
+def _see(scenes, points, area, delta, far, groups, places, ray, first, out, light):
+    """Write strengths (m, P, GROUP) and light of m groups from `first` on, of receivers at places (n, 3) [m]."""
+    for g in range(first, first + len(out)):
         for k in range(GROUP):
             position, normal, r = row(groups.position[g], k), row(groups.normal[g], k), groups.receiver[g, k]
             place = row(places, r)
@@ -192,7 +203,7 @@ def _see(scenes, points, area, delta, far, groups, places, ray, first, last, lig
                 u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), _limit(d, points.reach[j], position)
                 if any_hit(scenes, 0, ray, position[0], position[1], position[2], u, v, w, limit):
                     continue
-                groups.strength[g, j, k], groups.lit[g, j] = strength, True
+                out[g - first, j, k] = strength
                 for c in range(3):
                     light[r, 3 * points.lamp[j] + c] += strength * points.value[j, c]
 
@@ -214,7 +225,7 @@ def _misses(start, end, box, pad):
 
 @allocating
 def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shaded):
-    """Write the rays (g, P) that mobile o blocks, and where it does (g,), of groups first, first + step ...
+    """Write the rays (n,) that mobile o blocks, and where it does (g,), of groups first, first + step ...
 
     box (2, 3): of the mobile; points: LightPoints, both in its space.
     """
@@ -225,10 +236,8 @@ def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shad
     for g in range(first, len(shaded), step):
         centre = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
         is_local, shaded[g] = False, False
-        for j in range(len(points.reach)):
-            rays[g, j] = 0
-            if not groups.lit[g, j]:
-                continue
+        for i in range(groups.first[g], groups.first[g + 1]):
+            rays[i], j = 0, groups.point[i]
             place, distant = row(points.place, j), points.reach[j] == np.inf
             if _misses(centre, _end(place, distant, far, centre), around, groups.radius[g]):
                 continue
@@ -237,7 +246,7 @@ def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shad
                 is_local = True
             hidden = 0
             for k in range(GROUP):
-                if groups.strength[g, j, k] == 0.0:
+                if groups.strength[i, k] == 0.0:
                     continue
                 start = row(local, k)
                 if _misses(start, _end(place, distant, far, start), around, 0.0):
@@ -248,7 +257,7 @@ def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shad
                 if any_hit(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit):
                     hidden |= 1 << k
             if hidden:
-                rays[g, j], shaded[g] = hidden, True
+                rays[i], shaded[g] = hidden, True
 
 
 @kernel
@@ -257,16 +266,16 @@ def _add(groups, rays, shaded, value, first, last, out):
     for g in range(first, last):
         if not shaded[:, g].any():
             continue
-        for j in range(len(value)):
-            hidden = 0
+        for i in range(groups.first[g], groups.first[g + 1]):
+            hidden, j = 0, groups.point[i]
             for o in range(len(shaded)):
                 if shaded[o, g]:
-                    hidden |= rays[o, g, j]
+                    hidden |= rays[o, i]
             k = 0
             while hidden:
                 if hidden & 1:
                     for c in range(3):
-                        out[groups.receiver[g, k], c] += groups.strength[g, j, k] * value[j, c]
+                        out[groups.receiver[g, k], c] += groups.strength[i, k] * value[j, c]
                 hidden >>= 1
                 k += 1
 

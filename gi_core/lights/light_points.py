@@ -16,7 +16,8 @@ from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
 
-LIGHT_POINTS = 64  # on area lights, and directions to the sky
+LIGHT_POINTS = 64  # on area lights, and directions to an open sky
+SKY_DIRECTIONS = 1024  # to a sky of which little arrives: of 64, one or two show through a window
 MOST_DELTA = 64  # delta lights: beyond, photons alone measure changes
 FACE, DELTA, SKY = range(3)
 
@@ -37,8 +38,11 @@ class LightPoints(NamedTuple):
         return np.isinf(self.reach)
 
 
-def light_points(lights: Lights, seed: int) -> LightPoints | None:
-    """Return points on all lights of a scene; None where there are too many delta lights."""
+def light_points(lights: Lights, arriving: np.ndarray, seed: int) -> LightPoints | None:
+    """Return points on all lights of a scene; None where there are too many delta lights.
+
+    arriving: of `Emitters`.
+    """
     if len(lights.delta.kind) > MOST_DELTA:
         return None
     seed = random_numbers.seed_of(random_numbers.Stream.LIGHT_POINTS, seed)
@@ -54,9 +58,10 @@ def light_points(lights: Lights, seed: int) -> LightPoints | None:
         reach, lamp_of = np.abs(area.corners[face]).max(axis=1), np.full(count, lamp)
         parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of))
     if sky.radiance.any():
-        towards, each = _to_sky(seed, sky.up), 2 * math.pi / LIGHT_POINTS
-        value, lamp_of = np.tile(sky.radiance * each, (LIGHT_POINTS, 1)), np.full(LIGHT_POINTS, sky.lamp)
-        parts.append((SKY, np.zeros(LIGHT_POINTS, np.int64), towards, np.full(LIGHT_POINTS, np.inf), value, lamp_of))
+        count = SKY_DIRECTIONS if arriving[sky.lamp] < 1.0 else LIGHT_POINTS
+        value, lamp_of = np.tile(sky.radiance * (2 * math.pi / count), (count, 1)), np.full(count, sky.lamp)
+        towards, reach = _to_sky(seed, count, sky.up), np.full(count, np.inf)
+        parts.append((SKY, np.zeros(count, np.int64), towards, reach, value, lamp_of))
     kinds = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
     index, place, reach, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
     return LightPoints(kinds, index, place, reach, value, lamp)
@@ -71,11 +76,11 @@ def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: 
     return rows[drawn.face[0]], drawn.point[0], 1.0 / (count * drawn.density[0])
 
 
-def _to_sky(seed: int, up: np.ndarray) -> np.ndarray:
-    """Return unit directions (LIGHT_POINTS, 3) of equal solid angle above the horizon."""
-    key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(LIGHT_POINTS)
+def _to_sky(seed: int, count: int, up: np.ndarray) -> np.ndarray:
+    """Return unit directions (count, 3) of equal solid angle above the horizon."""
+    key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(count)
     turn = 2 * math.pi * np.array([owen_sobol.unit(np.uint64(i), key) for i in k])  # a Hammersley set
-    z = (k + 0.5) / LIGHT_POINTS
+    z = (k + 0.5) / count
     r = np.sqrt(1 - z * z)
     local = zip(r * np.cos(turn), r * np.sin(turn), z, strict=True)
     return np.array([random_numbers.from_frame(*way, *up) for way in local])
