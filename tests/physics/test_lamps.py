@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames.background import Photons
 from gi_core.frames.first_frame import FirstFrame
+from gi_core.lights import emission
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import LampLevel, LightScene, Material, Mobile, PointLight, Pose, Scene, SkyLight
@@ -36,8 +37,10 @@ def room(levels=None, names=LAMPS) -> Scene:
         Material(lamp, (0.5, 0.5, 0.5), lit((3.0, 2.0, 1.0), "lamp")),
         Material(strip, (0.2, 0.2, 0.2), lit((1.0, 2.0, 4.0), "strip")),
     )
+    walls = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
+    low = (walls.vertices[walls.faces][:, :, 2] < 1).any(axis=1)  # no ceiling
     static = merge(
-        box((0, 0, 0), (1, 1, 1), 3, 0, inward=True),
+        walls._replace(faces=walls.faces[low], face_material=walls.face_material[low]),
         quad((0.3, 0.3, 0.99), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 1),
         quad((0.01, 0.2, 0.6), (0, 0.5, 0), (0, 0, 0.1), (1, 1), 2),
     )
@@ -59,7 +62,8 @@ def solved(scene: Scene, **more) -> Solver:
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_sums_of_lamps_equal_the_sums_without_lamps_integer_for_integer(estimator):
+def test_sums_of_lamps_equal_the_sums_without_lamps_integer_for_integer(estimator, monkeypatch):
+    monkeypatch.setattr(emission, "FEW", 0.0)  # photons are guided per lamp, so four lamps emit others than one
     apart, together = solved(room(), estimator=estimator), solved(room(names=("light",) * 4), estimator=estimator)
     assert apart.lamps.names == ("lamp", "strip", "bulb", "firmament") and together.lamps.names == ("light",)
     for poses in ({}, MOVED):

@@ -39,7 +39,7 @@ def error(E: np.ndarray, T: np.ndarray, times: np.ndarray) -> tuple[float, float
     [(l_room, 0.06, 0.02, 0.3), (partial(sky_room, 0.3), 0.06, 0.01, 0.03)],
 )
 def test_a_frame_of_a_budget_shows_the_light_at_its_pose(place, most, most_of_mean, least_change):
-    """Even photons and 64 directions: 21 and 10 % off, the mean 16 and 0.1 %."""
+    """131,072 even photons are 17 % off in the L-shaped room; 64 directions 10 % under the sky."""
     scene = place()
     solver = Solver(scene, photons=1 << 19, light="best", seed=1)
     solver.solve()
