@@ -91,12 +91,12 @@ class Model:
             self._guides[key] = Guide(kind, parameters, self._meets_receivers)
         return self._guides[key]
 
-    def _meets_receivers(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Return whether rays (n, 3) meet a side of the static part that has receivers, (n,) bool."""
+    def _meets_receivers(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return whether rays (n, 3) meet a side of the static part that has receivers, and any side, (n,) bool."""
         limits = np.full(len(origin), FAR * self.world.size, np.float32)
         _, face = nearest_in_world(self.accelerator, self.static, origin, direction, limits)
         behind = dot(direction, self.world.normals[face]) > 0.0
-        return (face >= 0) & (~behind | self.world.two_sided[face])
+        return (face >= 0) & (~behind | self.world.two_sided[face]), face >= 0
 
     def relit(self, scene: Scene) -> Model | None:
         """Return the model of a scene that differs in lights and poses alone, with the same geometry; None: in more.

@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from app import settings as defaults
 from app.cli.progress import time_left
 from app.rest.jobs import Job, PlaneJob, PoseJob, StaticJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
-from app.settings import REFERENCE, SECONDS, Settings
+from app.settings import REFERENCE, Settings
 from app.worker import Task
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def gather(
     static part's light, for pictures of other poses. Light is saved after an exception too. Nothing is gathered without
     seconds, and by a solver of light "photons".
     """
-    seconds = SECONDS if seconds is None else seconds
+    seconds = defaults.SECONDS if seconds is None else seconds
     work, began = RestWork(solver, clock), clock()
     try:
         while (left := seconds - (clock() - began)) > 0:

@@ -101,19 +101,18 @@ class Emitters(NamedTuple):
         guides = {e: guide_of(int(self.kind[e]), self.parameters[e]) for e in np.flatnonzero(IS_DISTANT[self.kind])}
         if not guides:
             return self
-        share, largest = np.ones(len(self.kind)), self.flux.max(axis=1)
-        share[list(guides)] = [g.arriving for g in guides.values()]
-        met, sent = (np.bincount(self.lamp, w, self.lamps.count) for w in (share * largest, largest))
+        share, largest = np.ones((3, len(self.kind))), self.flux.max(axis=1)
+        share[:2, list(guides)] = np.array([(g.arriving, g.landing) for g in guides.values()]).T
+        met, landed, sent = (np.bincount(self.lamp, s * largest, self.lamps.count) for s in share)
         power = np.frexp(np.maximum(met / sent, 1e-3))[1] // 2 * 2  # an edit changes shares across a power only
-        arriving = np.where(met < FEW * sent, np.ldexp(1.0, power), 1.0)
+        arriving = np.where(met < FEW * landed, np.ldexp(1.0, power), 1.0)
         if not (few := arriving < 1.0).any():
             return self
         tables = [guides[e].table if e in guides and few[g] else np.zeros(0) for e, g in enumerate(self.lamp)]
         ends = np.cumsum([0, *map(len, tables)])
-        guide = np.stack([ends[:-1], ends[1:]], axis=1)
         units = np.rint(self.units * np.where(few[self.lamp], EVEN, 1.0)[:, None]).astype(np.int64)
-        other = self._replace(units=units, arriving=arriving, guides=np.concatenate(tables), guide=guide)
-        return other.shared(other.shares_of_arriving)
+        other = self._replace(units=units, arriving=arriving, guides=np.concatenate(tables))
+        return other._replace(guide=np.stack([ends[:-1], ends[1:]], axis=1)).shared(other.shares_of_arriving)
 
     def effective(self, levels: np.ndarray) -> float:
         """Return the share of photons that count at levels (G, 3): 1 where each carries the same flux (Kish 1965).

@@ -26,24 +26,24 @@ CELL_RAYS = 4  # 16 win nothing
 # photons count in a room with one window, and the rays take 0.1 s.
 CELLS = {SKY: (12, 24, 8, 16), SUN: (1, 1, 32, 128)}
 
-Hits = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Hits = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class Guide:
-    """`arriving` is the share of a light's flux that hits receivers; `table` (n,) float64 is read by guided()."""
+    """`arriving`, `landing`: shares of a light's flux that hit receivers, any face; `table` (n,): for guided()."""
 
     def __init__(self, kind: int, parameters: np.ndarray, hits: Hits):
-        """hits(origin (n, 3) [m], direction (n, 3) unit): whether a ray meets a side with receivers, (n,) bool."""
+        """hits(origin (n, 3) [m], direction (n, 3) unit): whether rays meet sides with receivers, any, (n,) bool."""
         self.shape = CELLS[kind]
         cells = int(np.prod(self.shape))
         low = np.stack(np.unravel_index(np.repeat(np.arange(cells), CELL_RAYS), self.shape), axis=1)
         numbers = (low + np.random.default_rng(0).random(low.shape)) / self.shape
         origin, direction = np.empty((2, len(numbers), 3), np.float32)
         _emit_all(kind, parameters, numbers, origin, direction)
-        share = hits(origin, direction).reshape(cells, CELL_RAYS).mean(axis=1).reshape(self.shape)
-        self.arriving = float(share.mean())
-        wanted = np.sqrt(share + _mean_around(share))
-        mean = wanted.mean()
+        meets, lands = hits(origin, direction)
+        share = meets.reshape(cells, CELL_RAYS).mean(axis=1).reshape(self.shape)
+        self.arriving, self.landing = float(meets.mean()), float(lands.mean())
+        mean = (wanted := np.sqrt(share + _mean_around(share))).mean()
         self.table = _conditional((1 - EVEN) * wanted / mean + EVEN if mean > 0 else np.ones(self.shape))
 
 

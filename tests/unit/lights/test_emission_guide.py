@@ -19,7 +19,7 @@ AROUND = np.array([0.0, 0, 0, 0, 0, 1, 2.0, 0, 0, 0, 0, 0])
 @pytest.mark.parametrize("kind", [SKY, SUN])
 def test_means_are_those_of_even_numbers(kind):
     """Within five standard errors: one chance in 10^6 each."""
-    guide = Guide(kind, AROUND, lambda origin, direction: (origin[:, 0] > 0.5) & (origin[:, 1] > 1.0))
+    guide = Guide(kind, AROUND, lambda origin, _: 2 * ((origin[:, 0] > 0.5) & (origin[:, 1] > 1.0),))
     assert 0.02 < guide.arriving < 0.2
     rng = np.random.default_rng(1)
     drawn = np.array([guided(guide.table, *x) for x in rng.random((100_000, 4))])
