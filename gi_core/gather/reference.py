@@ -160,7 +160,7 @@ class Rounds:
         return self.state.rounds / (1 << self.smaller)
 
     def enlarge(self, times: int) -> None:
-        """Begin anew with sets 2^times larger, of fewer than `smaller`."""
+        """Begin anew: sets have 2^times as many paths; `smaller` falls by `times`."""
         s = self.state
         self.smaller -= times
         s.log2_set[:] = -1

@@ -1,4 +1,4 @@
-"""Actions on the view and the picture: camera, kept views, panel, help; what is shown, exposure, estimator."""
+"""Actions on the view and the picture: camera, kept views, panel, help; drawn quantity, exposure, estimator."""
 
 from __future__ import annotations
 
