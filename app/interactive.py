@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from app.draw.shot import Shot
 
 PREVIEW = Settings(size=(480, 320))  # in a notebook
-PREVIEW_PHOTONS, PREVIEW_SECONDS = 30_000, 2.0  # of a scene
+PREVIEW_SECONDS = 2.0  # s, of a scene
 
 
 def render(
@@ -31,7 +31,7 @@ def render(
     seconds: for gathering light before, which stays in the solver; settings: fields of `app.settings.Settings`, those
     of light and `cull`. Raises SceneError, UsageError. `app.draw.tonemap.to_display` makes display values of it.
     """
-    from app.draw.layers import layers
+    from app.draw.shot import layers
 
     return layers(_shot(scene, Settings(size=size, **settings), seconds, camera)).colour
 
@@ -47,7 +47,7 @@ def show(scene: Scene, **settings) -> int:
 
     if reason := why_no_window():
         raise UsageError(f"no window: {reason}; app.render draws without one")
-    from app.window.run import run
+    from app.window.viewer import run
 
     def load(asked: Settings) -> Scene:
         return scene if asked.scene == scene.name else read_scene(asked)
@@ -60,7 +60,7 @@ def png(scene: Scene | Solver) -> bytes:
     if isinstance(scene, Solver):
         shot = _shot(scene, PREVIEW)
     else:
-        shot = _shot(scene, replace(PREVIEW, photons=PREVIEW_PHOTONS), PREVIEW_SECONDS)
+        shot = _shot(scene, replace(PREVIEW, photons=30_000), PREVIEW_SECONDS)
     data = io.BytesIO()
     Image.fromarray(shot.take()).save(data, "PNG")
     return data.getvalue()
@@ -86,5 +86,5 @@ def _shot(scene: Scene | Solver, settings: Settings, seconds: float = 0.0, camer
     gather(solver, seconds, lambda stage, fraction: None)
     shot = Shot(solver, settings)
     if camera is not None:
-        shot.camera = from_camera(camera, solver.scene.up, shot.camera.bounds)
+        shot.camera = from_camera(camera, solver.scene.up, shot.camera.bounds, shot.camera.lit)
     return shot

@@ -266,15 +266,15 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
         return replace(self, **setting, photons=solver.photons, light=solver.light)
 
     def in_light_scene(self, lamps: tuple[LampLevel, ...]) -> Settings:
-        """Return settings of these lamps; all others are as in the scene file."""
-        return replace(self, lamps=tuple(lamp for lamp in lamps if lamp != LampLevel(lamp.name)), solo="")
+        """Return settings of these lamps, by name; all others are as in the scene file."""
+        return replace(self, lamps=tuple(sorted(lamp for lamp in lamps if lamp != LampLevel(lamp.name))), solo="")
 
     def without_solo(self, names: Iterable[str]) -> Settings:
         """Return settings of the same levels of these lamps, in which none is alone."""
         if not self.solo:
             return self
         lit = (lamp._replace(on=lamp.on and name == self.solo) for name, lamp in self._lamps(names).items())
-        return replace(self, lamps=tuple(lit), solo="")
+        return self.in_light_scene(tuple(lit))
 
     def with_light_scene(self, name: str, names: Iterable[str]) -> Settings:
         """Return settings that keep the present levels of these lamps as a light scene."""
@@ -347,10 +347,12 @@ def open_scene(settings: Settings) -> Scene:
 def read_scene(settings: Settings) -> Scene:
     """Return the scene without edits. Raises SceneError."""
     from gi_core.files.load import load_scene
+    from gi_core.lights.daylight import daylit
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
     scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
-    return replace(scene, units=settings.units or scene.units)
+    scene = replace(scene, units=settings.units or scene.units)
+    return daylit(scene, scene.daylight, settings.scene) if scene.daylight else scene
 
 
 def of_files(settings: Settings) -> tuple:

@@ -6,6 +6,7 @@ Nothing that imports numpy is imported, so that `--help` stays instant.
 from __future__ import annotations
 
 import argparse
+import datetime
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -16,12 +17,8 @@ from gi_core.scene.types import LampLevel
 LONGEST_SIDE = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
-LEAST_LIGHT_MAP = 16  # pixels per side
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
-MOST_EXPOSURE = 64.0  # EV, of either sign; beyond, every picture is black or white
 TINIEST, BIGGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
-LEAST_ERROR = 0.01  # %
-MOST_LEVEL = 1000.0  # level of a lamp, as in `gi_core.lights.lamps`
 
 
 class Pin(NamedTuple):
@@ -56,9 +53,19 @@ def finite(text: str) -> float:
     return value
 
 
+def day(text: str) -> int:
+    """Return the ordinal of a date."""
+    try:
+        date = datetime.date.fromisoformat(text)
+    except ValueError:
+        date = datetime.date.min
+    _require(1901 <= date.year <= 2099, "a day from 1901 to 2099 such as 2026-03-21", text)  # the sun's formulas hold
+    return date.toordinal()
+
+
 def exposure(text: str) -> float:
     value = finite(text)
-    _require(abs(value) <= MOST_EXPOSURE, f"{-MOST_EXPOSURE:g} .. {MOST_EXPOSURE:g} stops", text)
+    _require(abs(value) <= 64, "-64 .. 64 stops", text)  # beyond, every picture is black or white
     return value
 
 
@@ -95,13 +102,13 @@ rate = whole(1000)  # pictures per second: films count milliseconds or more
 workers = whole(256)  # processes of one machine
 points = whole(1_000_000)  # receivers at which errors are measured
 scale = whole(LONGEST_SIDE)
-light_map = whole(LONGEST_SIDE, LEAST_LIGHT_MAP)
+light_map = whole(LONGEST_SIDE // 2, 16)  # 2 GB at 4,096 texels per side
 
 
 def percent(text: str) -> float:
     """Return an error; paths for less than a hundredth of a percent would take days."""
     value = finite(text)
-    _require(LEAST_ERROR <= value <= 100, f"in {LEAST_ERROR:g} .. 100 %", text)
+    _require(0.01 <= value <= 100, "in 0.01 .. 100 %", text)
     return value
 
 
@@ -146,13 +153,14 @@ def isolines(text: str) -> tuple[float, ...]:
 
 
 def lamp(text: str) -> LampLevel:
+    most_level = 1000.0  # level of a lamp, as in `gi_core.lights.lamps`
     name, equals, numbers = text.rpartition("=")
     try:
         values = tuple(not_negative(n) for n in numbers.split(","))
     except argparse.ArgumentTypeError:
         values = ()
-    fits = name and equals and len(values) in (1, 3) and max(values) <= MOST_LEVEL
-    _require(fits, f"NAME=LEVEL or NAME=r,g,b, numbers from 0 to {MOST_LEVEL:g}", text)
+    fits = name and equals and len(values) in (1, 3) and max(values) <= most_level
+    _require(fits, f"NAME=LEVEL or NAME=r,g,b, numbers from 0 to {most_level:g}", text)
     return LampLevel(name, values[0]) if len(values) == 1 else LampLevel(name, 1.0, values)  # type: ignore[arg-type]
 
 

@@ -17,16 +17,14 @@ from concurrent.futures import Future, wait
 from typing import NamedTuple
 
 PATIENCE = 0.25  # s that closing waits for a running step
-LAST_PATIENCE = 5.0  # s that the end of the program waits for it
 ARENAS = 2  # so that the window does not wait for the solver's malloc
-M_ARENA_MAX = -8  # mallopt's name for their number
 
 
 class Task(NamedTuple):
     """A short piece of work for the solver's thread."""
 
     name: str  # of the task's job; the log names it after a failure
-    run: Callable[[], object]
+    run: Callable[[], bool]  # returns whether the light on show has changed
 
 
 class Call:
@@ -89,7 +87,7 @@ def _work(calls: queue.SimpleQueue) -> None:
 
 
 def daemon(name: str, target: Callable, *arguments) -> threading.Thread:
-    """Return a daemon thread, not started, that the end of the program awaits for LAST_PATIENCE.
+    """Return a daemon thread, not started, that the end of the program awaits for 5 s.
 
     Before version 3.14, Python's end unwinds a daemon thread where it takes the interpreter's lock. Within np.unique,
     which is C++, the process then aborts: "terminate called without an active exception", in 4 of 8 runs.
@@ -107,7 +105,7 @@ _queues: weakref.WeakSet[queue.SimpleQueue] = weakref.WeakSet()  # of Workers
 def _await_threads() -> None:
     for calls in list(_queues):
         calls.put(None)
-    end = time.monotonic() + LAST_PATIENCE
+    end = time.monotonic() + 5.0
     for thread in list(_threads):
         if thread.is_alive():
             thread.join(max(end - time.monotonic(), 0))
@@ -132,4 +130,4 @@ def limit_arenas() -> None:
     except (OSError, TypeError):  # Windows accepts no None
         return
     if hasattr(library, "gnu_get_libc_version"):
-        library.mallopt(M_ARENA_MAX, ARENAS)
+        library.mallopt(-8, ARENAS)  # -8: mallopt's M_ARENA_MAX

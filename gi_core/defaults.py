@@ -1,7 +1,7 @@
 """Default settings: photons, radius and k of a scene, by one rule.
 
-- Scene size: longest side of the box of the central 98 % of a pilot trace's hits, because a ground slab may be five
-  times as wide as the room. The scene file may state it instead, where a dome catches most hits.
+- Scene size: longest side of the box of the central 98 % of a pilot trace's hits on surfaces that are no lamps, because
+  a ground slab may be five times as wide as the room, and a sky may be a mesh. The scene file may state it instead.
 - Radius and photons: radii from 2.5 % of the scene size downwards are candidates. Each gets the photons for 2 % noise,
   or for six seconds on two cores, or MOST_PHOTONS, whichever is least. The pair with the lowest predicted error is
   taken.
@@ -36,13 +36,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.nearest_points import nearest
-from gi_core.base.vectors import box, central_box
 from gi_core.discs.search.disc_grid import CELL_RADII, MOST_ALONG
-from gi_core.estimators.setting import checked
+from gi_core.estimators.base import checked
 from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND, Model
 from gi_core.photons.paths import PathVertices, segments_of
-from gi_core.photons.pilot import Pilot
+from gi_core.photons.pilot import FEWEST_HITS, Pilot
 
 RADIUS_SHARE = 0.025  # of the scene's size: largest candidate radius
 LEAST_NOISE = 0.02  # relative l1: photons are not increased for less noise
@@ -50,9 +49,7 @@ MOST_SECONDS = 6.0  # of tracing and estimating: the rest of ten seconds after l
 MOST_PHOTONS = 2_000_000  # 180 MB of paths in a closed room
 FEWEST_PHOTONS = 10_000
 NEIGHBOURS, MOST_NEIGHBOURS = 50, 1000  # k without a prediction, and at most
-FEWEST_HITS = 100  # hits needed for a prediction
 SOBOL = 0.82  # noise of the Sobol sequence over that of independent photons: 0.74 to 0.90 in six scenes
-RIM_DIRECTIONS = 8  # around a lit place
 RIM = 0.7  # of the radius: half of a disc's area lies inside
 
 # Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see default-settings.md.
@@ -61,7 +58,6 @@ SEGMENT_NS = 1150.0  # tracing one segment, and preparing its line
 CELL_NS = 15.0  # traversing a cell
 TEST_NS = 4.5  # testing a disc, with accumulation: 3 to 10 in five scenes
 RECEIVER_NS = 15_000.0  # measuring a receiver's region
-THREADS = 2
 
 
 class Chosen(NamedTuple):
@@ -103,8 +99,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         for name, value in (("photons", photons), ("radius", radius), ("neighbours", neighbours))
     )
     pilot = model.pilot
-    low, high = _box(model, pilot.hits)
-    size = recommended.scene_size or max(float((high - low).max()), 1e-9)
+    (low, high, *_), size = model.lit_part, model.scene_size
     predicted = None
     if len(pilot.hits) >= FEWEST_HITS:
         lit = places(model, pilot, low, high, size)
@@ -145,11 +140,7 @@ def _predict(model: Model, pilot: Pilot, lit: Places, radius: float) -> Predicte
     wanted = min(photons_for(lit, radius, LEAST_NOISE), affordable, MOST_PHOTONS)
     photons = int(max(_round(wanted), FEWEST_PHOTONS))
     return Predicted(
-        photons,
-        float(radius),
-        noise(lit, radius, photons),
-        bias(model, lit, radius),
-        before + each * photons,
+        photons, float(radius), noise(lit, radius, photons), bias(model, lit, radius), before + each * photons
     )
 
 
@@ -159,36 +150,6 @@ def _first_flight(model: Model, pilot: Pilot) -> tuple[float, float]:
         return 0.0, 0.0
     behind = (pilot.first != NONE) & (pilot.first & 1 == 1) & ~model.world.two_sided[pilot.first >> 1]
     return float((pilot.first == NONE).mean()), float(behind.mean())
-
-
-class LitPart(NamedTuple):
-    """Hits of a pilot trace on surfaces that are no lamps, and the box of the central ones; a sky may be a mesh."""
-
-    low: np.ndarray  # (3,) [m]
-    high: np.ndarray
-    hits: np.ndarray  # (n, 3) float64 [m]
-    normals: np.ndarray  # (n, 3) float64 unit, of the side that was hit
-
-
-def lit_part(model: Model) -> LitPart:
-    """Return the lit part of a scene. The box is that of all such surfaces if hits are few, of all if all are lamps."""
-    pilot = model.pilot
-    s, dark = model.surfaces, model.surfaces.emission.max(axis=1, initial=0.0) == 0
-    rows = dark[pilot.side >> 1]
-    hits, faces = pilot.hits[rows], s.faces[0][dark[s.face_range(0)]]
-    if len(hits) >= FEWEST_HITS:
-        low, high = central_box(hits)
-    else:
-        low, high = box(s.vertices[0][faces].reshape(-1, 3)) if len(faces) else _box(model, pilot.hits)
-    origin = model.origins[0]
-    return LitPart(low + origin, high + origin, hits + origin, pilot.normals[rows])
-
-
-def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if len(hits) >= FEWEST_HITS:
-        return central_box(hits)
-    vertices = model.surfaces.vertices[0]
-    return box(vertices) if len(vertices) else (np.zeros(3), np.ones(3))
 
 
 def _round(x: float) -> float:
@@ -262,12 +223,13 @@ def bias(model: Model, lit: Places, radius: float) -> float:
 
 def uneven(model: Model, lit: Places, radius: float) -> float:
     """Return the share of light at places whose disc is not entirely on free, flat ground; radius [m]."""
+    rim_directions = 8  # around a lit place
     n = lit.normals
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
     u = np.cross(n, axis)
     u /= np.sqrt((u * u).sum(axis=1))[:, None]
     v = np.cross(n, u)
-    angle = 2 * math.pi * np.arange(RIM_DIRECTIONS) / RIM_DIRECTIONS
+    angle = 2 * math.pi * np.arange(rim_directions) / rim_directions
     out = np.cos(angle)[:, None, None] * u + np.sin(angle)[:, None, None] * v
     # 0.05 of the radius above the ground: lower obstacles hide little of a disc
     start = np.broadcast_to(lit.positions + 0.05 * radius * n, out.shape)
@@ -280,7 +242,7 @@ def uneven(model: Model, lit: Places, radius: float) -> float:
 
 
 def _nearest(model: Model, origins, directions, limits):
-    return model.accelerator.nearest(
+    return model.accelerator.opaque.nearest(
         0, np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32),
         np.asarray(limits, np.float32),
     )  # fmt: skip
@@ -291,11 +253,12 @@ def _nearest(model: Model, origins, directions, limits):
 
 def costs(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:
     """Return the seconds before the first photon, and the seconds per photon. `paths`: pilot trace; radius [m]."""
+    threads = 2
     photons = len(paths.offsets) - 1
     segments = (len(paths.side) - photons) / photons
     cells, tests = work(model, paths, radius)
     a_photon = SEGMENT_NS * segments + CELL_NS * cells + TEST_NS * tests
-    return 1e-9 / THREADS * RECEIVER_NS * len(model.object_receivers.areas), 1e-9 / THREADS * a_photon
+    return 1e-9 / threads * RECEIVER_NS * len(model.object_receivers.areas), 1e-9 / threads * a_photon
 
 
 def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:

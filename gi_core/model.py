@@ -13,15 +13,13 @@ from gi_core.base.results import Results, digest
 from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
 from gi_core.bsdf.surface import Diffuse
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import covered_share
 from gi_core.geometry.receivers import NONE, Receivers
-from gi_core.geometry.surfaces import Surfaces, flatten
-from gi_core.lights.emission import build_emitters
-from gi_core.lights.emission_guide import Guide
+from gi_core.geometry.surfaces import Surfaces, evaluation_points, flatten
+from gi_core.lights.emission import Guide, build_emitters
 from gi_core.lights.light_sampling import Lights, at_levels, lights_of
-from gi_core.photons.pilot import Pilot, pilot
+from gi_core.photons.pilot import LitPart, Pilot, lit_part, pilot
 from gi_core.rays.accelerator import FAR, LIFT, Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.rays.structures import checked
@@ -33,8 +31,6 @@ from gi_core.scene.types import DirectionalLight, PlacedLight, Pose, Scene, SkyL
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
-WHITE_PAINT = 0.9  # reflectance: paths have ten bounces on average
-FARTHEST_REACH = 1000  # sizes of the static part; at 3000, float32 loses 5 % of the light in corners
 
 
 class Model:
@@ -107,7 +103,7 @@ class Model:
             return None
         check_scene(scene)
         other = copy.copy(self)
-        for name in ("lights", "lamp_of_face", "static_key", "pilot"):
+        for name in ("lights", "lamp_of_face", "static_key", "pilot", "lit_part"):
             other.__dict__.pop(name, None)
         other.given, other.scene = scene, self._shifted(scene)
         other._light()
@@ -164,7 +160,7 @@ class Model:
     def white(self) -> Model:
         """Return this model with all surfaces painted white: light goes wherever a path leads."""
         other, bsdfs = copy.copy(self), self.world.bsdfs
-        white = np.full(bsdfs.reflectance.shape, WHITE_PAINT)
+        white = np.full(bsdfs.reflectance.shape, 0.9)  # reflectance: paths have ten bounces on average
         changes = {"kind": np.full_like(bsdfs.kind, -1)} if not isinstance(bsdfs, Diffuse) else {}
         other.world = self.world._replace(bsdfs=bsdfs._replace(reflectance=white, albedo=white, **changes))
         return other
@@ -192,12 +188,24 @@ class Model:
         lights = e.kind, e.parameters, e.flux, e.cdf, e.units, e.lamp, e.tables, e.guides, e.lamps.names
         points = (a[rows] for a in self.evaluation_points)
         places = self.world.size, self.origins[0], self.shape_keys[0], *points
-        return digest(*places, s.reflectance[faces], lobe, models, of_face, *lights)
+        panes = s.panes[s.pane[faces]] if (s.pane[faces] >= 0).any() else s.panes[:0]
+        return digest(*places, s.reflectance[faces], lobe, models, of_face, panes, s.pane[faces] >= 0, *lights)
 
     @cached_property
     def pilot(self) -> Pilot:
         """A few photons of all lamps through the static part."""
         return pilot(self.accelerator, self.world, self.static, self.emitters)
+
+    @cached_property
+    def lit_part(self) -> LitPart:
+        """The part of the static part that light reaches, relative to `origins[0]`."""
+        return lit_part(self.pilot, self.surfaces)
+
+    @property
+    def scene_size(self) -> float:
+        """Longest side [m] of the box of the lit part, unless the scene file states another size."""
+        lit = self.lit_part
+        return self.scene.defaults.scene_size or max(float((lit.high - lit.low).max()), 1e-9)
 
     @cached_property
     def lamp_of_face(self) -> np.ndarray:
@@ -336,9 +344,10 @@ def _same_objects(a: Scene, b: Scene) -> bool:
 
 def _check_reach(scene: Scene, surfaces: Surfaces, reach: float) -> None:
     """Raise SceneError for lights, mobiles or vertices so far away that rays miss the static part or its corners."""
+    farthest_reach = 1000  # sizes of the static part; at 3000, float32 loses 5 % of the light in corners
     size = 2 * enclosing_sphere(surfaces.vertices[0][surfaces.faces[0]])[1]
-    if size and reach > FARTHEST_REACH * size:
+    if size and reach > farthest_reach * size:
         raise SceneError(
             f"{scene.name}: lights, lit mobiles and unused vertices reach over {reach:.3g} m, more than "
-            f"{FARTHEST_REACH} times the static part's {size:.3g} m, so float32 rays are inexact; move them nearer"
+            f"{farthest_reach} times the static part's {size:.3g} m, so float32 rays are inexact; move them nearer"
         )

@@ -15,7 +15,7 @@ from gi_core.defaults import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
 from gi_core.estimators import DEFAULT, ESTIMATORS
-from gi_core.estimators.setting import Setting, checked
+from gi_core.estimators.base import Setting, checked
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.edited_light import LightBefore
 from gi_core.frames.first_frame import FirstFrame
@@ -72,7 +72,7 @@ class Solver:
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
         else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_setting`; lamps: levels
         that differ from 1, see set_lamps(); rays: as for `gi_core.model.Model`; results: keep_results() of the
-        scene before an edit; settings: fields of `gi_core.estimators.setting.Setting` beside their defaults. Raises
+        scene before an edit; settings: fields of `gi_core.estimators.base.Setting` beside their defaults. Raises
         SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
@@ -85,7 +85,7 @@ class Solver:
         self.frame_light, self._buffers = FrameLight(self.model, self.seed), ScanBuffers()
         store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
         self.frame, self.budget = Frame(self.model.start_poses(), black, black, self.levels, store), FrameBudget()
-        self._first_frame = FirstFrame(store, self.frame_light, self.scene_size)
+        self._first_frame = FirstFrame(store, self.frame_light)
         self.configure(estimator=estimator, light=light, **settings)
         self.set_lamps(lamps or {})
         if results is not None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.files.formats.glb_writer import GlbWriter
+from gi_core.files.formats.gltf_buffers import GlbWriter
 
 
 class Part(NamedTuple):

@@ -3,7 +3,7 @@
 // app/draw/tonemap.py does the same arithmetic for pictures without a window.
 
 uniform vec3 exposure;   // factor: 2^EV times the gain of the white balance
-uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c), 7 AgX, 8 Khronos PBR Neutral
+uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c), 7 AgX, 8 Khronos PBR Neutral, 9 none yet: linear
 uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
 uniform bool of_luminance;  // the scale is of radiance, else of irradiance: colours are E / pi
 uniform vec3 map[33];    // display colours from low to high
@@ -12,11 +12,13 @@ uniform int line_count;
 uniform vec3 line_look;  // width in pixels, opacity, position on the scale from which lines are black
 uniform vec3 unlit;      // display colour of a side that has no light by definition
 
+#ifndef RESOLVED
 centroid in vec4 front_radiance;  // times its weight; weight
 centroid in vec4 back_radiance;
 #ifndef SHARP
 centroid in vec3 front_gloss;  // above the texture, times its weight
 centroid in vec3 back_gloss;
+#endif
 #endif
 out vec4 colour;
 uniform float reach;  // scene size [m]
@@ -242,6 +244,21 @@ vec3 false_colour(vec3 radiance, float slope) {
     return mix(c, vec3(at < 32.0 * line_look.z ? 1.0 : 0.0), covered * line_look.y);
 }
 
+#ifdef RESOLVED
+// The picture of a scene with panes: light that is drawn, and multiplied by panes, before the tone map.
+uniform sampler2DMS light;  // radiance times exposure, alpha 1; the share that panes leave of the background, alpha 0
+uniform int samples;
+uniform vec3 background;  // display colour
+
+void main() {
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < samples; ++k) {
+        vec4 c = texelFetch(light, ivec2(gl_FragCoord.xy), k);
+        sum += c.a < 0.5 ? c.rgb * background : c.r < 0.0 ? unlit : srgb(tone_mapped(c.rgb));
+    }
+    colour = vec4(sum / float(samples), 1.0);
+}
+#else
 void main() {
     vec4 seen = gl_FrontFacing ? front_radiance : back_radiance;
     vec3 radiance = seen.rgb / seen.a;
@@ -268,7 +285,9 @@ void main() {
     if (tone_map == 5 || tone_map == 6) {
         vec3 c = min(max(radiance, 0.0) * exposure + more, 6e4);
         if (tone_map == 6) c /= 1.0 + max(c.r, max(c.g, c.b));
-        colour = vec4(c, 1.0 / (gl_FragCoord.w * reach));
+        colour = vec4(c, min(1.0 / (gl_FragCoord.w * reach), 6e4));
+    } else if (tone_map == 9) {
+        colour = vec4(radiance.r < -0.5 ? vec3(-1.0) : min(max(radiance, 0.0) * exposure + more, 6e4), 1.0);
     } else if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);
     } else if (tone_map == 3) {
@@ -288,3 +307,4 @@ void main() {
 #endif
     }
 }
+#endif

@@ -18,7 +18,7 @@ import numpy as np
 
 from app.draw import motion
 from app.settings import STEP_PER_FRAME, Settings, make_solver, open_moving_scene
-from gi_core.discs.contact.stale_receivers import ContactDiscs
+from gi_core.discs.stale_receivers import ContactDiscs
 from gi_core.solver import Solver
 
 

@@ -28,7 +28,7 @@ if viewer_support.screenless():
 from imgui_bundle import immapp
 from app.window import window
 from app.settings import Settings
-from app.window.run import interruptible
+from app.window.viewer import interruptible
 from app.window.viewer import Viewer
 import time, threading
 viewer = Viewer(Settings(scene={scene!r}, photons={photons}, size=(640, 480), light={light!r}))

@@ -21,9 +21,8 @@ import mitsuba as mi
 import numpy as np
 
 from app.draw.camera import from_camera
-from app.draw.layers import layers
 from app.draw.picture_files import write_png
-from app.draw.shot import Shot
+from app.draw.shot import Shot, layers
 from app.draw.tonemap import meter, to_display
 from app.rest.scheduler import gather
 from app.settings import Settings, make_solver, open_scene

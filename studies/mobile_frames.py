@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.measure.chart.run import Run
+from app.measure.chart.measure import Run
 from app.measure.chart.settings import Choice
 from app.settings import Settings, open_scene
 from gi_core.estimators import DEFAULT

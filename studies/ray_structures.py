@@ -24,7 +24,7 @@ import numpy as np
 
 from app.cli.progress import Bar
 from app.cli.writable import write_whole
-from app.measure.bench.ray_tables import draw, measured, scene_camera, section
+from app.measure.bench.report import draw_partitionings, measured_structures, partitionings, scene_camera
 from app.measure.chart.figure import need_matplotlib
 from app.measure.tables import markdown_table
 from app.settings import Settings, open_scene
@@ -197,10 +197,10 @@ def main() -> int:
     found: dict[str, list] = {}
     for scene in asked.scenes:
         with Bar() as bar:
-            found[Path(scene).stem] = measured(Model(open_scene(Settings(scene=scene))), bar, MEDIUM)
-        write_whole(asked.out / "rays.md", section(found) + "\n")
-        draw(found, asked.out / "rays.svg")
-        print(section({Path(scene).stem: found[Path(scene).stem]}), flush=True)
+            found[Path(scene).stem] = measured_structures(Model(open_scene(Settings(scene=scene))), bar, MEDIUM)
+        write_whole(asked.out / "rays.md", partitionings(found) + "\n")
+        draw_partitionings(found, asked.out / "rays.svg")
+        print(partitionings({Path(scene).stem: found[Path(scene).stem]}), flush=True)
     return 0
 
 

@@ -7,9 +7,8 @@ excludes the CPU time of other programs but not slower cores and caches, so time
 Photons are traced and static light is gathered as in the window without --estimator; frame timing and error
 measurement, which the window also does, are left out. Luminance error (l1) at receivers of the first view, drawn by
 area, against the unbiased reference, whose noise is subtracted in squares; and the same of all photons alone.
---chart draws the error of every picture, --pictures saves those 1, 3 and 10 seconds after the first. --clouds adds
-their local deviation on the static part in view (`gi_core.geometry.error.local_deviation`, within a tenth of the
-scene), median and 90th percentile, against light gathered for so many more seconds.
+--chart draws the error of every picture, --pictures saves those 1, 3 and 10 seconds after the first. Clouds are the
+local deviation within a tenth of the scene (`gi_core.geometry.error.local_deviation`), median / 90th percentile.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gi_core.geometry.error import local_deviation
+from gi_core.geometry.error import CLOUD_REACH
 from studies.startup import as_installed
 from tests.support.receiver_samples import in_view
 
@@ -39,17 +38,17 @@ AFTER_FIRST = 1.0, 3.0, 10.0
 BAR = 40.0, 25.0, 10.0  # largest error wanted then [%]
 
 
-def measure(what: str, points: int, noise: float, pictures: Path | None, more: float) -> dict:
+def measure(what: str, points: int, noise: float, pictures: Path | None) -> dict:
     """Return a line of the table, and times after the first picture [s] with errors [%]."""
     from gi_core.instruments import compile_ahead
 
     assert compile_ahead.is_warm()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["GI_VIEWER_REFERENCE_DIR"] = folder  # nothing is known from before
-        return _measure(what, points, noise, pictures, more)
+        return _measure(what, points, noise, pictures)
 
 
-def _measure(what: str, points: int, noise: float, pictures: Path | None, more: float) -> dict:
+def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dict:
     from app.rest.jobs import StaticJob, first_task
     from app.settings import Settings, make_solver, open_scene
     from gi_core.gather.reference_sample import draw_by_area, gather_sample
@@ -81,33 +80,23 @@ def _measure(what: str, points: int, noise: float, pictures: Path | None, more: 
     if pictures is not None:
         _save(solver, settings, {s: _at(shown, first + s)[2] for s in AFTER_FIRST}, pictures, Path(name).stem)
     then, *early = (_at(shown, seconds) for seconds in (SECONDS, *(first + after for after in AFTER_FIRST)))
-    until, clouds = clock() + more, ""
-    while more and clock() < until and (work := first_task((gathering,), settings)) is not None:
-        work.run()
-    if more:
-        clouds = f"{', '.join(_clouds(solver, _E(picture)) for picture in early)} | "
     solver.configure(subset_only=True)
     solver.move_all({})
     by_photons = solver.irradiance
     rows, weights = draw_by_area(in_view(solver), solver.receivers.areas, points, 10)
     *_, sample = gather_sample(solver.model, solver.poses, rows, weights, 1, noise)
     at_ten, at_rest, *at = (100 * sample.error(E) for E in (_E(then), by_photons, *map(_E, early)))
-    after = " | ".join(f"{error:.1f} %" for error in at)
+    reach, receivers = CLOUD_REACH * solver.scene_size, solver.receivers
+    clouds = (sample.local_deviation(E, receivers, reach) for E in map(_E, early))
+    after = " | ".join(
+        f"{error:.1f}, {100 * m:.1f} / {100 * h:.1f} %" for error, (m, h) in zip(at, clouds, strict=True)
+    )
     line = (
         f"| {name} | {first:.1f} s | {then[1]} | {at_ten:.1f} % | {all_photons:,} | {ready:.1f} s "
-        f"| {at_rest:.1f} % | {after} | {clouds}{100 * sample.noise:.1f} % |"
+        f"| {at_rest:.1f} % | {after} | {100 * sample.noise:.1f} % |"
     )
     curve = [(picture[0] - first, 100 * sample.error(_E(picture))) for picture in shown]
     return {"name": Path(name).stem, "line": line, "curve": curve}
-
-
-def _clouds(solver, E: np.ndarray) -> str:
-    """Return the local deviation of static light E (R, 3) from the light on show, median / 90th percentile."""
-    r, n = solver.model.object_receivers, solver.surfaces.receiver_range(0).stop
-    rows = np.intersect1d(in_view(solver), np.arange(n))
-    drawn = np.random.default_rng(0).choice(rows, 500, p=r.areas[rows] / r.areas[rows].sum())
-    off = local_deviation(E[:n], solver.irradiance[:n], r, 0.1 * solver.scene_size, drawn)
-    return " / ".join(f"{100 * q:.1f}" for q in np.nanquantile(off, [0.5, 0.9])) + " %"
 
 
 def _save(solver, settings, shown: dict[float, Drawn], folder: Path, name: str) -> None:
@@ -164,29 +153,27 @@ def _made_of(solver) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
-    parser.add_argument("--points", type=int, default=400)
+    parser.add_argument("--points", type=int, default=2000)
     parser.add_argument("--noise", type=float, default=1.0, help="of the truth [%%]")
     parser.add_argument("--chart", help="figure to draw")
     parser.add_argument("--pictures", type=Path, help="folder of pictures")
-    parser.add_argument("--clouds", type=float, default=0.0, metavar="SECONDS", help="of gathering more; 0: none")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.one:
-        found = measure(asked.scenes[0], asked.points, 1e-2 * asked.noise, asked.pictures, asked.clouds)
+        found = measure(asked.scenes[0], asked.points, 1e-2 * asked.noise, asked.pictures)
         print(found["line"], flush=True)
         Path(asked.one).write_text(json.dumps(found))
         return
     as_installed()
     print(
         "| scene | first picture | photons shown at 10 s | error | photons | ready | error "
-        "| 1 s after the first | 3 s | 10 s | " + "clouds then | " * bool(asked.clouds) + "noise of truth |"
+        "| 1 s after the first: error, clouds | 3 s | 10 s | noise of truth |"
     )
     every = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "one.json")
         for what in asked.scenes:
             options = ["--one", str(file), "--points", str(asked.points), "--noise", str(asked.noise)]
-            options += ["--clouds", str(asked.clouds)]
             options += ["--pictures", str(asked.pictures)] if asked.pictures else []
             subprocess.run([sys.executable, "-m", "studies.ten_seconds", what, *options], check=True)
             every.append(json.loads(file.read_text()))

@@ -37,16 +37,18 @@ def traced_bits(name: str) -> dict[str, str]:
     solver.solve()
     first = solver.frame
     paths, _ = first.store.subset(PHOTONS)
+    # No scene has a pane, and each photon has one direct segment.
+    surfaces, world = solver.surfaces._replace(means=(), pane=(), panes=()), solver.model.world._replace(panes=())
     found = {
-        "inputs": digest(solver.surfaces._replace(means=()), solver.model.world, solver.model.emitters, _sines()),
-        "paths": digest(paths),
+        "inputs": digest(surfaces, world, solver.model.emitters, _sines()),
+        "paths": digest(paths[:-1]),
         "fates": digest(first.store.fates),
         "sums": digest(first.background.estimate.background(PHOTONS)),
     }
     mobile = scene.mobiles[0]
     solver.move(mobile.name, mobile.pose._replace(position=tuple(np.add(mobile.pose.position, SHIFT))))
     change = solver.frame.change
-    parts = change.removed_suffixes.segments(), change.new_suffixes, change.fates
+    parts = change.removed_suffixes.segments()[:-1], change.new_suffixes[:-1], change.fates
     return found | {"moved": digest(*parts, solver.frame.evaluated.sums)}
 
 

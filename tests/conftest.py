@@ -1,7 +1,5 @@
 """Shared by all test files: strict numpy, hypothesis profiles, fixtures over the registries."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -17,6 +15,8 @@ from gi_core.base.threads import split
 from gi_core.estimators import ESTIMATORS
 from gi_core.instruments import compile_ahead
 from gi_core.photons import pilot
+from tests.support.gl_fixtures import ctx, draw  # noqa: F401
+from tests.support.viewer_fixtures import folder, gl, play  # noqa: F401
 
 settings.register_profile(
     "gi", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
@@ -45,8 +45,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         subprocess.run([sys.executable, "-m", compile_ahead.__name__], stdout=subprocess.DEVNULL, check=True)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files of slow tests and of windows, so that no worker ends alone with one of them."""
+    """Mark tests that open a window, and begin with their files and slow ones: no worker ends alone with one."""
+    for item in items:
+        if "play" in getattr(item, "fixturenames", ()):
+            item.add_marker("gl")
     first = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("gl")}
     items.sort(key=lambda item: item.path not in first)
 

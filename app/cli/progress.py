@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from gi_core.scene import Scene
     from gi_core.solver import Solver
 
-BAR_CHARACTERS = 28
 REDRAW_SECONDS = 0.1
 ESCAPES = 0.8  # of the photons at their first flight
 
@@ -29,12 +28,13 @@ class Bar:
         self._stage = ""
 
     def __call__(self, stage: str, fraction: float) -> None:
+        bar_characters = 28
         now = time.monotonic()
         if not self._shown or (now - self._last < REDRAW_SECONDS and stage == self._stage):
             return
         self._last, self._stage = now, stage
-        done = int(BAR_CHARACTERS * min(max(fraction, 0.0), 1.0))
-        text = f"{stage:<12.40} [{'=' * done}{' ' * (BAR_CHARACTERS - done)}] {100 * fraction:3.0f} %"
+        done = int(bar_characters * min(max(fraction, 0.0), 1.0))
+        text = f"{stage:<12.40} [{'=' * done}{' ' * (bar_characters - done)}] {100 * fraction:3.0f} %"
         print(text.ljust(self._drawn), end="\r", file=self._stream, flush=True)
         self._drawn = len(text)
 
@@ -107,7 +107,7 @@ def solve(solver: Solver, bar: Bar) -> None:
 
 def warnings_of(solver: Solver) -> dict[str, str]:
     """Return one sentence per kind of warning: "memory", "escapes", "behind"; empty without any."""
-    from gi_core.files.completion.completion import lit_by_stand_ins
+    from gi_core.files.completion import lit_by_stand_ins
 
     sentences, chosen = {}, solver.chosen
     if solver.frame.store.memory_full:

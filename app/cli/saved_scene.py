@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from app.cli.writable import remove_parts, replacing, write_whole
 from app.settings import OPTIONS, TABLE, TOGETHER, LampLevel, MeasuringPlane, Pin, Settings, flag_of, open_scene
+from app.values import MOST_GRID_POINTS, is_grid_number
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
 KEYS = tuple(dict.fromkeys(row.kept for row in TABLE.values() if row.kept))
 SAVED = tuple(name for name, row in TABLE.items() if row.kept == TOGETHER)
-VALUES = "material", "light"  # fields of edits that are tables of a scene file
+VALUES = "material", "light", "shape"  # fields of edits that are tables of a scene file
 
 
 def with_view(settings: Settings, poses: Mapping[str, Pose], camera: Camera) -> Settings:
@@ -102,24 +103,26 @@ def _toml_of(path: str) -> dict[str, Any]:
 def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Settings:
     """Return the settings of the tables of a saved scene. Raises SceneError."""
     from gi_core.files.formats.boundary import Boundary
-    from gi_core.files.formats.toml_fields import Table
-    from gi_core.files.formats.toml_file import lamp_level, read_light_scenes
+    from gi_core.files.formats.toml_fields import Table, of
+    from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes
 
     file = Path(os.path.realpath(path))  # of a link: files are named relative to what it leads to
     boundary = Boundary(file.parent, allow_outside)
-    root = Table(tables, path, KEYS)
+    root, pin = Table(tables, path, KEYS), PROBE | {"object": of("text", default="")}
     mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
-    table = Table(root.values.get(TOGETHER, {}), f"{path}: [{TOGETHER}]", SAVED)
+    table = root.section(TOGETHER, SAVED)
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
-    places = Table(root.values.get("poses", {}), f"{path}: [poses]", None)
+    places = root.section("poses")
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
-    levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", None)
+    levels = root.section("lamps")
     lamps = tuple(lamp_level(levels, name) for name in levels.values)
     scenes = tuple(read_light_scenes(root))
-    camera = _camera(root.values["camera"], f"{path}: [camera]") if "camera" in root else None
-    views = Table(root.values.get("cameras", {}), f"{path}: [cameras]", None).values
-    cameras = tuple((name, _camera(view, f"{path}: [cameras.{name}]")) for name, view in views.items())
-    edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "edit")))
+    camera = _camera(root.section("camera", CAMERA)) if "camera" in root else None
+    views = root.section("cameras").values.items()
+    cameras = tuple((name, _camera(Table(view, f"{path}: [cameras.{name}]", CAMERA))) for name, view in views)
+    edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "scene edit")))
+    entries = enumerate(root.tables("pins", "read-out"), 1)
+    pins = tuple(Pin(**Table(values, f"{path}: [[pins]] {k}", pin).fields()) for k, values in entries)
     scene, *more = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
     return Settings(
         document=path,
@@ -130,40 +133,40 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
         camera=camera,
         lamps=lamps,
         light_scenes=scenes,
-        pins=_pins(root),
+        pins=pins,
         cameras=cameras,
         plane=_plane(root),
         **values,
     )
 
 
-def _camera(values: Any, where: str) -> tuple[float, ...]:
+def _camera(table: Table) -> tuple[float, ...]:
     """Return eye, target and field of view of a table."""
-    from gi_core.files.formats.toml_fields import Table
+    from gi_core.files.formats.toml_file import read_camera
 
-    c = Table(values, where, ("position", "target", "fov"))
-    camera = (*c.vector("position"), *c.vector("target"), c.number("fov", above=0, below=180))
-    return _checked("camera", camera, where)
-
-
-def _pins(root: Table) -> tuple[Pin, ...]:
-    from gi_core.files.formats.toml_fields import Table
-
-    pins = []
-    for k, values in enumerate(root.tables("pins", "read-out"), 1):
-        t = Table(values, f"{root.where}: [[pins]] {k}", Pin._fields)
-        pins.append(Pin(t.text("name"), t.vector("position"), t.direction("normal"), t.text("object", "")))
-    return tuple(pins)
+    camera = read_camera(table)
+    return *camera.position, *camera.target, camera.vertical_fov_degrees
 
 
 def _plane(root: Table) -> MeasuringPlane | None:
-    from gi_core.files.formats.toml_fields import Table
+    from gi_core.scene.errors import SceneError, shown
 
     if "measuring_plane" not in root:
         return None
-    t = Table(root.values["measuring_plane"], f"{root.where}: [measuring_plane]", MeasuringPlane._fields)
-    numbers = (*t.vector("low", 2), *t.vector("high", 2), t.number("height"), *t.vector("points", 2, ()))
-    return _checked("plane", numbers, t.where)
+    t = root.section("measuring_plane", MeasuringPlane._fields)
+    low, high, height, points = t.vector("low", 2), t.vector("high", 2), t.number("height"), t.vector("points", 2, None)
+    if not all(a < b for a, b in zip(low, high, strict=True)):
+        above = [b if a < b else a + 1 for a, b in zip(low, high, strict=True)]
+        raise SceneError(
+            f"{t.where}: high must be above low on both axes, got low {list(low)}, high {list(high)}; "
+            f"write high = {above}"
+        )
+    if points is not None and not all(map(is_grid_number, points)):
+        raise SceneError(
+            f"{t.where}: points must be two whole numbers from 1 to {MOST_GRID_POINTS}, "
+            f"got {shown(t.values['points'])}; leave them out for the grid of EN 12464-1"
+        )
+    return MeasuringPlane(low, high, height, points and (int(points[0]), int(points[1])))
 
 
 def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | None = None) -> list[Path]:
@@ -264,27 +267,27 @@ def _frozen(value: Any) -> Any:
 
 def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
     """Return the edit of a table of a saved scene. Raises SceneError."""
-    from gi_core.files.edits import KINDS
+    from gi_core.files.edits import KINDS, Insert
     from gi_core.files.formats.toml_fields import Table
-    from gi_core.scene import Pose
+    from gi_core.scene import Pose, SceneError
 
     of = f"{where}: edit {number + 1}"
     kind = KINDS[Table({"kind": values.get("kind")}, of, None).text("kind", choices=tuple(KINDS))]
     table, fields = Table(values, of, ("kind", *kind._fields)), {}
-    for field in kind._fields:
-        if field in ("reflectance", "point"):
+    if kind is Insert and ("file" in table) == ("shape" in table):
+        raise SceneError(f'{of}: an object has a file or a shape; write one of them, such as file = "chair.glb"')
+    for field in (name for name in kind._fields if name in table or name not in kind._field_defaults):
+        if field == "point":
             fields[field] = table.vector(field)
         elif field == "pose":
-            if field in table or field not in kind._field_defaults:
-                x, y, z, *quaternion = table.vector(field, 7)
-                fields[field] = Pose((x, y, z), tuple(quaternion))
+            fields[field] = Pose((v := table.vector(field, 7))[:3], v[3:])
         elif field in VALUES:
             fields[field] = _frozen(table.table(field))
         elif field == "number":
-            fields[field] = table.count(field, kind._field_defaults[field])
-        elif field == "file" and (field in table or field not in kind._field_defaults):
+            fields[field] = table.count(field)
+        elif field == "file":
             fields[field] = _found(table.text(field), file, boundary, of)
-        elif field in table or field not in kind._field_defaults:
+        else:
             fields[field] = table.text(field)
     return kind(**fields)
 

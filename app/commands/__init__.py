@@ -29,12 +29,10 @@ COMMANDS = {
     ),
     "info": Command("app.commands.info", "print the contents of a scene, its default settings and their reasons"),
     "measure": Command(
-        "app.commands.measure",
-        "illuminance on a measuring plane and at probes: mean, minimum, uniformity",
+        "app.commands.measure", "illuminance on a measuring plane and at probes: mean, minimum, uniformity"
     ),
     "reference": Command(
-        "app.commands.reference",
-        "path trace the unbiased light of a scene and keep it; resumes a run that was stopped",
+        "app.commands.reference", "path trace the unbiased light of a scene and keep it; resumes a run that was stopped"
     ),
     "chart": Command(
         "app.commands.chart",

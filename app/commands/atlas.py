@@ -16,7 +16,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from app.measure.atlas.command import atlas
+    from app.measure.atlas import atlas
 
     rays = getattr(arguments, "rays", None)
     check_names(Settings(rays=rays))

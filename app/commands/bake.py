@@ -84,10 +84,7 @@ def bake(
         else:
             solver.frame = solver.frame._replace(irradiance=_reference(solver, scene, settings, error, machines, bar))
         bar("writing", 1.0)
-        shot, written = Shot(solver, settings), []
-        shot.expose()
-        light = shot.meshes, solver.irradiance, shot.camera, exposure, shot.gains, shot.exposure
-        baking = baked(solver, *light, None if pixels is None else (pixels, image.name))
+        baking, written = baked(Shot(solver, settings), exposure, None if pixels is None else (pixels, image.name)), []
         if baking.light_map is not None:  # first: the other file names it
             E, coverage = baking.light_map
             channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}

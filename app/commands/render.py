@@ -6,6 +6,7 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,10 +24,8 @@ if TYPE_CHECKING:
     from app.session.film import Still
 
 FALLBACK_PICTURE = "gi-viewer.png"
-STILLS, HELD = (".png", ".exr"), (".gif", ".webp")  # HELD: Pillow keeps their pictures in memory until the last
-FILMS = (".mp4", *HELD)
-MOST_HELD = 1 << 28  # pixels of all pictures, 1 GB
-WEBP_SIDE = 16383  # pixels, the most that the format has
+STILLS, FILMS = (".png", ".exr"), (".mp4", ".gif", ".webp")
+MEMORY = {".png": 8, ".exr": 75, ".mp4": 240, ".gif": 55, ".webp": 29}  # bytes per pixel, of noise
 RATE = 25  # pictures per second
 
 
@@ -71,13 +70,15 @@ def render(
     from app.session.film import along, elsewhere, still
 
     linear = out.suffix.lower() == ".exr"
-    _check(settings, out, frames)
+    _check(settings, out, frames, rate)
     with opened(settings, open_scene) as (bar, scene):
         check_no_input("--out", out, settings, scene)
         solver = make_solver(scene, settings)
         solve(solver, bar)
         gather(solver, seconds, bar, at_poses=frames is None)
         shot = Shot(solver, settings)
+        bar("refining the picture", 0.0)
+        shot.refine()
         if frames is None:
             written = still(shot, linear, lambda f: bar("drawing", f)).write(out)
             if text := shot.without_isolines():
@@ -112,34 +113,31 @@ def numbered(out: Path, k: int) -> Path:
 
 def unused_name(frames: int | None = None) -> Path:
     """Return the first of gi-viewer.png, gi-viewer-001.png, ... that does not exist, nor has the first of `frames`."""
-    path, n = Path(FALLBACK_PICTURE), 0
-    while (path if frames is None else numbered(path, 1)).exists():
-        n += 1
-        path = path.with_name(f"{Path(FALLBACK_PICTURE).stem}-{n:03d}{path.suffix}")
-    return path
+    paths = (Path(f"gi-viewer-{n:03d}.png" if n else FALLBACK_PICTURE) for n in count())
+    return next(path for path in paths if not (path if frames is None else numbered(path, 1)).exists())
 
 
-def _check(settings: Settings, out: Path, frames: int | None) -> None:
+def _check(settings: Settings, out: Path, frames: int | None, rate: int) -> None:
     """Refuse before the work, not after it."""
+    most_memory = 4  # [GB]
     suffix = out.suffix.lower()
     if suffix not in STILLS + FILMS:
         raise UsageError(f"--out must name a file of {', '.join(STILLS + FILMS)}, got {out}")
     if suffix in FILMS and frames is None:
         raise UsageError(f"--out {out} is a film: give --frames N, or name a .png file")
     width, height = settings.size
-    if suffix in HELD and frames * width * height > MOST_HELD:
+    need_gb = 1e-9 * MEMORY[suffix] * width * height
+    if need_gb > most_memory:
         raise UsageError(
-            f"--out {out} has at most {MOST_HELD // (width * height)} pictures of {width}x{height}, got --frames "
-            f"{frames}; name an .mp4 file, which has any number"
+            f"--out {out} of {width}x{height} pixels takes {need_gb:.0f} GB of memory, more than {most_memory}; lower "
+            "--size or --scale, or name a .png file"
         )
-    if suffix == ".webp" and max(settings.size) > WEBP_SIDE:
-        raise UsageError(f"--out {out} has at most {WEBP_SIDE} pixels per side, got {max(settings.size)}")
-    if max(settings.size) > values.LONGEST_SIDE:
-        raise UsageError(
-            f"a picture has at most {values.LONGEST_SIDE} pixels per side, got {max(settings.size)}; lower --scale"
-        )
+    if max(settings.size) > (most := 16383 if suffix == ".webp" else values.LONGEST_SIDE):
+        raise UsageError(f"--out {out} has at most {most} pixels per side, got {max(settings.size)}")
+    if suffix == ".gif" and rate > 100:  # it counts time in 1/100 s
+        raise UsageError(f"--out {out} has at most 100 pictures per second, got --rate {rate}")
     if suffix == ".exr":
         need("OpenEXR", "writes .exr files")
-    if suffix == ".mp4":
-        need("av", "writes .mp4 files")
+    if suffix in FILMS:
+        need("av", f"writes {suffix} files")
     check_writable("--out", out if frames is None or suffix in FILMS else numbered(out, 1))

@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     reason = why_no_window()
     if reason is None:
-        from app.window.run import run
+        from app.window.viewer import run
 
         return run(settings, screenshot=arguments.screenshot)
     if not settings.fallback:

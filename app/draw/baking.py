@@ -1,4 +1,5 @@
-"""Light baked into the vertices of a GLB file: unlit materials times vertex colours.
+"""Light baked into the vertices of a GLB file: unlit materials times vertex colours. Light maps: irradiance as an
+image over a second set of texture coordinates (xatlas).
 
 Each vertex has COLOR_0 and _IRRADIANCE [W/m2 or lx], both linear float32. A material's base colour times its texture
 times COLOR_0 is the diffuse radiance at an exposure, with white balance. glTF requires values of COLOR_0 up to 1, so
@@ -10,27 +11,25 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
 
 from app.draw.camera import Turntable
-from app.draw.draw_mesh import DrawMesh
-from app.draw.light_map import LightMap, Unwrapped, light_map, unwrap
-from app.draw.tonemap import NEUTRAL, Gains
+from app.draw.shot import Shot
 from app.draw.vertex_colours import colours, mean_radiance
-from gi_core.files.formats.glb_writer import GlbWriter
+from app.settings import UsageError
+from gi_core.files.formats.gltf_buffers import GlbWriter
 from gi_core.files.formats.gltf_file import NEAREST, WRAPS
 from gi_core.files.formats.metallic_roughness import as_metal_rough
-from gi_core.scene.pose import quaternion_of
+from gi_core.scene.pose import least_turn, quaternion_of
 from gi_core.scene.types import Material, Mesh, Texture
-from gi_core.solver import Solver
 
-LINEAR, LINEAR_MIPMAPS = 9729, 9987
+LINEAR = 9729
 CODES = {name: code for code, name in WRAPS.items()}
-UNLIT = "KHR_materials_unlit"
+UNLIT, TRANSMISSION, IOR = "KHR_materials_unlit", "KHR_materials_transmission", "KHR_materials_ior"
 UP = np.array([0.0, 1.0, 0.0])  # of a glTF file
 
 
@@ -52,39 +51,30 @@ class Side(NamedTuple):
     faces: np.ndarray  # (n,) int64
 
 
-def baked(
-    solver: Solver,
-    meshes: tuple[DrawMesh, ...],
-    irradiance: np.ndarray,
-    camera: Turntable,
-    exposure: float | None = None,
-    gains: Gains = NEUTRAL,
-    picture: float = 0.0,
-    light_map: tuple[int, str] | None = None,
-) -> Baked:
+def baked(shot: Shot, exposure: float | None = None, light_map: tuple[int, str] | None = None) -> Baked:
     """Return a GLB file of the scene with its light; mobiles are nodes at their poses.
 
-    meshes: of `draw_meshes`, with emission at the solver's levels; irradiance (R, 3) [W/m2] at the solver's poses;
-    exposure [EV]: of COLOR_0, None: by default; gains: as in `tonemap.to_display`; picture: the exposure of a picture
-    [EV], noted in the file; light_map: pixels per side, about, and name of the light map's file.
-    Raises UsageError if that many pixels do not suffice.
+    shot: its exposure is noted in the file; exposure [EV]: of COLOR_0, None: by default; light_map: pixels per side,
+    about, and name of the light map's file. Raises UsageError if that many pixels do not suffice.
     """
-    baking = _Baking(solver, meshes, irradiance, np.array(gains))
+    shot.expose()
+    baking = _Baking(shot)
     if light_map is not None:
         baking.unwrap(light_map[0])
     exposure = baking.default_exposure() if exposure is None else exposure
-    notes = {"exposure": exposure, "picture_exposure": picture, "gains": list(gains), "units": solver.scene.units}
+    notes = {"exposure": exposure, "picture_exposure": shot.exposure, "gains": list(shot.gains)}
+    notes["units"] = shot.solver.scene.units
     if light_map is not None:
         notes["light_map"] = {"file": light_map[1], "texCoord": 1}
-    return Baked(baking.file(camera, exposure, notes), baking.light_map())
+    return Baked(baking.file(shot.camera, exposure, notes), baking.light_map())
 
 
 class _Baking:
-    def __init__(self, solver: Solver, meshes, irradiance: np.ndarray, gains: np.ndarray) -> None:
-        self.model, self.poses, self.meshes, self.factor = solver.model, solver.poses, meshes, gains
-        self.irradiance = irradiance.astype(np.float32)
-        drawn = solver.drawn(irradiance)  # unreached vertices filled, as in the picture
-        self.drawn, self.weights = drawn.irradiance, drawn.weights
+    def __init__(self, shot: Shot) -> None:
+        lit = shot.lit
+        self.model, self.poses, self.meshes, self.factor = lit.model, lit.poses, lit.meshes, np.array(shot.gains)
+        self.irradiance = shot.solver.irradiance.astype(np.float32)
+        self.drawn, self.weights = lit.drawn  # unreached vertices filled, as in the picture
         self.parts = [self.model.scene.static, *(m.mesh for m in self.model.scene.mobiles)]
         self.out = GlbWriter()
         self.materials: list[dict] = []
@@ -151,8 +141,8 @@ class _Baking:
         view = camera.relative_to(self.model.origins[0])
         eye = np.linalg.inv(view.view())
         nodes.append({"name": "camera", "camera": 0} | _placed(eye[:3, :3], eye[:3, 3]))
-        far = float(np.linalg.norm(view.eye() - view.bounds.centre)) + 2 * view.bounds.radius
-        lens = {"type": "perspective", "perspective": {"yfov": view.fov, "znear": far / 1000, "zfar": far}}
+        near, far = view.depths()
+        lens = {"type": "perspective", "perspective": {"yfov": view.fov, "znear": near, "zfar": far}}
         document: dict[str, Any] = {
             "scene": 0,
             "scenes": [{"nodes": [0], "extras": notes}],
@@ -160,7 +150,7 @@ class _Baking:
             "meshes": gltf_meshes,
             "materials": self.materials,
             "cameras": [lens],
-            "extensionsUsed": [UNLIT],
+            "extensionsUsed": sorted({UNLIT, *(name for m in self.materials for name in m["extensions"])}),
         }
         if self.textures:
             document |= {"textures": self.textures, "samplers": self.samplers}
@@ -184,6 +174,8 @@ class _Baking:
     def _colours(self, o: int, side: Side) -> np.ndarray:
         """Return the colours (m, 3) of the draw vertices of a side."""
         draw, rows = self.meshes[o], self._triangles(o, side)[0]
+        if self.model.scene.materials[side.material].pane is not None:
+            return np.ones((len(rows), 3))
         pair = colours(draw, self.drawn, side.tinted)
         if side.lamp:  # with the mean of its texture
             pair = mean_radiance(draw, *pair)
@@ -227,6 +219,10 @@ class _Baking:
         return self.material_index[key]
 
     def _described(self, base: Material, texture: Texture | None, tinted: bool) -> dict:
+        if base.pane is not None:
+            glass = {"baseColorFactor": [*base.pane.transmittance, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.0}
+            more = {TRANSMISSION: {"transmissionFactor": 1.0}, IOR: {"ior": base.pane.ior}}
+            return {"name": base.name, "pbrMetallicRoughness": glass, "extensions": more}
         metal = None if base.gloss is None else as_metal_rough(np.array(base.reflectance), base.gloss)
         factor = np.ones(3) if tinted else np.array(base.reflectance) if metal is None else metal.base
         share, roughness = (0.0, 1.0) if metal is None else (metal.metallic, metal.roughness)
@@ -253,7 +249,7 @@ class _Baking:
             Image.fromarray(np.ascontiguousarray(pixels)).save(data, "PNG")
             wraps = dict(zip(("wrapS", "wrapT"), (CODES[w] for w in texture.wrap), strict=True))
             near = NEAREST if texture.nearest else LINEAR
-            self.samplers.append(wraps | {"magFilter": near, "minFilter": LINEAR_MIPMAPS})
+            self.samplers.append(wraps | {"magFilter": near, "minFilter": 9987})  # GL_LINEAR_MIPMAP_LINEAR
             self.textures.append({"source": self.out.image(data.getvalue()), "sampler": len(self.samplers) - 1})
             self.of_texture[texture] = len(self.textures) - 1
         return self.of_texture[texture]
@@ -269,12 +265,7 @@ def _is_painted(mesh: Mesh, faces: np.ndarray, material: Material) -> bool:
 
 def _turn(up: np.ndarray) -> np.ndarray:
     """Return the rotation (3, 3) that carries `up` to glTF's y; z becomes y as in Blender's exporter."""
-    up = up / np.linalg.norm(up)
-    axis, cosine = np.cross(up, UP), float(up @ UP)
-    if cosine < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + K + K @ K / (1 + cosine)
+    return least_turn(up / np.linalg.norm(up), UP)
 
 
 def _placed(rotation: np.ndarray, position: np.ndarray) -> dict:
@@ -282,3 +273,132 @@ def _placed(rotation: np.ndarray, position: np.ndarray) -> dict:
     w, x, y, z = quaternion_of(rotation)
     turned = {} if np.array_equal(rotation, np.eye(3)) else {"rotation": [x, y, z, w]}
     return turned | ({"translation": np.asarray(position).tolist()} if np.any(position) else {})
+
+
+PADDING = 4  # texels between charts, filled with the light of the nearest chart
+SEAM = 1.0  # texels round a triangle that its light continues in: bilinear filters read there
+
+
+class Unwrapped(NamedTuple):
+    """A mesh cut along the edges of its charts."""
+
+    vertices: np.ndarray  # (m,) numbers of the mesh's vertices
+    corners: np.ndarray  # (n, 3) of each triangle, in these
+    uv: np.ndarray  # (m, 2) float32 in 0 .. 1, from the upper left corner of the image
+
+
+class LightMap(NamedTuple):
+    """Irradiance over texture coordinates."""
+
+    irradiance: np.ndarray  # (h, w, 3) float32 [W/m2 or lx]
+    coverage: np.ndarray  # (h, w) float32: 1 where a texel's centre lies in a chart
+
+
+def unwrap(meshes: Sequence[tuple[np.ndarray, np.ndarray]], pixels: int) -> tuple[list[Unwrapped], tuple[int, int]]:
+    """Return each mesh, positions (m, 3) and triangles (n, 3), unwrapped into one image, and its width and height.
+
+    pixels: about, per side. Raises UsageError.
+    """
+    import xatlas
+
+    atlas = xatlas.Atlas()
+    for positions, triangles in meshes:
+        atlas.add_mesh(np.ascontiguousarray(positions, np.float32), np.ascontiguousarray(triangles, np.uint32))
+    packing = xatlas.PackOptions()
+    packing.resolution, packing.padding, packing.bilinear, packing.create_image = pixels, PADDING, True, False
+    atlas.generate(xatlas.ChartOptions(), packing)
+    if atlas.atlas_count != 1:
+        raise UsageError(f"the light map of {pixels} pixels needs {atlas.atlas_count} images: choose more pixels")
+    arrays = (atlas[k] for k in range(len(meshes)))
+    return [Unwrapped(v.astype(np.int64), c.astype(np.int64), uv) for v, c, uv in arrays], (atlas.width, atlas.height)
+
+
+def light_map(size: tuple[int, int], parts: Iterable[tuple[Unwrapped, np.ndarray, np.ndarray]]) -> LightMap:
+    """Return the light of unwrapped meshes, each with irradiance (m, 3) and interpolation weights (m,) at its vertices.
+
+    A texel has the light of its centre, interpolated as in the picture. size: width and height.
+    """
+    width, height = size
+    light = np.zeros((height * width, 3), np.float32)
+    nearest = np.full(height * width, np.inf)  # squared distance of a texel's centre from its triangle [texels2]
+    for part, irradiance, weights in parts:
+        at = part.uv.astype(np.float64) * (width, height) - 0.5  # centres of texels are whole numbers
+        for triangles in _chunks(at[part.corners]):
+            rows = part.corners[triangles]
+            f, texel, shares, away = _texels(at[rows], width, height)
+            share = shares * weights[rows[f]]
+            values = (share[:, :, None] * irradiance[rows[f]]).sum(axis=1) / share.sum(axis=1)[:, None]
+            order = np.argsort(-away, kind="stable")  # the nearest triangle is written last
+            order = order[away[order] < nearest[texel[order]]]
+            light[texel[order]], nearest[texel[order]] = values[order], away[order]
+    filled = np.isfinite(nearest)
+    _fill(light, filled, width, height)
+    covered = (nearest == 0).astype(np.float32)
+    return LightMap(light.reshape(height, width, 3), covered.reshape(height, width))
+
+
+def _boxes(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first texel (n, 2) and the numbers of texels (n, 2) of boxes round triangles (n, 3, 2)."""
+    low = np.floor(p.min(axis=1) - SEAM).astype(np.int64)
+    return low, np.ceil(p.max(axis=1) + SEAM).astype(np.int64) - low + 1
+
+
+def _chunks(p: np.ndarray) -> Iterable[np.ndarray]:
+    """Yield numbers of triangles (n, 3, 2) whose boxes have about a million texels together; flat ones are left out."""
+    e, g = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    solid = np.flatnonzero(np.abs(e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0]) > 1e-9)
+    if len(solid):
+        sizes = _boxes(p[solid])[1].prod(axis=1)
+        yield from np.split(solid, np.flatnonzero(np.diff(np.cumsum(sizes) // (1 << 20))) + 1)
+
+
+def _texels(p: np.ndarray, width: int, height: int) -> tuple[np.ndarray, ...]:
+    """Return the texels within SEAM of triangles (n, 3, 2): triangle, texel, barycentric weights (k, 3) of the nearest
+    point on it, and the squared distance from that."""
+    low, size = _boxes(p)
+    counts = size.prod(axis=1)
+    f = np.repeat(np.arange(len(p)), counts)
+    k = np.arange(len(f)) - np.repeat(np.cumsum(counts) - counts, counts)
+    centre = low[f] + np.stack([k % size[f, 0], k // size[f, 0]], axis=1)
+    shares = _nearest_on(p[f], centre)
+    off = (shares[:, :, None] * p[f]).sum(axis=1) - centre
+    away = (off * off).sum(axis=1)
+    away[away < 1e-18] = 0.0
+    inside = ((centre >= 0) & (centre < (width, height))).all(axis=1) & (away <= SEAM * SEAM)
+    return f[inside], centre[inside, 1] * width + centre[inside, 0], shares[inside], away[inside]
+
+
+def _nearest_on(p: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the barycentric weights (n, 3) of the points on triangles (n, 3, 2) that are nearest to points (n, 2)."""
+    a, e, g = p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    d, area = x - a, e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0]
+    v, w = (d[:, 0] * g[:, 1] - d[:, 1] * g[:, 0]) / area, (e[:, 0] * d[:, 1] - e[:, 1] * d[:, 0]) / area
+    best = np.stack([1 - v - w, v, w], axis=1)
+    outside = np.flatnonzero((best < 0).any(axis=1))
+    least = np.full(len(outside), np.inf)
+    for i in range(3):
+        j = (i + 1) % 3
+        start, edge = p[outside, i], p[outside, j] - p[outside, i]
+        way = x[outside] - start
+        t = np.clip((way * edge).sum(axis=1) / np.maximum((edge * edge).sum(axis=1), 1e-30), 0, 1)
+        off = way - t[:, None] * edge
+        closer = (away := (off * off).sum(axis=1)) < least
+        least[closer], rows = away[closer], outside[closer]
+        best[rows] = 0.0
+        best[rows, i], best[rows, j] = 1 - t[closer], t[closer]
+    return best
+
+
+def _fill(light: np.ndarray, filled: np.ndarray, width: int, height: int) -> None:
+    """Give texels within PADDING of filled ones the mean of their filled neighbours, ring by ring, in place."""
+    for _ in range(PADDING):
+        grid, seen = light.reshape(height, width, 3), filled.reshape(height, width)
+        total, count = np.zeros((height + 2, width + 2, 3), np.float64), np.zeros((height + 2, width + 2))
+        for y in range(3):
+            for x in range(3):
+                total[y : y + height, x : x + width] += np.where(seen[..., None], grid, 0)
+                count[y : y + height, x : x + width] += seen
+        sums, counts = total[1:-1, 1:-1].reshape(-1, 3), count[1:-1, 1:-1].reshape(-1)
+        ring = ~filled & (counts > 0)
+        light[ring] = sums[ring] / counts[ring, None]
+        filled |= ring

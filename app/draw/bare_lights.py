@@ -1,4 +1,4 @@
-"""Lights that sharp gloss shows without a reflected surface: highlights of lights that have none, and the sky.
+"""Lights without a surface of the scene: highlights of them in sharp gloss, faces of luminaires, and the sky.
 
 Faces of luminaires are rectangles that radiate, and that no path of light hits. Each side shows its mean luminance,
 L = Phi / (pi A), with the flux that leaves on that side. Sharp gloss shows luminaires as highlights instead.
@@ -13,25 +13,27 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh
 from gi_core.geometry.error import luminance
-from gi_core.gloss.highlights import arriving, unoccluded, without_surface
+from gi_core.gloss.lobe_rays import arriving, unoccluded, without_surface
 from gi_core.lights.light_sampling import DeltaLights
 from gi_core.lights.photometric import axes, share_ahead
 from gi_core.scene.types import PhotometricLight
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
+    from app.draw.lit_scene import LitScene
     from app.draw.visible import PictureScene, Strip
     from gi_core.model import Model
     from gi_core.rays.accelerator import Transforms
-    from gi_core.scene.types import Pose
 
 
 class LightFaces(NamedTuple):
-    """Bright sides of the rectangles of luminaires, in the space of the model."""
+    """Bright sides of the rectangles of luminaires, in the space of the model, and the sky."""
 
     corners: np.ndarray  # (k, 4, 3) float64 [m], counterclockwise seen from the bright side
     radiance: np.ndarray  # (k, 3) float64 [W/m2/sr]
+    up: np.ndarray = np.zeros(3)  # float64 unit
+    sky: np.ndarray = np.zeros(3)  # float64 [W/m2/sr], above the horizon
 
     @property
     def mesh(self) -> DrawMesh:
@@ -65,10 +67,14 @@ class LightFaces(NamedTuple):
         rays = np.flatnonzero(which >= 0)
         return rays, self.radiance[which[rays]]
 
+    def open_to_sky(self, strip: Strip) -> np.ndarray:
+        """Return the rays (m,) of a strip that see the sky."""
+        return np.flatnonzero((strip.face < 0) & (strip.directions @ self.up > 0) & self.sky.any())
+
 
 def light_faces(model: Model, levels: np.ndarray) -> LightFaces:
-    """Return the bright faces of a model's luminaires at levels (G, 3) of the lamps."""
-    corners, radiance = [np.zeros((0, 4, 3))], [np.zeros((0, 3))]
+    """Return the bright faces of a model's luminaires, and its sky, at levels (G, 3) of the lamps."""
+    corners, radiance, sky = [np.zeros((0, 4, 3))], [np.zeros((0, 3))], model.lights_at(levels).sky
     lamps = model.emitters.lamps.sources
     for light in model.scene.lights:
         if not isinstance(light, PhotometricLight) or min(light.size) <= 0:
@@ -82,43 +88,40 @@ def light_faces(model: Model, levels: np.ndarray) -> LightFaces:
             if share > 1e-3 and flux.any():  # 1e-3 of the flux makes a side bright
                 corners.append(places[None])
                 radiance.append((share * flux / (math.pi * light.size[0] * light.size[1]))[None])
-    return LightFaces(np.concatenate(corners), np.concatenate(radiance))
+    return LightFaces(np.concatenate(corners), np.concatenate(radiance), sky.up, sky.radiance)
 
 
 HIGHLIGHTS = 16  # highlights per picture, as in surface.frag: those of the strongest lights
 
 
 class BareLights(NamedTuple):
-    """L lights without a surface and the sky, as the shaders read them."""
+    """L lights without a surface, as the shaders read them."""
 
     at: np.ndarray  # (L, 4) float32: position [m], 1; or unit direction towards the light, 0
     value: np.ndarray  # (L, 3) float32: intensity [W/sr] or irradiance of a facing plane [W/m2], at strength 1
     strength: tuple[np.ndarray | None, ...]  # per object: (D, HIGHLIGHTS) float32, 0 in a shadow; None: all 0
-    up: np.ndarray  # (3,) float64 unit
-    sky: np.ndarray  # (3,) float64 [W/m2/sr], above the horizon
 
 
-def bare_lights(
-    model: Model, meshes: Sequence[DrawMesh], poses: Mapping[str, Pose], levels: np.ndarray
-) -> BareLights | None:
-    """Return the lights at poses and levels (G, 3) of the lamps; None: no mesh has sharp gloss."""
+def bare_lights(lit: LitScene) -> BareLights | None:
+    """Return the lights of a lit scene; None: no mesh has sharp gloss."""
+    model, meshes, at = lit.model, lit.meshes, lit.at
     if not any(mesh.reflectors for mesh in meshes):
         return None
-    lights, at, size = model.lights_at(levels), model.transforms(poses), _size_of(meshes)
+    lights, size = model.lights_at(lit.levels), _size_of(meshes)
     rows = [_blurred(mesh) for mesh in meshes]
     points = [_placed(mesh.positions[k], at, o) for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True))]
     strongest = _strongest(without_surface(lights), np.concatenate(points), size)
     strength: list[np.ndarray | None] = [None] * len(meshes)
     for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True)):
-        if len(k) and len(strongest.kind) and mesh.normal is not None:
-            normals = mesh.normal[k] @ at.rotation[o].T
+        if len(k) and len(strongest.kind) and mesh.gloss is not None:
+            normals = mesh.gloss.normal[k] @ at.rotation[o].T
             lift = model.lifts_at(at, points[o], normals)
             light = arriving(model.accelerator, at, points[o], normals, lift, strongest, size)
             far = np.where(strongest.distant, 1.0, light.distance)
             out = strength[o] = np.zeros((len(mesh.positions), HIGHLIGHTS), np.float32)
             out[k, : len(strongest.kind)] = light.strength * far * far
     of_light = np.concatenate([strongest.place, 1.0 - strongest.distant[:, None]], axis=1).astype(np.float32)
-    return BareLights(of_light, strongest.value.astype(np.float32), tuple(strength), lights.sky.up, lights.sky.radiance)
+    return BareLights(of_light, strongest.value.astype(np.float32), tuple(strength))
 
 
 def _blurred(mesh: DrawMesh) -> np.ndarray:

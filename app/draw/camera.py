@@ -5,23 +5,23 @@ Every operation returns a new camera; an animation blends two cameras.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gi_core.base.vectors import frame_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene import Camera
 from gi_core.scene.pose import three
 
 MAX_PITCH = np.radians(89.0)  # at 90 degrees the yaw is undefined
 ORBIT_SPEED = np.radians(180.0)  # per picture height
-DOLLY_STEP = 0.88  # factor of the distance per notch of the wheel
-MIN_DISTANCE, MAX_DISTANCE = 0.01, 30.0  # of the scene's radius
+MIN_DISTANCE = 0.01  # of the radius of the lit part
 WIDE = np.radians(45.0)  # field of view for which these hold; narrower ones are farther away
 PITCHES = -MAX_PITCH, MAX_PITCH
 PARALLEL = np.radians(2.0)  # field of view of a parallel view: lengths at the scene's ends differ by 3 %
-FARTHEST_PIVOT = 3.0  # of the scene's radius, so that the scene stays findable
-DEFAULT_VIEW = (np.radians(30.0), np.radians(22.0))  # yaw, pitch of a scene without a camera
+DEFAULT_VIEW = (math.radians(30.0), math.radians(22.0))  # yaw, pitch of a scene without a camera
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ class Turntable:
     pitch: float  # of the eye above the pivot
     fov: float  # vertical
     up: tuple[float, float, float]
-    bounds: Bounds
+    bounds: Bounds  # of the scene
+    lit: Bounds  # of the part that light reaches: something far away leaves the near plane as it is
 
     # Directions -------------------------------------------------------------------------------------
 
@@ -74,12 +75,15 @@ class Turntable:
         M[:3, 3] = -M[:3, :3] @ self.eye()
         return M
 
+    def depths(self) -> tuple[float, float]:
+        """Return the distances of the near and far plane, which enclose the scene's bounds [m]."""
+        far, end = (float(np.linalg.norm(self.eye() - b.centre)) + 1.05 * b.radius for b in (self.bounds, self.lit))
+        # 1e-3 of the lit part's end: 24 bits of depth resolve 1e-4 of it
+        return max(far - 2.1 * self.bounds.radius, 1e-3 * end), far
+
     def projection(self, aspect: float) -> np.ndarray:
-        """Return the (4, 4) float64 eye-to-clip matrix; near and far plane enclose the scene's bounds."""
-        far = float(np.linalg.norm(self.eye() - self.bounds.centre)) + 1.05 * self.bounds.radius
-        # 1e-3 of the far plane: 24 bits of depth resolve 1e-4 of the scene
-        near = max(far - 2.1 * self.bounds.radius, far * 1e-3)
-        t = np.tan(self.fov / 2)
+        """Return the (4, 4) float64 eye-to-clip matrix."""
+        (near, far), t = self.depths(), np.tan(self.fov / 2)
         M = np.zeros((4, 4))
         M[0, 0], M[1, 1] = 1 / (t * aspect), 1 / t
         M[2, 2], M[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
@@ -108,11 +112,13 @@ class Turntable:
     def fly(self, right: float, up: float, forward: float) -> Turntable:
         """Move by lengths [m] along the picture's right, the vertical and the view."""
         across, _, ahead = self.basis()
-        pivot = np.array(self.pivot) + right * across + up * frame_of(self.up)[2] + forward * ahead
-        away = pivot - self.bounds.centre
-        length = float(np.linalg.norm(away))
-        farthest = FARTHEST_PIVOT * self.bounds.radius
-        return replace(self, pivot=three(self.bounds.centre + away * min(1.0, farthest / max(length, 1e-300))))
+        return self._moved(right * across + up * frame_of(self.up)[2] + forward * ahead)
+
+    def _moved(self, way: np.ndarray) -> Turntable:
+        """Move the pivot by `way` (3,) [m], at most to three radii of the scene, which stays findable."""
+        away = np.array(self.pivot) + way - self.bounds.centre
+        share = 3.0 * self.bounds.radius / max(float(np.linalg.norm(away)), 1e-300)
+        return replace(self, pivot=three(self.bounds.centre + away * min(1.0, share)))
 
     def with_fov(self, fov: float) -> Turntable:
         """Return the view with another field of view [rad]; things at the pivot keep their size."""
@@ -127,24 +133,19 @@ class Turntable:
         """Shift by a drag, in picture heights; points at the pivot's depth stay under the cursor."""
         right, upward, _ = self.basis()
         height = 2 * self.distance * np.tan(self.fov / 2)
-        pivot = np.array(self.pivot) + height * (dy * upward - dx * right)
-        away = pivot - self.bounds.centre
-        length = float(np.linalg.norm(away))
-        if length > FARTHEST_PIVOT * self.bounds.radius:
-            pivot = self.bounds.centre + away * (FARTHEST_PIVOT * self.bounds.radius / length)
-        return replace(self, pivot=tuple(pivot))
+        return self._moved(height * (dy * upward - dx * right))
 
     def dolly(self, notches: float) -> Turntable:
         """Approach the pivot by notches of the wheel."""
-        r = self.bounds.radius * max(np.tan(WIDE / 2) / np.tan(self.fov / 2), 1.0)
-        distance = self.distance * DOLLY_STEP ** float(np.clip(notches, -100, 100))
-        return replace(self, distance=float(np.clip(distance, MIN_DISTANCE * r, MAX_DISTANCE * r)))
+        wider = max(np.tan(WIDE / 2) / np.tan(self.fov / 2), 1.0)
+        distance = self.distance * 0.88 ** float(np.clip(notches, -100, 100))  # 0.88 of the distance per notch
+        nearest, farthest = MIN_DISTANCE * self.lit.radius, 30.0 * self.bounds.radius
+        return replace(self, distance=float(np.clip(distance, nearest * wider, farthest * wider)))
 
     def centred(self, point) -> Turntable:
         """Make a point the pivot, at its present depth; the view direction stays."""
         depth = float((np.asarray(point, np.float64) - self.eye()) @ self.basis()[2])
-        near = MIN_DISTANCE * self.bounds.radius
-        return replace(self, pivot=three(point), distance=max(depth, near))
+        return replace(self, pivot=three(point), distance=max(depth, MIN_DISTANCE * self.lit.radius))
 
     def towards(self, other: Turntable, t: float) -> Turntable:
         """Return the blend with another camera at t in [0, 1], eased at both ends, by the shorter turn."""
@@ -165,23 +166,13 @@ class Turntable:
 
     def relative_to(self, origin: np.ndarray) -> Turntable:
         """Return the same view in coordinates that start at `origin` (3,) [m]."""
-        low, high = (three(np.subtract(p, origin)) for p in (self.bounds.low, self.bounds.high))
-        return replace(self, pivot=three(np.subtract(self.pivot, origin)), bounds=Bounds(low, high))
+        corners = self.pivot, self.bounds.low, self.bounds.high, self.lit.low, self.lit.high
+        pivot, low, high, *lit = (three(np.subtract(p, origin)) for p in corners)
+        return replace(self, pivot=pivot, bounds=Bounds(low, high), lit=Bounds(*lit))
 
     def as_camera(self) -> Camera:
         """Return the same view as a camera record."""
         return Camera(three(self.eye()), three(self.pivot), float(np.degrees(self.fov)))
-
-
-def frame_of(up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return unit vectors east, north, up, right-handed; yaw 0 is east."""
-    up = np.asarray(up, np.float64)
-    up = up / np.linalg.norm(up)
-    # East starts from the axis least parallel to `up`.
-    axis = np.eye(3)[int(np.argmin(np.abs(up)))]
-    east = axis - (axis @ up) * up
-    east = east / np.linalg.norm(east)
-    return east, np.cross(up, east), up
 
 
 def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = None) -> Turntable:
@@ -190,30 +181,16 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
     Without a camera it frames the box that light reaches (`lit`, default all) from above a corner; a ground slab may
     be far larger than that box.
     """
-    if camera is None:
-        lit = lit or bounds
-        fov = np.radians(40.0)
-        distance = lit.radius / np.sin(fov / 2)
-        yaw, pitch = DEFAULT_VIEW
-        return Turntable(tuple(lit.centre), float(distance), float(yaw), float(pitch), float(fov), tuple(up), bounds)
+    lit, back = lit or bounds, np.zeros(3) if camera is None else np.subtract(camera.position, camera.target)
+    distance, fov = float(np.linalg.norm(back)), math.radians(camera.vertical_fov_degrees if camera else 40.0)
+    if camera is None or distance == 0:
+        return Turntable(three(lit.centre), lit.radius / math.sin(fov / 2), *DEFAULT_VIEW, fov, three(up), bounds, lit)
     east, north, upward = frame_of(up)
-    back = np.array(camera.position, np.float64) - np.array(camera.target, np.float64)
-    distance = float(np.linalg.norm(back))
-    if distance == 0:
-        return from_camera(None, up, bounds, lit)
     back = back / distance
-    pitch = float(np.clip(np.arcsin(np.clip(back @ upward, -1, 1)), -MAX_PITCH, MAX_PITCH))
+    pitch = float(np.clip(np.arcsin(np.clip(back @ upward, -1, 1)), *PITCHES))
     flat = abs(back @ upward) > 1 - 1e-9
     yaw = 0.0 if flat else float(np.arctan2(back @ north, back @ east))
-    return Turntable(
-        three(camera.target),
-        distance,
-        yaw,
-        pitch,
-        float(np.radians(camera.vertical_fov_degrees)),
-        three(up),
-        bounds,
-    )
+    return Turntable(three(camera.target), distance, yaw, pitch, fov, three(up), bounds, lit)
 
 
 def scene_bounds(model, poses) -> Bounds:

@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.colour_map import sequential_colours
-from app.settings import ILLUMINANCE, LUMINANCE
+from app.draw.tonemap import NEUTRAL, Gains, to_display
+from app.settings import DEFAULT_TONE_MAP, ILLUMINANCE, LUMINANCE
 from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
     from app.draw.units import Units
 
-QUANTILES = 0.02, 0.98  # of the visible surface: shadows in corners and spots at lamps exceed the scale
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale
-MOST_DECADES = 4
 ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
-LABEL = 0.09  # of the scale: least distance of ticks from its ends, for their labels
-LEAST_TICKS = 4  # intervals of a linear scale, at least
 MOST_LINES = 16  # isolines, as in surface.frag
 APART = 0.06  # of the scale: least distance of labels of isolines
 LINE_PIXELS = 1.5  # width of isolines, at 96 dots per inch
@@ -61,11 +58,12 @@ class Scale(NamedTuple):
     @property
     def ticks(self) -> list[float]:
         """Values of the isolines, else round numbers from low to high, and the ends."""
+        label = 0.09  # of the scale: least distance of ticks from its ends, for their labels
         if self.lines:
-            inner, last = [], LABEL - APART
+            inner, last = [], label - APART
             for t in self.lines:
                 at = float(self.position(np.array([t]))[0])
-                if last + APART <= at < 1 - LABEL:
+                if last + APART <= at < 1 - label:
                     inner.append(t)
                     last = at
             return [self.low, *inner, self.high]
@@ -76,7 +74,7 @@ class Scale(NamedTuple):
         else:
             step = _step(self.high - self.low)
             inner = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
-        inner = [t for t in inner if LABEL < self.position(np.array([t]))[0] < 1 - LABEL]
+        inner = [t for t in inner if label < self.position(np.array([t]))[0] < 1 - label]
         return [self.low, *inner, self.high]
 
     @property
@@ -130,11 +128,12 @@ def automatic_scale(values: np.ndarray, quantity: str = ILLUMINANCE) -> Scale:
     A linear scale starts at 0; a logarithmic one is for a wide range of values.
     """
     values = values[np.isfinite(values)]
-    low, high = np.quantile(values, QUANTILES).tolist() if len(values) else (0.0, 0.0)
+    # Quantiles of the visible surface: shadows in corners and spots at lamps exceed the scale
+    low, high = np.quantile(values, (0.02, 0.98)).tolist() if len(values) else (0.0, 0.0)
     if high <= 0:
         return Scale(0.0, 1.0, False, (), quantity)
     if low * LOGARITHMIC <= high:
-        return Scale(*_round_ends(max(low, high / 10.0**MOST_DECADES), high), True, (), quantity)
+        return Scale(*_round_ends(max(low, high / 1e4), high), True, (), quantity)
     step = _step(high)
     return Scale(0.0, _rounded(step * math.ceil(high / step - 1e-9)), False, (), quantity)
 
@@ -163,14 +162,31 @@ def false_colours(
     return np.round(255 * colours).astype(np.uint8)
 
 
+class Display(NamedTuple):
+    """The map from radiance to display colours: a tone map, or false colours."""
+
+    exposure: float  # [EV]
+    tone_map: str = DEFAULT_TONE_MAP
+    gains: Gains = NEUTRAL  # of the white balance
+    scale: Scale | None = None  # None: the tone map
+
+    def colours(
+        self, radiance: np.ndarray, gradient: np.ndarray | None = None, to_middle: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return display colours (n, 3) uint8 of radiance (n, 3); gradient, to_middle: as for false_colours()."""
+        if self.scale is None:
+            return to_display(radiance, self.exposure, self.tone_map, self.gains)
+        return false_colours(radiance, self.scale, gradient, to_middle)
+
+
 def _rounded(value: float) -> float:
     """Return 1.2 for 6 times 0.2."""
     return float(f"{value:.6g}")
 
 
 def _step(length: float) -> float:
-    """Return the largest round number of which LEAST_TICKS fit into a length."""
-    most = length / LEAST_TICKS
+    """Return the largest round number of which four fit into a length."""
+    most = length / 4
     power = 10.0 ** math.floor(math.log10(most))
     return max(s * power for s in ROUND_STEPS if s * power <= most * (1 + 1e-9))
 

@@ -21,13 +21,11 @@ if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
     from app.draw.gl_coverage import Shares
 
-PLANE_UNIT, PROBE_UNIT = 2, 3  # texture units
+PLANE_UNIT, PROBE_UNIT = range(2, 4)  # texture units
 PROBE_TEXELS = 256  # texels along a face of a probe
-BIAS = 1e-4  # of the scene size: the reflected scene begins so far in front of its plane
-PLANES_SHOWN, PLANES_IN_PROBES = 4, 2  # per picture and per face of a probe, those that cover most; the rest: probes
-LEAST_SHARE, LEAST_SHARE_IN_PROBES = 0.002, 0.05  # of the view that a drawn plane covers
-NEAR_PLANE, BACKDROP = 1e-3, 4.0  # of the scene size: clip planes of probes, and distance of the background
-SEAMLESS = 0x884F  # GL_TEXTURE_CUBE_MAP_SEAMLESS
+PLANES_SHOWN = 4  # per picture, those that cover most; the rest: probes
+LEAST_SHARE = 0.002  # of the view that a drawn plane covers
+BACKDROP = 4.0  # of the scene size: distance of the background
 
 # Directions and up vectors of the faces of a cube map, in OpenGL's order.
 FACES = (((1, 0, 0), (0, -1, 0)), ((-1, 0, 0), (0, -1, 0)), ((0, 1, 0), (0, 0, 1)),
@@ -66,8 +64,7 @@ class GLMirrors:
     def __init__(self, ctx: moderngl.Context, meshes: Sequence[DrawMesh]) -> None:
         self._ctx = ctx
         self._of = {(o, k): r for o, mesh in enumerate(meshes) for k, r in enumerate(mesh.reflectors)}
-        boxes = [mesh.positions for mesh in meshes if len(mesh.positions)]
-        self.size = max((float(np.ptp(p, axis=0).max()) for p in boxes), default=1.0)
+        self.size = max((r.probe.scene_size for r in self._of.values()), default=1.0)
         numbers = sorted({r.plane.number for r in self._of.values() if r.plane is not None})
         self._faces = {number: self._faces_of(number, meshes) for number in numbers}
         self._probes = {r.probe.number: (o, r.probe) for (o, _), r in self._of.items()}
@@ -86,7 +83,7 @@ class GLMirrors:
         coplanar = [(o, r) for (o, _), r in self._of.items() if r.plane is not None and r.plane.number == number]
         o, first = coplanar[0]
         assert first.plane is not None
-        rows = np.unique(meshes[o].triangles[np.concatenate([r.faces for _, r in coplanar])])
+        rows = np.unique(meshes[o].triangles[meshes[o].pieces(np.concatenate([r.faces for _, r in coplanar]))])
         corners, is_one_sided = meshes[o].positions[rows].astype(np.float64), bool((meshes[o].back[rows] < 0).all())
         return PlaneFaces(o, first.plane.equation, corners, is_one_sided, _blurs(r for _, r in coplanar))
 
@@ -132,6 +129,7 @@ class GLMirrors:
 
     def _through(self, numbers, view: View, models, gloss: float, mirrors: tuple[str, ...]) -> Reflected:
         """Return the views that planes reflect, and the pixels that they fill."""
+        bias = 1e-4  # of the scene size: the reflected scene begins so far in front of its plane
         out = {}
         for number in numbers:
             faces = self._faces[number]
@@ -140,13 +138,13 @@ class GLMirrors:
             offset = faces.equation[3] + normal @ model[:3, 3]
             height = float(normal @ view.eye - offset)
             area = _rectangle(faces.corners @ model[:3, :3].T + model[:3, 3], view.view_projection, view.size)
-            if area is None or abs(height) < BIAS * self.size or (faces.one_sided and height < 0):
+            if area is None or abs(height) < bias * self.size or (faces.one_sided and height < 0):
                 continue
             mirror = np.eye(4)
             mirror[:3, :3] -= 2 * np.outer(normal, normal)
             mirror[:3, 3] = 2 * offset * normal
             clip = np.append(normal, -offset) * np.sign(height)
-            clip[3] -= BIAS * self.size
+            clip[3] -= bias * self.size
             through = _clipped(view.view_projection @ mirror, clip)
             eye = view.eye - 2 * height * normal
             out[number] = View(through, eye, "cw", mirrors, gloss, view.size, -1, not faces.blurs), area
@@ -178,10 +176,11 @@ class GLMirrors:
         self._images = self._planes_in_probes
         room = self._ctx.buffer(reserve=8 * PROBE_TEXELS * PROBE_TEXELS)
         for face, (forward, up) in enumerate(FACES):
-            near = max(OMITTED_INSIDE * float(np.abs(np.array(forward) @ half).max()), NEAR_PLANE * self.size)
-            through = _quarter_view(centre, forward, up, near, 2 * BACKDROP * self.size)
+            near = max(OMITTED_INSIDE * float(np.abs(np.array(forward) @ half).max()), 1e-3 * self.size)
+            through = _quarter_view(centre, forward, up, near)
             view = View(through, centre, "ccw", (PLANAR,), 2.0, (PROBE_TEXELS, PROBE_TEXELS), number)
-            chosen = self._chosen(shares(view), PLANES_IN_PROBES, LEAST_SHARE_IN_PROBES)
+            # At most 2 planes per face of a probe, each over at least 0.05 of it.
+            chosen = self._chosen(shares(view), 2, 0.05)
             self._draw_planes(self._through(chosen, view, models, 2.0, ()), draw, 1)
             self._face.begin()
             draw(view)
@@ -211,7 +210,7 @@ class GLMirrors:
             program["picture"] = tuple(map(float, image.size))
         else:
             self._cubes[probe.number].use(PROBE_UNIT)
-            self._ctx.enable_direct(SEAMLESS)
+            self._ctx.enable_direct(0x884F)  # GL_TEXTURE_CUBE_MAP_SEAMLESS
         program["planar"] = way == PLANAR
         program["compressed"] = way == PLANAR and not self._faces[plane.number].blurs
         program["centre"] = tuple(model[:3, :3] @ probe.centre + model[:3, 3])
@@ -320,12 +319,12 @@ def _eye_of(to_clip: np.ndarray) -> np.ndarray:
     return np.append(point, 1.0)
 
 
-def _quarter_view(centre: np.ndarray, forward, up, near: float, far: float) -> np.ndarray:
-    """Return the matrix (4, 4) to clip space of a face of a probe."""
+def _quarter_view(centre: np.ndarray, forward, up, near: float) -> np.ndarray:
+    """Return the matrix (4, 4) to clip space of a face of a probe, which sees everything beyond its near plane."""
     f, u = np.array(forward, np.float64), np.array(up, np.float64)
     view = np.eye(4)
     view[:3, :3] = np.stack([np.cross(f, u), u, -f])
     view[:3, 3] = -view[:3, :3] @ centre
-    projection = np.diag([1.0, 1.0, (far + near) / (near - far), 0.0])
-    projection[2, 3], projection[3, 2] = 2 * far * near / (near - far), -1.0
+    projection = np.diag([1.0, 1.0, -1.0, 0.0])
+    projection[2, 3], projection[3, 2] = -2 * near, -1.0
     return projection @ view

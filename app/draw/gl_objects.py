@@ -10,14 +10,14 @@ import moderngl
 import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS
-from app.draw.diagonals import Turning, other_diagonals
+from app.draw.draw_mesh import Turning, other_diagonals
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from app.draw.draw_mesh import DrawMesh
+    from app.draw.draw_mesh import DrawMesh, GlossVertices
     from app.draw.gl_textures import GLTextures
     from gi_core.gloss.light import Directions
     from gi_core.gloss.reflectors import Reflector
@@ -31,6 +31,7 @@ class Programs(NamedTuple):
     textured: moderngl.Program
     cut_out: moderngl.Program  # separate, because `discard` disables the early depth test
     mask: moderngl.Program
+    pane: moderngl.Program  # of glass
     sharp: moderngl.Program | None = None  # with reflections, None in scenes without
     sharp_textured: moderngl.Program | None = None
 
@@ -50,6 +51,7 @@ class DrawCall(NamedTuple):
     vertex: int  # one of its draw vertices
     emission: tuple[float, float, float]
     reflector: int  # of the mesh, -1: none
+    pane: tuple[float, ...] | None  # see DrawMesh; None: opaque
 
 
 class Layer(NamedTuple):
@@ -67,6 +69,7 @@ class Layer(NamedTuple):
     sent: moderngl.Buffer | None  # radiance of gloss on front and back that the processor evaluates; None without gloss
     sharp: moderngl.VertexArray | None  # with reflections, None where there are none
     sharp_textured: moderngl.VertexArray | None
+    panes: moderngl.VertexArray | None  # None where there are none
 
 
 class MarkedFaces(NamedTuple):
@@ -124,15 +127,15 @@ class DrawnObject:
             self._owned.append(self._places)
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
         self._gloss = Gloss()
-        if mesh.lobe is not None:
+        if mesh.gloss is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
             self._gloss.at_vertices = np.unique(plain)
-            self._gloss.tabulated = self._gloss.at_vertices[mesh.lobe[self._gloss.at_vertices, 4] < 0]
-            packed = np.c_[mesh.gloss + 1, mesh.normal, _with_albedo(mesh)].astype(np.float32)
+            self._gloss.tabulated = self._gloss.at_vertices[mesh.gloss.lobe[self._gloss.at_vertices, 4] < 0]
+            packed = np.c_[mesh.gloss.receivers + 1, mesh.gloss.normal, _with_albedo(mesh.gloss)].astype(np.float32)
             self._gloss.lobes = ctx.buffer(packed.tobytes())
             self._owned.append(self._gloss.lobes)
-        if mesh.reflectors and mesh.tangent is not None:
-            self._gloss.tangents = ctx.buffer(np.ascontiguousarray(mesh.tangent, np.float32).tobytes())
+        if mesh.reflectors and mesh.gloss.tangent is not None:
+            self._gloss.tangents = ctx.buffer(np.ascontiguousarray(mesh.gloss.tangent, np.float32).tobytes())
             self._owned.append(self._gloss.tangents)
         if mesh.reflectors:
             self._gloss.strengths = ctx.buffer(bytes(4 * HIGHLIGHTS * self._vertices), dynamic=True)
@@ -147,6 +150,10 @@ class DrawnObject:
     @property
     def has_holes(self) -> bool:
         return any(call.texture is not None and call.texture.cover is not None for call in self._calls)
+
+    @property
+    def has_panes(self) -> bool:
+        return self._mesh.pane is not None
 
     @property
     def is_textured(self) -> bool:
@@ -191,8 +198,11 @@ class DrawnObject:
                 if self._mesh.reflectors:
                     more = [*sharp_attributes, place]
                     sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, triangles)
+            panes = None
+            if self.has_panes:
+                panes = self.ctx.vertex_array(programs.pane, [attributes[0], *attributes[2:4]], triangles)
             buffers = front, back, weights, triangles, Turning(self._ordered)
-            self._layers[k] = Layer(*buffers, lit, painted, holed, irradiance, sent, sharp, sharp_painted)
+            self._layers[k] = Layer(*buffers, lit, painted, holed, irradiance, sent, sharp, sharp_painted, panes)
             self._owned += [thing for thing in self._layers[k] if hasattr(thing, "release")]
         return self._layers[k]
 
@@ -267,7 +277,7 @@ class DrawnObject:
         for call in self._calls:
             vertices = of.lit
             reflector = None if call.reflector < 0 else self._mesh.reflectors[call.reflector]
-            if reflector is not None and left_out(reflector):
+            if call.pane is not None or (reflector is not None and left_out(reflector)):
                 continue
             if call.texture is not None:
                 vertices = of.textured if call.texture.cover is None else of.cut_out
@@ -279,6 +289,14 @@ class DrawnObject:
                 vertices.program["mirrored"] = tuple(float(way == "mirror") for way in call.texture.wrap)
                 vertices.program["emission"] = call.emission
             self._part(vertices, call.first, call.indices, cull and call.one_sided)
+
+    def draw_panes(self, layer: int) -> None:
+        """Draw the panes; `pane` of their program is set here."""
+        vertices = self._layer(layer).panes
+        for call in self._calls:
+            if vertices is not None and call.pane is not None:
+                vertices.program["pane"] = call.pane
+                self._part(vertices, call.first, call.indices, False)
 
     @property
     def reflectors(self) -> tuple[Reflector, ...]:
@@ -317,11 +335,11 @@ class DrawnObject:
         return self._faces
 
     def _made(self, faces: np.ndarray) -> MarkedFaces:
-        triangles = self._mesh.triangles[faces].astype(np.int32)
+        triangles = self._mesh.triangles[self._mesh.pieces(faces)].astype(np.int32)
         two_sided = self._mesh.back[triangles[:, 0]] >= 0
         buffer = self.ctx.buffer(triangles[np.argsort(two_sided, kind="stable")].tobytes() or bytes(12))
         vertices = self.ctx.vertex_array(self._programs.mask, [(self._positions, "3f", "position")], buffer)
-        counts = 3 * len(faces), 3 * int((~two_sided).sum())
+        counts = 3 * len(triangles), 3 * int((~two_sided).sum())
         return MarkedFaces(faces, buffer, vertices, *counts, _box(self._mesh.positions[triangles.ravel()]))
 
     def _part(self, vertices, first: int, count: int, cull: bool) -> None:
@@ -357,12 +375,12 @@ class DrawnObject:
             thing.release()
 
 
-def _with_albedo(mesh: DrawMesh) -> np.ndarray:
+def _with_albedo(gloss: GlossVertices) -> np.ndarray:
     """Return the lobes (D, 5), those of tables with their hemispherical albedo in place of F0 and F90."""
-    out = mesh.lobe.copy()
+    out = gloss.lobe.copy()
     for number in np.unique(out[out[:, 4] < 0, 4]):
         rows = out[:, 4] == number
-        albedo = hemispherical_albedo(np.array([0, 0, 0, 0, number], np.float64), mesh.tables)
+        albedo = hemispherical_albedo(np.array([0, 0, 0, 0, number], np.float64), gloss.tables)
         out[rows, :4] = *albedo, albedo.mean()
     return out
 
@@ -393,6 +411,9 @@ def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
         kind = (kind * textures + mesh.texture[corner] + 1) * (np.max(glow) + 1) + glow
     if mesh.reflector is not None:
         kind = kind * (len(mesh.reflectors) + 1) + mesh.reflector + 1
+    if mesh.pane is not None:
+        kinds, of_pane = np.unique(mesh.pane[corner], axis=0, return_inverse=True)
+        kind = kind * len(kinds) + of_pane.reshape(-1)
     _, ones, counts = np.unique(kind, return_index=True, return_counts=True)
     calls, first = [], 0
     for one, count in zip(ones, counts, strict=True):
@@ -400,6 +421,7 @@ def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
         texture = None if mesh.texture is None or mesh.texture[v] < 0 else mesh.textures[mesh.texture[v]]
         reflector = -1 if mesh.reflector is None else int(mesh.reflector[one])
         sided = bool(mesh.back[v] < 0)
-        calls.append(DrawCall(first, 3 * int(count), sided, texture, int(v), tuple(mesh.emission[v]), reflector))
+        glass = None if mesh.pane is None or mesh.pane[v, 3] == 0 else tuple(map(float, mesh.pane[v]))
+        calls.append(DrawCall(first, 3 * int(count), sided, texture, int(v), tuple(mesh.emission[v]), reflector, glass))
         first += 3 * int(count)
     return np.argsort(kind, kind="stable"), calls

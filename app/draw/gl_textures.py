@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from gi_core.gloss.light import GlossLight
 
 
-SRGB8, SRGB8_ALPHA8 = 0x8C41, 0x8C43  # decoded to linear by the sampler, before filtering
-ANISOTROPY = 8.0  # samples at a grazing angle, as in `gi_core.geometry.texture_filter`
 # Software drivers: anisotropic filtering takes 1.5 times as long there, and Mesa's blurs near surfaces.
 SOFTWARE_DRIVERS = ("llvmpipe", "softpipe", "swiftshader", "software")
 
@@ -29,7 +27,8 @@ class GLTextures:
         self._loaded: dict[Texture, moderngl.Texture] = {}
         self._largest = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
         plain = any(name in ctx.info["GL_RENDERER"].lower() for name in SOFTWARE_DRIVERS)
-        self._anisotropy = 1.0 if plain else min(ANISOTROPY, ctx.max_anisotropy)
+        # 8 samples at a grazing angle, as in texture_filter.py.
+        self._anisotropy = 1.0 if plain else min(8.0, ctx.max_anisotropy)
 
     def keep(self, textures: Iterable[Texture]) -> None:
         """Upload missing textures and release all others."""
@@ -48,11 +47,11 @@ class GLTextures:
         if max(pixels.shape[:2]) > self._largest:
             pixels = next(level for level in levels(texture) if max(level.shape[:2]) <= self._largest)
         h, w = pixels.shape[:2]
-        stored = SRGB8
+        stored = 0x8C41  # GL_SRGB8: decoded to linear by the sampler, before filtering
         if texture.cover is not None:
             step = -(-texture.cover.shape[0] // h)  # nearest texel of a reduced copy
             cover = texture.cover[::step, ::step][:h, :w, None]
-            pixels, stored = np.concatenate([pixels, cover], axis=2), SRGB8_ALPHA8
+            pixels, stored = np.concatenate([pixels, cover], axis=2), 0x8C43  # GL_SRGB8_ALPHA8
         data = np.ascontiguousarray(pixels)
         made = self._ctx.texture((w, h), data.shape[2], data, alignment=1, internal_format=stored)
         made.build_mipmaps()

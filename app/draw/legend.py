@@ -17,10 +17,7 @@ from app.draw.false_colour import LIGHT_FROM, Scale
 from app.draw.units import Units
 
 HEIGHT_EM, WIDTH_EM = 11.0, 1.1  # of the bar
-TICK_EM, BESIDE_EM = 0.3, 0.6  # from the bar to the ends of ticks, and to their labels
-PAD_EM, ROW_EM = 0.7, 1.25
-LEGEND_PLATE, LEGEND_TEXT = (15, 16, 17, 210), (235, 236, 238)
-LIGHT_MARK, DARK_MARK = (255, 255, 255, 255), (0, 0, 0, 255)
+TICK_EM = 0.3  # from the bar to the ends of ticks
 COLOUR_STEPS = 64
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom
@@ -29,7 +26,6 @@ LINE = (0.918, 0.655, 0.298)
 RIM_OPACITY = 0.8
 PLATE, TEXT = (0.06, 0.062, 0.068), (0.870, 0.875, 0.885)
 PLATE_OPACITY, ROUND_EM = 0.78, 0.3
-FONT, LEAST_PIXELS = 0.86, 6  # size of Pillow's font, of the height of a line; least size
 
 Point = tuple[float, float]
 
@@ -70,12 +66,13 @@ def layout(legend: Legend, em: float, width_of: Callable[[str], float], right: f
 
     width_of: the width of a text.
     """
-    pad, row, bar = PAD_EM * em, ROW_EM * em, WIDTH_EM * em
-    beside = (WIDTH_EM + BESIDE_EM) * em
+    pad_em, row_em = 0.7, 1.25
+    pad, row, bar = pad_em * em, row_em * em, WIDTH_EM * em
+    beside = (WIDTH_EM + 0.6) * em
     labels = [text for _, text in legend.ticks] + ([legend.unknown] if legend.unknown else [])
     width = max(max(map(width_of, labels)) + beside, *map(width_of, legend.lines))
     rows = len(legend.lines) + (2.2 if legend.unknown else 1.0)
-    x, y = right - width - 2 * pad, bottom - (HEIGHT_EM + rows * ROW_EM + 2 * PAD_EM) * em
+    x, y = right - width - 2 * pad, bottom - (HEIGHT_EM + rows * row_em + 2 * pad_em) * em
     left, top = x + pad, y + pad + (len(legend.lines) + 0.5) * row
     end = top + HEIGHT_EM * em
     captions = [(left, y + pad + k * row) for k in range(len(legend.lines))]
@@ -85,6 +82,7 @@ def layout(legend: Legend, em: float, width_of: Callable[[str], float], right: f
 
 def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 with the legend in its lower right corner; unchanged if it is too small."""
+    legend_text = (235, 236, 238)
     h, w = picture.shape[:2]
     em = max(h // 50, 9)
     font = ImageFont.load_default(em)
@@ -93,9 +91,9 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     at = layout(legend, em, lambda text: draw.textlength(plain(text), font), w - em, h - em)
     if min(at.plate) < 0:
         return picture
-    draw.rounded_rectangle(at.plate, 0.35 * em, LEGEND_PLATE)
+    draw.rounded_rectangle(at.plate, 0.35 * em, (15, 16, 17, 210))
     for corner, line in zip(at.captions, legend.lines, strict=True):
-        draw.text(corner, plain(line), LEGEND_TEXT, font)
+        draw.text(corner, plain(line), legend_text, font)
     left, top, right, _ = at.bar
     rows = round(HEIGHT_EM * em)
     places, steps = np.linspace(1, 0, rows), np.linspace(0, 1, len(legend.colours))
@@ -103,14 +101,14 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     image.paste(Image.fromarray(np.repeat(bar[:, None], round(WIDTH_EM * em), axis=1)), (round(left), round(top)))
     for position in legend.marks:
         y = at.y(position)
-        draw.line((left, y, right, y), LIGHT_MARK if position < LIGHT_FROM else DARK_MARK)
+        draw.line((left, y, right, y), (255, 255, 255, 255) if position < LIGHT_FROM else (0, 0, 0, 255))
     for position, text in legend.ticks:
         y = at.y(position)
-        draw.line((right, y, right + TICK_EM * em, y), LEGEND_TEXT)
-        draw.text((at.labels, y), plain(text), LEGEND_TEXT, font, anchor="lm")
+        draw.line((right, y, right + TICK_EM * em, y), legend_text)
+        draw.text((at.labels, y), plain(text), legend_text, font, anchor="lm")
     if legend.unknown:
-        draw.rectangle(at.swatch, tuple(round(255 * c) for c in UNKNOWN_COLOUR), LEGEND_TEXT)
-        draw.text((at.labels, (at.swatch[1] + at.swatch[3]) / 2), plain(legend.unknown), LEGEND_TEXT, font, anchor="lm")
+        draw.rectangle(at.swatch, tuple(round(255 * c) for c in UNKNOWN_COLOUR), legend_text)
+        draw.text((at.labels, (at.swatch[1] + at.swatch[3]) / 2), plain(legend.unknown), legend_text, font, anchor="lm")
     return np.asarray(image)
 
 
@@ -148,7 +146,7 @@ def with_marks(picture: np.ndarray, marks: Marks, scale: float) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 with the marks; scale: pixels per point."""
     image, em = Image.fromarray(picture), marks.em * scale
     draw = ImageDraw.Draw(image, "RGBA")
-    font = ImageFont.load_default(max(FONT * em, LEAST_PIXELS))
+    font = ImageFont.load_default(max(0.86 * em, 6))  # size of Pillow's font, of the height of a line
     for a, b in marks.lines:
         draw.line([(scale * x, scale * y) for x, y in (a, b)], _colour(LINE, 0.9), max(round(LINE_EM * em), 1))
     for (x, y), colour, opacity in marks.dots:

@@ -12,9 +12,6 @@ from gi_core.scene.pose import pose_at, rotation
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-CIRCLE_RADIUS = 0.25  # of the scene size: path of a mobile without one
-CIRCLE_CORNERS = 64
-
 
 def paths_of(solver: Solver) -> dict[str, KeyFrames]:
     """Return the paths of the scene's mobiles, else a circle for the first mobile.
@@ -26,9 +23,7 @@ def paths_of(solver: Solver) -> dict[str, KeyFrames]:
     if paths or not scene.mobiles:
         return paths
     mobile = scene.mobiles[0]
-    return {
-        mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, CIRCLE_RADIUS * chosen.scene_size)
-    }
+    return {mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, 0.25 * chosen.scene_size)}
 
 
 def spread(paths: dict[str, KeyFrames], frames: int) -> list[dict[str, Pose]]:
@@ -72,6 +67,7 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
 
 def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
     """Return a circle around `centre` at the pose's height, starting towards the pose, without rotation."""
+    circle_corners = 64
     n = np.asarray(up, np.float64)
     n = n / np.sqrt((n * n).sum())
     out = np.asarray(pose.position) - centre
@@ -81,12 +77,12 @@ def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
         out = rotation(Pose())[int(np.argmin(np.abs(n)))]
         out = out - (out * n).sum() * n
     out = out / np.sqrt((out * out).sum())
-    turn = 2 * np.pi * np.arange(CIRCLE_CORNERS + 1) / CIRCLE_CORNERS
+    turn = 2 * np.pi * np.arange(circle_corners + 1) / circle_corners
     round_ = np.cos(turn)[:, None] * out + np.sin(turn)[:, None] * np.cross(n, out)
     positions = centre + height * n + radius * round_
     positions[-1] = positions[0]
     return KeyFrames(
-        np.linspace(0.0, 8.0, CIRCLE_CORNERS + 1), positions, np.tile(pose.quaternion, (CIRCLE_CORNERS + 1, 1))
+        np.linspace(0.0, 8.0, circle_corners + 1), positions, np.tile(pose.quaternion, (circle_corners + 1, 1))
     )
 
 

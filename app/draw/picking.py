@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from gi_core.scene.types import Paint
 
 FACES_PER_BLOCK = 256  # 80k faces have 320 boxes, of which a ray enters few
-BARYCENTRIC_SLACK = 1e-9  # no ray passes between two adjacent triangles
 
 
 class Hit(NamedTuple):
@@ -138,6 +137,7 @@ def _is_opaque(paint: Paint, faces: np.ndarray, u: np.ndarray, v: np.ndarray) ->
 def _distances(corners: np.ndarray, p: np.ndarray, d: np.ndarray, cull: bool, two_sided: np.ndarray):
     """Return distances (n,) to triangles, inf for a miss, and barycentric weights (n,), (n,) of corners 1 and 2
     (Moeller and Trumbore 1997)."""
+    barycentric_slack = 1e-9  # no ray passes between two adjacent triangles
     e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], p - corners[:, 0]
     h, q = np.cross(d, e2), np.cross(s, e1)
     det = (e1 * h).sum(axis=1)  # > 0: the ray meets the front
@@ -146,5 +146,5 @@ def _distances(corners: np.ndarray, p: np.ndarray, d: np.ndarray, cull: bool, tw
         seen &= (det > 0) | two_sided
     inverse = 1.0 / np.where(seen, det, 1.0)
     u, v, t = (s * h).sum(axis=1) * inverse, (q @ d) * inverse, (e2 * q).sum(axis=1) * inverse
-    hit = seen & (u >= -BARYCENTRIC_SLACK) & (v >= -BARYCENTRIC_SLACK) & (u + v <= 1 + BARYCENTRIC_SLACK) & (t > 0)
+    hit = seen & (u >= -barycentric_slack) & (v >= -barycentric_slack) & (u + v <= 1 + barycentric_slack) & (t > 0)
     return np.where(hit, t, np.inf), u, v

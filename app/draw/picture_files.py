@@ -1,6 +1,6 @@
 """Files of pictures: PNG with parameters as tEXt entries, of the window too; OpenEXR layers, films.
 
-OpenEXR is written by the library of that name, MP4 by PyAV (H.264), GIF and WebP by Pillow.
+OpenEXR is written by the library of that name, films by PyAV, picture by picture.
 """
 
 from __future__ import annotations
@@ -8,8 +8,9 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterable, Mapping
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -20,10 +21,10 @@ from app.draw.legend import Legend, Marks, with_legend, with_marks
 from gi_core.scene.errors import utf8
 
 if TYPE_CHECKING:  # heavy, and PNG needs no layers
-    from app.draw.layers import Layers
-    from app.draw.renderer import Look, Renderer
+    from av import VideoFrame
 
-SAMPLES_OF_A_SCREENSHOT = 8
+    from app.draw.renderer import Look, Renderer
+    from app.draw.shot import Layers
 
 
 def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[str, object] | None = None) -> Path:
@@ -74,9 +75,11 @@ def write_channels(path: Path, channels: Mapping[str, np.ndarray], parameters: M
     return path
 
 
-PILLOW = {".gif": "GIF", ".webp": "WEBP"}
-SUFFIXES = (".mp4", *PILLOW)
-QUALITY = 18  # of H.264, constant rate factor: hardly visible losses
+CODECS = {  # encoder of PyAV, pixels that it takes, its options; crf: hardly visible losses
+    ".mp4": ("libx264", "yuv420p", {"crf": "18"}),
+    ".gif": ("gif", "pal8", {}),
+    ".webp": ("libwebp", "yuv420p", {"quality": "90"}),
+}
 
 
 def write_video(path: Path, pictures: Iterable[np.ndarray], rate: int) -> Path:
@@ -85,42 +88,38 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], rate: int) -> Path:
     MP4 has an even width and height: an odd last column or row is repeated. GIF rounds times to 1/100 s. The file
     appears whole or not at all. Raises OSError.
     """
-    path = path.resolve()
-    with replacing(path) as part:
-        if path.suffix.lower() == ".mp4":
-            _write_mp4(part, pictures, rate)
-        else:
-            _write_pillow(part, pictures, rate, PILLOW[path.suffix.lower()])
+    import av
+
+    path, suffix = path.resolve(), path.suffix.lower()
+    codec, pixels, options = CODECS[suffix]
+    endless = {} if suffix == ".mp4" else {"loop": "0"}
+    with replacing(path) as part, av.open(os.fspath(part), "w", suffix[1:], options=endless) as file:
+        stream: Any = file.add_stream(codec, rate=rate, options=options)
+        stream.pix_fmt = pixels
+        for k, picture in enumerate(pictures):
+            if suffix == ".mp4":
+                picture = np.pad(picture, [(0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)], "edge")
+            if k == 0:
+                stream.height, stream.width = picture.shape[:2]
+            frame = _with_palette(picture) if suffix == ".gif" else av.VideoFrame.from_ndarray(picture, "rgb24")
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
     return path
 
 
-def _write_mp4(path: Path, pictures: Iterable[np.ndarray], rate: int) -> None:
+def _with_palette(picture: np.ndarray) -> VideoFrame:
+    """Return a picture in 256 colours of its own."""
     import av
 
-    with av.open(os.fspath(path), "w", format="mp4") as file:
-        stream = file.add_stream("libx264", rate=rate, options={"crf": str(QUALITY)})
-        stream.pix_fmt = "yuv420p"
-        for k, picture in enumerate(pictures):
-            even = np.pad(picture, [(0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)], "edge")
-            if k == 0:
-                stream.height, stream.width = even.shape[:2]
-            file.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
-        file.mux(stream.encode(None))
-
-
-def _write_pillow(path: Path, pictures: Iterable[np.ndarray], rate: int, form: str) -> None:
-    later = (Image.fromarray(p) for p in pictures)
-    first = next(later)
-    options = {"quality": 90, "method": 4} if form == "WEBP" else {}
-    first.save(path, form, save_all=True, append_images=later, duration=round(1000 / rate), loop=0, **options)
+    image, palette = Image.fromarray(picture).quantize(), np.full((256, 4), 255, np.uint8)
+    colours = np.array(image.getpalette(), np.uint8).reshape(-1, 3)
+    palette[: len(colours), 1:] = colours  # alpha, red, green, blue
+    return av.VideoFrame.from_ndarray((np.asarray(image), palette), "pal8")  # type: ignore[arg-type]
 
 
 def next_free(folder: Path) -> Path:
     """Return the first of gi-viewer-001.png, -002.png, ... that does not exist."""
-    n = 1
-    while (path := folder / f"gi-viewer-{n:03d}.png").exists():
-        n += 1
-    return path
+    return next(path for n in count(1) if not (path := folder / f"gi-viewer-{n:03d}.png").exists())
 
 
 def write_screenshot(
@@ -137,10 +136,10 @@ def write_screenshot(
 
     pixels: of the viewport per point of the marks.
 
-    A picture of 4 times the size has a quarter of SAMPLES_OF_A_SCREENSHOT, so that it fits into memory.
+    A picture of 4 times the size has two samples, not eight, so that it fits into memory.
     """
     (width, height), samples = renderer.size, renderer.samples_now
-    renderer.resize(scale * width, scale * height, SAMPLES_OF_A_SCREENSHOT // scale)
+    renderer.resize(scale * width, scale * height, 8 // scale)
     try:
         renderer.draw(look)
         picture = renderer.pixels()

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.camera import Bounds, from_camera
-from app.draw.diagonals import along_light, quad_around
+from app.draw.draw_mesh import along_light, quad_around
 from app.draw.picking import Hit
-from app.draw.raycast import pixel_steps, seen_radiance, weighted
-from app.draw.units import Units, units_of
+from app.draw.raycast import both_sides, pixel_steps, seen_radiance
+from app.draw.units import Units
 from app.draw.vertex_colours import colours, gloss_colours, weights
 from app.draw.visible import barycentrics, place
 from app.settings import Pin
@@ -22,15 +22,11 @@ from gi_core.scene.pose import rotation, three, to_world, to_world_directions
 from gi_core.scene.types import part_named
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from app.draw.camera import Turntable
-    from app.draw.draw_mesh import DrawMesh
+    from app.draw.lit_scene import LitScene
     from app.draw.picking import Picker
-    from gi_core.display.dilation import Drawn
-    from gi_core.gloss.light import GlossLight
     from gi_core.model import Model
-    from gi_core.scene import Pose, Scene
+    from gi_core.scene import Pose
 
 STATIC = "static part"
 UNLIT = "back of a one-sided surface: no light is computed"
@@ -85,17 +81,15 @@ def new_pin(name: str, hit: Hit, direction: np.ndarray, model: Model, poses: dic
     return Pin(name, three(point), three(side), model.names[o - 1] if o else "")
 
 
-def read_pin(
-    pin: Pin, picker: Picker, scene: Scene, model: Model, poses: dict[str, Pose], meshes: Sequence[DrawMesh],
-    drawn: Drawn, gloss: GlossLight | None = None,
-) -> Pinned:  # fmt: skip
-    """Return the light at a pin, its radiance along its normal; drawn, gloss: as for read()."""
+def read_pin(pin: Pin, picker: Picker, lit: LitScene) -> Pinned:
+    """Return the light at a pin, its radiance along its normal."""
+    model, poses = lit.model, lit.poses
     position, normal = np.array(pin.position), np.array(pin.normal)
     normal = normal / np.sqrt((normal * normal).sum())
     if pin.object and pin.object not in poses:
         return Pinned(pin, position, None)
     o = 1 + model.names.index(pin.object) if pin.object else 0
-    size = model.world.size
+    size = model.scene_size
     face = picker.on(o, position, normal, 1e-3 * size)  # a pin may lie 1e-3 of the scene's size off its face
     if o:
         position, normal = (f(poses[pin.object], v[None])[0]
@@ -103,35 +97,25 @@ def read_pin(
     if face < 0:
         return Pinned(pin, position, None)
     eye = Camera(three(position + EYE * size * normal), three(position), 1.0)
-    camera = from_camera(eye, scene.up, Bounds(three(position), three(position)))
+    camera = from_camera(eye, model.scene.up, Bounds(three(position), three(position)))
     direction = position - camera.eye()
     hit = Hit(o, face, EYE * size, position)
     direction /= np.sqrt((direction * direction).sum())
-    return Pinned(pin, position, read(hit, direction, camera, PIXELS, scene, model, poses, meshes[o], drawn, gloss))
+    return Pinned(pin, position, read(lit, hit, direction, camera, PIXELS))
 
 
-def read(
-    hit: Hit,
-    direction: np.ndarray,
-    camera: Turntable,
-    height: int,
-    scene: Scene,
-    model: Model,
-    poses: dict[str, Pose],
-    mesh: DrawMesh,
-    drawn: Drawn,
-    gloss: GlossLight | None = None,
-) -> Reading:
+def read(lit: LitScene, hit: Hit, direction: np.ndarray, camera: Turntable, height: int) -> Reading:
     """Return the light at a hit of the camera's ray in `direction` (3,).
 
-    height: of the picture [pixels], for the texture filter; mesh: the draw mesh of the hit object; drawn: irradiance
-    (R, 3) [W/m2] and interpolation weights (R,) that the picture shows; gloss: its light by direction.
+    height: of the picture [pixels], for the texture filter.
     """
-    o, is_sharp = hit.object, mesh.reflector is not None and mesh.reflector[hit.face] >= 0
-    one, at = quad_around(mesh, hit.face), model.transforms(poses)
+    o, at, scene, drawn, gloss = hit.object, lit.at, lit.model.scene, lit.drawn, lit.gloss
+    mesh = lit.meshes[o]
+    is_sharp = mesh.reflector is not None and mesh.reflector[hit.face] >= 0
+    one = quad_around(mesh, hit.face)
     one = along_light(one, *colours(one, drawn.irradiance, with_reflectance=True), weights(one, drawn.weights))
     world = place([one], Transforms(at.rotation[o : o + 1], at.position[o : o + 1]))
-    camera = camera.relative_to(model.origins[0])
+    camera = camera.relative_to(lit.model.origins[0])
     eye, d = camera.eye().astype(np.float32), direction.astype(np.float32)[None]
     face = world.met(np.zeros(1, np.int64), eye[None], d)
     u, v = barycentrics(world.corners[face], eye[None], d)
@@ -139,17 +123,16 @@ def read(
     def above_texture() -> tuple[np.ndarray, np.ndarray] | None:
         if gloss is None or one.gloss is None or is_sharp:
             return None
-        directions = gloss.directions(np.unique(one.gloss[one.gloss >= 0]))
+        directions = gloss.directions(np.unique(one.gloss.receivers[one.gloss.receivers >= 0]))
         return gloss_colours(one, directions, drawn.irradiance, at.rotation[o].T @ (camera.eye() - at.position[o]))
 
     def seen(with_reflectance: bool) -> tuple[float, bool]:
-        sides, w = colours(one, drawn.irradiance, with_reflectance), weights(one, drawn.weights)
-        front, back = (weighted(c, w, side) for side, c in enumerate(sides))
+        w = [weights(one, drawn.weights)]
+        faces = both_sides(world, [colours(one, drawn.irradiance, with_reflectance)], w)
         steps = pixel_steps(camera, height) if with_reflectance and world.textures else None
-        radiance, facing = seen_radiance(world, front, back, face, u, v, d, steps, eye)
+        radiance, facing = seen_radiance(faces, face, u, v, d, steps, eye)
         if with_reflectance and (above := above_texture()) is not None:
-            front, back = (weighted(c, w, side) for side, c in enumerate(above))
-            radiance += seen_radiance(world, front, back, face, u, v, d, None, eye)[0]
+            radiance += seen_radiance(both_sides(world, [above], w), face, u, v, d, None, eye)[0]
         return float(luminance(radiance[0])), bool(facing[0] or not world.one_sided[0])
 
     E, is_lit = seen(with_reflectance=False)
@@ -159,4 +142,4 @@ def read(
     material = part_named(name, scene.materials[shape.face_material[hit.face]].name)
     if not is_lit:
         E = L = math.nan
-    return Reading(name, material, math.pi * E, L, is_lit, units_of(scene.units), bool(is_sharp))
+    return Reading(name, material, math.pi * E, L, is_lit, lit.units, bool(is_sharp))

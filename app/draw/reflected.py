@@ -6,22 +6,35 @@ are added with shadow rays. Rays that leave the scene bring the light of the sky
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+import math
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh
-from app.draw.raycast import above_textures, seen_radiance
-from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
+from app.draw.false_colour import Display
+from app.draw.raycast import Coloured, Sharp, above_textures, seen_radiance
+from app.draw.tonemap import BACKGROUND, srgb_decode
+from app.draw.visible import PIXEL_OFFSETS, PictureScene, PictureView, Strip, visible_faces
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import join
 from gi_core.geometry.error import luminance
-from gi_core.gloss.highlights import arriving, highlights, without_surface
-from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone, lamp_rays, share_of_lamps
+from gi_core.gloss.lobe_rays import (
+    LobeViews,
+    arriving,
+    draw_lobe,
+    gloss_alone,
+    highlights,
+    lamp_rays,
+    share_of_lamps,
+    without_surface,
+)
 from gi_core.gloss.reflectors import Reflector
-from gi_core.lights.light_sampling import Lights
-from gi_core.rays.accelerator import LIFT, Accelerator, Transforms
+from gi_core.rays.accelerator import LIFT
+
+if TYPE_CHECKING:
+    from app.draw.lit_scene import LitScene
+    from app.draw.vertex_colours import Gloss
 
 RAYS_PER_PIXEL_RAY = 32  # per ray of the picture at most, at its first rough lobe; further lobes and mirrors have one
 LAMP_RAYS = 16  # as many to lamps there; further rough lobes have one
@@ -29,16 +42,6 @@ PIXEL_NOISE = 0.5  # of a pixel, of 255: more rays than one are for pixels that 
 MOST_RAYS = 1 << 23  # that rough lobes of a picture have beyond the first, a share for each strip
 # Of the R2 sequence, and the golden ratio (Roberts 2018): two numbers choose a direction, the third a part of the lobe.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532, 0.6180339887498949])
-
-Above = tuple[np.ndarray, np.ndarray] | None  # of raycast.above_textures()
-
-
-class Lit(NamedTuple):
-    """A placed scene and its light, as for raycast.seen_radiance()."""
-
-    world: PictureScene
-    front: np.ndarray
-    back: np.ndarray
 
 
 class Hits(NamedTuple):
@@ -77,52 +80,39 @@ class Mirrors:
     """Reflections in the sharp faces of a placed scene, for one eye. Gloss in them is that seen from the mirrored eye,
     or from the centre of a probe."""
 
-    def __init__(
-        self,
-        accelerator: Accelerator,
-        at: Transforms,
-        meshes: Sequence[DrawMesh],
-        gloss: Callable[[np.ndarray], Sequence[tuple[np.ndarray, np.ndarray] | None]],
-        weights: Sequence[np.ndarray | None],
-        eye: np.ndarray,
-        pixel: float | None,
-        cull: bool,
-        background: np.ndarray,
-        lights: Lights,
-        exposure: float,
-        height: int,
-    ) -> None:
-        """gloss(eye) as Shot.gloss(); weights as for raycast.picture(); eye (3,); pixel: tangent of a pixel's angle,
-        None without textures; background (3,): radiance around a scene without a sky; lights: as one lamp;
-        exposure [EV] and height [pixels]: of the picture."""
-        self._accelerator, self._at, self._eye = accelerator, at, eye
-        self._pixel, self._cull, self._background = pixel, cull, background
-        self._exposure, self._height = exposure, height
+    def __init__(self, lit: LitScene, view: PictureView, display: Display, gloss: Gloss) -> None:
+        """gloss: of all objects, for the eye of the view."""
+        camera, lights, meshes, at = view.camera, lit.model.lights_at(lit.levels), lit.meshes, lit.at
+        self._lit, self._view, self._seen_from_eye = lit, view, gloss
+        # Tangent of a pixel's angle.
+        self._pixel = 2 * math.tan(camera.fov / 2) / view.height if any(m.textures for m in meshes) else None
+        # Radiance around a scene without a sky.
+        self._background = srgb_decode(np.array(BACKGROUND)) / (2.0**display.exposure * np.array(display.gains))
+        self._exposure = display.exposure
         self._delta, self._lights = without_surface(lights), lights
         # Luminaires have highlights instead.
         self._has_lamps = LAMP_RAYS > 0 and bool((lights.area.table < 0).any())
         self._reflectors: list[Reflector] = []
         self._owner: list[int] = []  # object of each
-        self._above: dict[int, Above] = {}
-        self._seen_by = meshes, gloss, weights
+        self._above: dict[int, Coloured | None] = {}
         of_face, normals, tangents = [], [], []
         for o, mesh in enumerate(meshes):
             R, first, none = at.rotation[o], len(self._reflectors), np.zeros((len(mesh.positions), 3))
             own = mesh.reflector is not None
             of_face.append(np.where(mesh.reflector < 0, -1, mesh.reflector + first) if own else _none_of(mesh))
-            normals.append(mesh.normal @ R.T if own else none)
-            tangents.append(none if not own or mesh.tangent is None else mesh.tangent @ R.T)
+            normals.append(mesh.gloss.normal @ R.T if own else none)
+            tangents.append(none if not own or mesh.gloss.tangent is None else mesh.gloss.tangent @ R.T)
             for r in mesh.reflectors:
                 self._reflectors.append(r)
                 self._owner.append(o)
         self._of_face = np.concatenate(of_face)
         self._normals, self._tangents = np.concatenate(normals), np.concatenate(tangents)
-        tables = next((m.tables for m in meshes if m.tables is not None), join([]))
+        tables = next((m.gloss.tables for m in meshes if m.gloss and m.gloss.tables), join([]))
         self._lobes = gloss_alone(np.array([r.lobe.lobe for r in self._reflectors]).reshape(-1, 5), tables)
         self._has_rough = any(len(r.lobe.taps) > 1 for r in self._reflectors)
 
     def reflected(
-        self, world: PictureScene, front: np.ndarray, back: np.ndarray, strip: Strip, hit: np.ndarray, under: np.ndarray
+        self, lit: Coloured, strip: Strip, hit: np.ndarray, under: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return which of the hits (n,) of a strip see sharp faces (k,), and the radiance (k, 3) of their gloss.
 
@@ -135,12 +125,11 @@ class Mirrors:
         directions = strip.directions[rays].astype(np.float64)
         eyes = np.broadcast_to(strip.eye.astype(np.float64), (len(rays), 3))
         hits = Hits(strip.face[rays], strip.u[rays], strip.v[rays], directions, eyes, rays + first, 0, False, 1)
-        lit = Lit(world, front, back)
         out = self._gloss(lit, hits)
         if RAYS_PER_PIXEL_RAY > 1 and self._has_rough:
             at = rays // len(PIXEL_OFFSETS)
             counts = _rays_wanted(self._shown(under[rows], out), at, height, len(strip.face) // len(PIXEL_OFFSETS))
-            counts = _within(counts, int(MOST_RAYS * height / self._height))
+            counts = _within(counts, int(MOST_RAYS * height / self._view.height))
             for count in np.unique(counts[counts > 1]):
                 alike = np.flatnonzero(counts == count)
                 out[alike] = self._gloss(lit, hits.at(alike)._replace(rays=int(count)))
@@ -151,7 +140,7 @@ class Mirrors:
         light = 2.0**self._exposure * luminance(under + gloss)
         return 255 * light / (1 + light)
 
-    def _gloss(self, lit: Lit, hits: Hits) -> np.ndarray:
+    def _gloss(self, lit: Coloured, hits: Hits) -> np.ndarray:
         """Return the radiance (n, 3) of sharp gloss at hits."""
         out, of = np.zeros((len(hits.face), 3)), self._of_face[hits.face]
         for k in np.unique(of):
@@ -186,7 +175,9 @@ class Mirrors:
     def _highlights(self, world: PictureScene, views: Views) -> np.ndarray:
         """Return the radiance (n, 3) of lights without a surface in gloss."""
         none = np.zeros(len(views.starts))
-        light = arriving(self._accelerator, self._at, views.starts, views.flat, none, self._delta, world.size)
+        light = arriving(
+            self._lit.model.accelerator, self._lit.at, views.starts, views.flat, none, self._delta, world.size
+        )
         light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
         return highlights(views.lobe, light, self._delta.value)
 
@@ -199,13 +190,14 @@ class Mirrors:
         rows = np.nonzero(rays.lamp >= 0)
         face = self._nearest(world, start[rows[0]], rays.direction[rows])[0]
         # A face of a quadrilateral has the same light as its other half, which the picture may draw in its place.
-        lamp, beside = self._lights.area.of_face[face], world.beside[face]
-        same = (lamp == rays.lamp[rows]) | ((beside >= 0) & (self._lights.area.of_face[beside] == rays.lamp[rows]))
+        base, of_face = world.base[face], self._lights.area.of_face
+        beside = world.base[world.pieces[world.first[base + 1] - 1]]
+        same = (of_face[base] == rays.lamp[rows]) | (of_face[beside] == rays.lamp[rows])
         seen = tuple(row[same & (face >= 0)] for row in rows)
         out[seen] = rays.radiance[seen]
         return out.mean(axis=1)
 
-    def _of_lobe(self, lit: Lit, hits: Hits, views: Views, k: int, count: int, to_lamps: int) -> np.ndarray:
+    def _of_lobe(self, lit: Coloured, hits: Hits, views: Views, k: int, count: int, to_lamps: int) -> np.ndarray:
         """Return the radiance (n, 3) that `count` rays drawn from the lobe of reflector k bring, beside `to_lamps`."""
         numbers, many = _numbers(hits, count, 0), views.repeated(count)
         new, factors, density = draw_lobe(many.lobe, numbers.reshape(-1, 3))
@@ -222,21 +214,23 @@ class Mirrors:
         radiance = self._radiance(lit, many.starts, new, eye, key, rival, hits.bounce + 1, spread, hits.rays, k)
         return (factors * radiance).reshape(-1, count, 3).mean(axis=1)
 
-    def _gloss_seen_in(self, k: int) -> Above:
+    def _gloss_seen_in(self, k: int, world: PictureScene) -> Coloured | None:
         """Return gloss as reflector k shows it."""
         if k not in self._above:
-            meshes, gloss, weights = self._seen_by
-            o = self._owner[k]
-            eye = _virtual_eye(self._reflectors[k], self._at.rotation[o], self._at.position[o], self._eye)
-            self._above[k] = above_textures(meshes, gloss(eye), weights)
+            o, at = self._owner[k], self._lit.at
+            eye = _virtual_eye(self._reflectors[k], at.rotation[o], at.position[o], self._view.camera.eye())
+            gloss = self._lit.gloss_towards(eye, self._seen_from_eye)
+            self._above[k] = above_textures(world, self._lit, gloss)
         return self._above[k]
 
     def _nearest(self, world: PictureScene, origins: np.ndarray, d: np.ndarray):
         """Return the face that rays (n,) see and its barycentric weights; face -1: none."""
         narrow = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(d, np.float32)
-        return visible_faces(self._accelerator, self._at, lambda hit: (world, hit), *narrow, self._cull)
+        return visible_faces(self._lit, lambda hit: (world, hit), *narrow, self._view.cull)
 
-    def _radiance(self, lit: Lit, origins, d, eyes, keys, density, bounce, spread, count: int, k: int) -> np.ndarray:
+    def _radiance(
+        self, lit: Coloured, origins, d, eyes, keys, density, bounce, spread, count: int, k: int
+    ) -> np.ndarray:
         """Return the radiance (n, 3) along rays of reflector k, without the share that rays to lamps bring.
 
         eyes, keys, bounce, spread, count: as in Hits; density (n,): as for share_of_lamps().
@@ -251,17 +245,17 @@ class Mirrors:
         hits = Hits(face[rays], u[rays], v[rays], d[rays], eyes[rays], keys[rays], bounce, spread, count)
         seen = hits.face, hits.u, hits.v, hits.direction
         steps = None if self._pixel is None else _steps(hits.direction, self._pixel)
-        radiance, facing = seen_radiance(*lit, *seen, steps, hits.eye)
-        above = self._gloss_seen_in(k)
+        radiance, facing = seen_radiance(lit, *seen, steps, hits.eye)
+        above = self._gloss_seen_in(k, lit.world)
         if above is not None:
-            gloss = seen_radiance(lit.world, *above, *seen, None, hits.eye)[0]
+            gloss = seen_radiance(above, *seen, None, hits.eye)[0]
             # 3 bounces between sharp surfaces; the last one shows cells
             sharp = np.flatnonzero(self._of_face[hits.face] >= 0) if bounce < 3 else np.zeros(0, np.int64)
             if len(sharp):
                 gloss[sharp] = self._gloss(lit, hits.at(sharp))
             radiance = radiance + gloss
         out[rays] = np.where((facing | ~lit.world.one_sided[hits.face])[:, None], radiance, 0.0)
-        lamp = self._lights.area.of_face[face]
+        lamp = self._lights.area.of_face[lit.world.base[face]]
         bright = rays[facing & (lamp[rays] >= 0) & np.isfinite(density[rays])]
         if len(bright):
             e, share = lamp[bright], np.stack([1 - u - v, u, v], axis=1)[bright, :, None]
@@ -269,6 +263,13 @@ class Mirrors:
             by_lamps = share_of_lamps(self._lights.area, e, way, density[bright])
             out[bright] -= by_lamps[:, None] * self._lights.area.radiance[e]
         return out
+
+
+def sharp_gloss(lit: LitScene, view: PictureView, display: Display, gloss: Gloss) -> Sharp | None:
+    """Return the reflections in a lit scene; None: it has no sharp gloss. Arguments as for Mirrors."""
+    if lit.gloss is None or not lit.shows_radiance or not any(mesh.reflectors for mesh in lit.meshes):
+        return None
+    return Mirrors(lit, view, display, gloss).reflected
 
 
 def _rays_wanted(shown: np.ndarray, at: np.ndarray, height: int, pixels: int) -> np.ndarray:

@@ -7,7 +7,6 @@ than it saves. Texture, exposure, tone map and sRGB are applied per fragment.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import resources
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -19,8 +18,9 @@ from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LI
 from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
+from app.draw.gl_targets import LinearTarget, Targets, load_program
 from app.draw.gl_textures import GlossTexture, GLTextures
-from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, Gains
+from app.draw.tonemap import BACKGROUND, NEUTRAL, TONE_MAPS, UNLIT, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from gi_core.scene.types import Texture
 
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
-POINTED_OUTLINE = (0.95, 0.95, 0.95, 0.8)
-TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2, "agx": 7, "neutral": 8}  # as in surface.frag
+# Codes of surface.frag: tone maps, display colours as they are, false colours, linear light.
+TONE_MAP_CODES = {
+    "clip": 0, "reinhard": 1, "aces": 2, "as is": 3, "false colours": 4, "reflection": 5, "compressed reflection": 6,
+    "agx": 7, "neutral": 8, "linear": 9,
+}  # fmt: skip
 GLOSS_UNITS = {"cells": 1, "owners": 4}  # texture units; 2 and 3 are reflections
-AS_IS = 3  # there: display colours
-FALSE_COLOURS = 4
-LINEAR_REFLECTION, COMPRESSED = 5, 6  # of reflections
 SHARP, SHARP_TEXTURED = ("SHARP",), ("SHARP", "TEXTURED")  # variants of the shaders
 NO_SCALE = Scale(0.0, 1.0, False)
 
@@ -77,23 +77,25 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
         self.ctx = ctx
         self._programs = Programs(
-            _program(ctx, "surface.vert", "surface.frag"),
-            _program(ctx, "surface.vert", "surface.frag", "TEXTURED"),
-            _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT"),
-            _program(ctx, "surface.vert", "mask.frag"),
+            load_program(ctx, "surface.vert", "surface.frag"),
+            load_program(ctx, "surface.vert", "surface.frag", "TEXTURED"),
+            load_program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT"),
+            load_program(ctx, "surface.vert", "mask.frag"),
+            load_program(ctx, "pane.vert", "pane.frag"),
         )
         self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
         self._mirrors, self._coverage = GLMirrors(ctx, ()), GLCoverage(ctx, samples)
-        self._outline = _program(ctx, "screen.vert", "outline.frag")
+        self._outline = load_program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
-        self._sky = _program(ctx, "screen.vert", "sky.frag")
+        self._sky = load_program(ctx, "screen.vert", "sky.frag")
         self._sky_screen = ctx.vertex_array(self._sky, [])
+        self._linear: LinearTarget | None = None  # of pictures with panes; None: there was none
         self._lights: BareLights | None = None
         self._faces = LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3)))
         self._bright: DrawnObject | None = None  # these faces; None: there are none
         self._objects: list[DrawnObject] = []
         self._used_textures: list[Texture] = []
-        self._targets: _Targets | None = None
+        self._targets: Targets | None = None
         # Bound after each picture: the GUI draws to it next, and `resize` must not release a bound framebuffer.
         self._default = ctx.detect_framebuffer(0)
         self.samples = samples
@@ -108,8 +110,8 @@ class Renderer:
             return
         textures, made = [t for mesh in meshes for t in mesh.textures], []
         if self._programs.sharp is None and any(mesh.reflectors for mesh in meshes):
-            sharp = (_program(self.ctx, "surface.vert", "surface.frag", *more) for more in (SHARP, SHARP_TEXTURED))
-            self._programs = Programs(*self._programs[:4], *sharp)
+            sharp = (load_program(self.ctx, "surface.vert", "surface.frag", *more) for more in (SHARP, SHARP_TEXTURED))
+            self._programs = Programs(*self._programs[:5], *sharp)
         try:
             self._textures.keep([*self._used_textures, *textures])
             for k, mesh in enumerate(meshes):
@@ -146,16 +148,17 @@ class Renderer:
         self._mirrors.forget()
 
     def set_lights(self, lights: BareLights | None) -> None:
-        """Show lights without a surface, and the sky, in sharp gloss; None: no mesh has any."""
+        """Show lights without a surface in sharp gloss; None: no mesh has any."""
         self._lights = lights
         for k, o in enumerate(self._objects):
             o.shine(None if lights is None else lights.strength[k])
         self._mirrors.forget()
 
     def set_light_faces(self, faces: LightFaces) -> None:
-        """Show the faces of luminaires."""
+        """Show the faces of luminaires, and the sky."""
         if all(np.array_equal(a, b) for a, b in zip(faces, self._faces, strict=True)):
             return
+        self._mirrors.forget()
         if self._bright is not None:
             self._bright.release()
         self._faces, self._bright = faces, None
@@ -183,7 +186,7 @@ class Renderer:
         if self._targets is None or (self._targets.size, self._targets.samples) != (size, samples):
             if self._targets is not None:
                 self._targets.release()
-            self._targets = _Targets(self.ctx, size, samples)
+            self._targets = Targets(self.ctx, size, samples)
 
     def draw(self, look: Look) -> None:
         """Draw a picture of the size set by `resize`."""
@@ -196,25 +199,58 @@ class Renderer:
                 if o.is_evaluated(light.tree is not None):
                     directions = light.directions() if directions is None else directions
                     o.evaluate(directions, _in_object(model, look.eye))
-        targets.drawn.use()
-        targets.drawn.clear(*BACKGROUND, 1.0)
+        linear = self._linear_target(look)
+        drawn = targets.drawn if linear is None else linear.drawn
+        drawn.use()
+        drawn.clear(*((*BACKGROUND, 1.0) if linear is None else (1.0, 1.0, 1.0, 0.0)))
         for layer, area in _parts(targets.size, look.split):
             mirrors = (PLANAR, PROBE) if self._draw_mirrors(look, layer) else ()
             self._state()
-            targets.drawn.use()
-            targets.drawn.scissor = area
-            self._draw_layer(look, layer, View(look.view_projection, look.eye, "ccw", mirrors, 0.0, targets.size))
-        targets.drawn.scissor = None  # it would clip the copy too
-        if targets.drawn is not targets.picture:
-            ctx.copy_framebuffer(targets.picture, targets.drawn)
+            drawn.use()
+            drawn.scissor = area
+            view = View(look.view_projection, look.eye, "ccw", mirrors, 0.0, targets.size)
+            self._draw_layer(look, layer, view, linear is not None)
+            if linear is not None:
+                self._draw_panes(look, layer, linear)
+        drawn.scissor = None  # it would clip the copy too
+        if linear is not None:
+            linear.tone_map(targets.picture, TONE_MAP_CODES[look.tone_map])
+        elif drawn is not targets.picture:
+            ctx.copy_framebuffer(targets.picture, drawn)
         if look.surface is not None:
             self._draw_outline_of_faces(targets, look, look.surface)
         for number in look.outlined:
             self._draw_outline(targets, look, number, OUTLINE)
         if look.pointed >= 0:
-            self._draw_outline(targets, look, look.pointed, POINTED_OUTLINE)
+            self._draw_outline(targets, look, look.pointed, (0.95, 0.95, 0.95, 0.8))
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
+
+    def _linear_target(self, look: Look) -> LinearTarget | None:
+        """Return the target of a picture with panes, which is drawn before its tone map; None: it shows none."""
+        if not (
+            look.is_light and look.scale is None and look.eye is not None and any(o.has_panes for o in self._objects)
+        ):
+            return None
+        assert self._targets is not None
+        self._linear = self._linear or LinearTarget(self.ctx)
+        self._linear.resize(self._targets.size, max(self._targets.samples, 1))
+        return self._linear
+
+    def _draw_panes(self, look: Look, layer: int, linear: LinearTarget) -> None:
+        """Draw panes in any order: it shows in the light alone that one pane reflects behind another."""
+        ctx, program = self.ctx, self._programs.pane
+        assert look.eye is not None
+        ctx.enable(ctx.BLEND)
+        ctx.blend_func = ctx.ONE, 0x88F9, ctx.ZERO, ctx.ONE  # type: ignore[assignment]  # GL_SRC1_COLOR
+        linear.drawn.depth_mask = False
+        program["eye_at"], program["exposure"] = tuple(look.eye), tuple(2.0**look.exposure * np.array(look.gains))
+        for o, model in zip(self._objects, look.models, strict=True):
+            if o.has_panes:
+                _place(program, look.view_projection, model)
+                o.draw_panes(layer)
+        linear.drawn.depth_mask = True
+        ctx.disable(ctx.BLEND)
 
     def _state(self) -> None:
         self.ctx.enable_only(self.ctx.DEPTH_TEST)
@@ -256,15 +292,18 @@ class Renderer:
         program["lamp_at"].write(at.tobytes())
         program["lamp_value"].write(value.tobytes())
 
-    def _draw_sky(self, look: Look, view: View) -> None:
-        """Fill the image of a reflection with the sky."""
-        if self._lights is None or not self._lights.sky.any():
+    def _draw_sky(self, look: Look, view: View, mode: str) -> None:
+        """Draw the sky, before all objects; mode: of TONE_MAP_CODES."""
+        faces, sky, mirrored = self._faces, self._sky, view.gloss > 0
+        if not faces.sky.any() or not look.is_light or (look.scale is not None and not mirrored):
             return
-        sky, lights = self._sky, self._lights
+        light = 2.0**look.exposure * np.array(look.gains) * faces.sky
+        if mode in TONE_MAPS:
+            light = to_display(faces.sky, look.exposure, mode, look.gains) / 255
         sky["direction_of"].write(np.linalg.inv(view.view_projection[[0, 1, 3], :3]).T.astype(np.float32).tobytes())
-        sky["pixels"], sky["up"] = tuple(map(float, view.size)), tuple(lights.up)
-        sky["light"] = tuple(2.0**look.exposure * np.array(look.gains) * lights.sky)
-        sky["compressed"], sky["far"] = view.compressed, BACKDROP
+        sky["pixels"], sky["up"], sky["light"] = tuple(map(float, view.size)), tuple(faces.up), tuple(light)
+        sky["compressed"], sky["far"] = view.compressed, BACKDROP if mirrored else 1.0
+        sky["everywhere"] = mirrored
         self.ctx.disable(self.ctx.DEPTH_TEST | self.ctx.CULL_FACE)
         self._sky_screen.render(moderngl.TRIANGLES, vertices=3)
         self.ctx.enable(self.ctx.DEPTH_TEST)
@@ -310,15 +349,18 @@ class Renderer:
         self._state()
         return shares
 
-    def _draw_layer(self, look: Look, layer: int, view: View) -> None:
-        """Draw all objects as a view sees them."""
+    def _draw_layer(self, look: Look, layer: int, view: View, is_linear: bool = False) -> None:
+        """Draw all objects as a view sees them, but for panes; is_linear: before the tone map."""
         mirrored = view.gloss > 0
-        if mirrored:
-            self._draw_sky(look, view)
         self.ctx.front_face = view.front_face
-        mode = AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
+        mode = "as is" if look.as_is else "false colours" if look.scale else look.tone_map
+        if is_linear:
+            mode = "linear"
+        if mirrored:
+            mode = "compressed reflection" if view.compressed else "reflection"
+        self._draw_sky(look, view, mode)
         for program in self._programs.of_surfaces:
-            program["tone_map"] = (COMPRESSED if view.compressed else LINEAR_REFLECTION) if mirrored else mode
+            program["tone_map"] = TONE_MAP_CODES[mode]
             if "mirrored_view" in program:
                 program["mirrored_view"] = view.gloss
             if "eye_at" in program and view.eye is not None:
@@ -326,7 +368,7 @@ class Renderer:
         for o, model in zip(self._objects, look.models, strict=True):
             _place(self._programs.surface, view.view_projection, model, view.eye)
             painted = o.is_textured and (look.textured or o.has_holes)
-            if not painted and not o.reflectors:
+            if not painted and not o.reflectors and not o.has_panes:
                 o.draw(look.cull, layer)
                 continue
             for program in self._programs.of_surfaces[1:]:
@@ -346,7 +388,7 @@ class Renderer:
             _place(self._programs.surface, view.view_projection, look.models[0], view.eye)
             self._bright.draw(cull=True)
 
-    def _draw_outline_of_faces(self, targets: _Targets, look: Look, faces: np.ndarray) -> None:
+    def _draw_outline_of_faces(self, targets: Targets, look: Look, faces: np.ndarray) -> None:
         """Draw a line round the visible part of some faces of the static part; a wall has a whole room in front."""
         ctx = self.ctx
         targets.mask.clear()
@@ -365,7 +407,7 @@ class Renderer:
         area = self._objects[0].rectangle(to_clip, targets.size, look.outline_width, faces)
         self._draw_line(targets, look, area, (*OUTLINE[:3], look.surface_opacity * OUTLINE[3]))
 
-    def _draw_outline(self, targets: _Targets, look: Look, number: int, colour: tuple[float, ...]) -> None:
+    def _draw_outline(self, targets: Targets, look: Look, number: int, colour: tuple[float, ...]) -> None:
         """Draw a line round an object, also where others hide it."""
         ctx = self.ctx
         ctx.front_face = "ccw"
@@ -379,7 +421,7 @@ class Renderer:
         o.mark()
         self._draw_line(targets, look, area, colour)
 
-    def _draw_line(self, targets: _Targets, look: Look, area: tuple[int, int, int, int], colour) -> None:
+    def _draw_line(self, targets: Targets, look: Look, area: tuple[int, int, int, int], colour) -> None:
         """Draw a line round the marked pixels within an area (x, y, width, height)."""
         ctx = self.ctx
         targets.picture.scissor = area  # the filter reads 25 texels per pixel
@@ -422,37 +464,10 @@ class Renderer:
         self._mirrors.release()
         self._coverage.release()
         screens = self._screen, self._outline, self._sky_screen, self._sky
-        for thing in (*screens, self._programs.mask, *self._programs.of_surfaces):
+        for thing in (*screens, self._programs.mask, self._programs.pane, *self._programs.of_surfaces):
             thing.release()
-
-
-class _Targets:
-    """Framebuffers of one size: multisampled, resolved, and a mask for the outline."""
-
-    def __init__(self, ctx, size: tuple[int, int], samples: int) -> None:
-        self.size, self.samples = size, samples
-        shown = ctx.texture(size, 4)
-        shown.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        marks = ctx.texture(size, 1)
-        self._owned = [shown, marks]
-        if samples > 1:
-            colour, depth = ctx.renderbuffer(size, 4, samples=samples), ctx.depth_renderbuffer(size, samples=samples)
-            self._owned += [colour, depth]
-            self.picture = ctx.framebuffer([shown])
-            self.drawn = ctx.framebuffer([colour], depth)
-        else:
-            depth = ctx.depth_renderbuffer(size)
-            self._owned.append(depth)
-            self.picture = self.drawn = ctx.framebuffer([shown], depth)
-        of_mask = ctx.depth_renderbuffer(size)
-        self._owned.append(of_mask)
-        self.mask = ctx.framebuffer([marks], of_mask)
-
-    def release(self) -> None:
-        if self.drawn is not self.picture:
-            self.drawn.release()
-        for thing in (self.picture, self.mask, *self._owned):
-            thing.release()
+        if self._linear is not None:
+            self._linear.release()
 
 
 def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[int, int, int, int] | None]]:
@@ -474,10 +489,3 @@ def _place(program, view_projection: np.ndarray, model: np.ndarray, eye: np.ndar
 def _in_object(model: np.ndarray, point: np.ndarray) -> np.ndarray:
     """Return a point (3,) of the world in the space of an object."""
     return np.asarray(model)[:3, :3].T @ (np.asarray(point) - np.asarray(model)[:3, 3])
-
-
-def _program(ctx, vertex: str, fragment: str, *defines: str):
-    read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
-    for define in defines:
-        read = [text.replace("\n", f"\n#define {define}\n", 1) for text in read]  # #version must stay first
-    return ctx.program(vertex_shader=read[0], fragment_shader=read[1])

@@ -1,27 +1,33 @@
-"""Picture of a solved scene by ray casting."""
+"""Picture of a solved scene by ray casting, and its linear layers: radiance, irradiance, albedo, coverage."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw import raycast
-from app.draw.bare_lights import LightFaces, light_faces
+from app.draw import raycast, visible
+from app.draw.bare_lights import light_faces
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
-from app.draw.draw_mesh import DrawMesh, dimmed, meshes_of
-from app.draw.false_colour import Scale, automatic_scale, fixed_scale
+from app.draw.draw_mesh import along_light, dimmed, meshes_of
+from app.draw.false_colour import Display, Scale, automatic_scale, fixed_scale
+from app.draw.fine_mesh import fine_mesh, fine_points_of
 from app.draw.legend import of_scale, with_legend
-from app.draw.metering import metered
-from app.draw.reflected import Mirrors
-from app.draw.tonemap import BACKGROUND, NEUTRAL, gains_for, srgb_decode
+from app.draw.lit_scene import LitScene, metered
+from app.draw.reflected import sharp_gloss
+from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, gains_for
 from app.draw.units import units_of
-from app.draw.vertex_colours import Gloss, colours, gloss_towards, weights
+from app.draw.visible import PIXEL_OFFSETS, PictureView
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
 
 if TYPE_CHECKING:
+    from gi_core.display.fine_points import FinePoints
     from gi_core.solver import Solver
+
+Progress = Callable[[float], None]
 
 
 class Shot:
@@ -30,7 +36,8 @@ class Shot:
     def __init__(self, solver: Solver, settings: Settings) -> None:
         self.solver, self.settings = solver, settings
         model = solver.model
-        self._meshes = meshes_of(model)
+        self._meshes = self._pictured = meshes_of(model)
+        self._fine: FinePoints | None = None
         self.camera = home_camera(solver)
         flux = solver.model.emitters.total_flux
         self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
@@ -39,82 +46,44 @@ class Shot:
         if self.exposure is None:
             self.exposure = solver.scene.defaults.exposure
 
+    def refine(self) -> None:
+        """Draw the static part with the fine points of the present poses, where its direct light is known."""
+        self.expose()
+        self.scale = self.scale or self.fitted_scale()
+        self._fine = fine_points_of(self.solver, self._meshes[0])
+        if self._fine is not None:
+            self._pictured = fine_mesh(self._meshes[0], self._fine), *self._meshes[1:]
+
     @property
-    def meshes(self) -> tuple[DrawMesh, ...]:
-        """Draw meshes, the static part first; lamps emit at the solver's levels."""
-        return dimmed(self._meshes, self.solver.levels)
+    def lit(self) -> LitScene:
+        """The scene and the light that the picture shows, of receivers and fine points."""
+        s, of_receivers = self.solver, self._of_receivers
+        if self._fine is None:
+            return of_receivers
+        drawn = self._fine.at(s.model.transforms(s.poses), s.levels).of(of_receivers.drawn)
+        return replace(of_receivers, meshes=dimmed(self._pictured, s.levels), drawn=drawn)
 
-    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return linear radiance of front and back (D, 3) of object o."""
-        drawn = self.solver.drawn(self.solver.irradiance).irradiance
-        return colours(self.meshes[o], drawn, self.settings.shows_radiance)
+    @property
+    def _of_receivers(self) -> LitScene:
+        s, radiance, units = self.solver, self.settings.shows_radiance, units_of(self.solver.scene.units)
+        meshes, drawn = dimmed(self._meshes, s.levels), s.drawn(s.irradiance)
+        return LitScene(s.model, s.poses, s.levels, meshes, drawn, s.frame.gloss, radiance, units)
 
-    def gloss(self, eye: np.ndarray | None = None, other: Gloss | None = None) -> Gloss:
-        """Return the gloss of all objects; eye (3,): None: the camera's; other: as for gloss_towards()."""
-        s = self.solver
-        light = s.frame.gloss if self.settings.shows_radiance else None
-        eye = self.camera.relative_to(s.model.origins[0]).eye() if eye is None else eye
-        at, E = s.model.transforms(s.poses), s.drawn(s.irradiance).irradiance
-        return gloss_towards(self.meshes, light, E, at, eye, other)
-
-    def sharp(self) -> raycast.Sharp | None:
-        """Return reflections in sharp gloss; None: there are none."""
-        s, meshes, camera = self.solver, self.meshes, self.camera.relative_to(self.solver.model.origins[0])
-        if s.frame.gloss is None or not self.settings.shows_radiance or not any(m.reflectors for m in meshes):
-            return None
-        weights = [self.weights(o) for o in range(len(meshes))]
-        exposure = self.metered() if self.exposure is None else self.exposure
-        around = srgb_decode(np.array(BACKGROUND)) / (2.0**exposure * np.array(self.gains))
-        pixel = 2 * math.tan(camera.fov / 2) / self.settings.size[1] if any(m.textures for m in meshes) else None
-        lights = s.model.lights_at(s.levels)
-        of_camera = self.gloss()
-
-        def gloss(eye: np.ndarray) -> Gloss:
-            return self.gloss(eye, of_camera)
-
-        at, cull, height = s.model.transforms(s.poses), self.settings.cull, self.settings.size[1]
-        return Mirrors(
-            s.model.accelerator, at, meshes, gloss, weights, camera.eye(), pixel, cull, around, lights, exposure, height
-        ).reflected
-
-    def light_faces(self) -> LightFaces:
-        """Return the bright faces of the luminaires."""
-        return light_faces(self.solver.model, self.solver.levels)
-
-    def weights(self, o: int) -> np.ndarray | None:
-        """Return interpolation weights of front and back (D, 2); None: all 1."""
-        return weights(self.meshes[o], self.solver.drawn(self.solver.irradiance).weights)
+    @property
+    def view(self) -> PictureView:
+        """Camera and pixels."""
+        camera = self.camera.relative_to(self.solver.model.origins[0])
+        return PictureView(camera, *self.settings.size, self.settings.cull)
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one fixes the settings left open."""
         self.expose()
         if self.scale is None:
             self.scale = self.fitted_scale()
-        model, s = self.solver.model, self.settings
-        picture = raycast.picture(
-            model.accelerator,
-            model.transforms(self.solver.poses),
-            self.meshes,
-            [self.colours(o) for o in range(len(self.meshes))],
-            self.camera.relative_to(model.origins[0]),
-            s.size,
-            self.exposure,
-            s.tone_map,
-            s.cull,
-            progress,
-            s.shows_radiance,
-            [self.weights(o) for o in range(len(self.meshes))],
-            self.scale,
-            self.gains,
-            self.gloss(),
-            self.sharp(),
-            self.light_faces() if s.shows_radiance else None,
-        )
-        return (
-            picture
-            if self.scale is None
-            else with_legend(picture, of_scale(self.scale, units_of(self.solver.scene.units)))
-        )
+        lit = self.lit
+        display = Display(self.exposure, self.settings.tone_map, self.gains, self.scale)
+        pixels = picture(lit, self.view, display, progress=progress)
+        return pixels if self.scale is None else with_legend(pixels, of_scale(self.scale, lit.units))
 
     def expose(self) -> None:
         """Meter the exposure unless it is known."""
@@ -148,21 +117,116 @@ class Shot:
 
     def _seen(self) -> np.ndarray:
         """Return the light (n,) of the visible surface, of the quantity shown."""
-        s, solver = self.settings, self.solver
-        model, drawn = solver.model, solver.drawn(solver.irradiance)
-        at, camera = model.transforms(solver.poses), self.camera.relative_to(model.origins[0])
-        width, height = s.size
-        view = model.accelerator, at, self.meshes, drawn, camera, width / height, s.cull
-        return raycast.visible_light(*view, s.show, solver.frame.gloss)
+        camera, width, height, cull = self.view
+        return raycast.visible_light(self._of_receivers, camera, width / height, cull)
 
     def metered(self) -> float:
         """Return the exposure [EV] that suits the picture."""
-        s, textured = self.solver, self.settings.shows_radiance
-        gloss = self.gloss()
-        return metered(s.receivers, self.meshes, self.colours, gloss, textured, s.scene_size, self.camera)
+        return metered(self._of_receivers, self.camera, self.solver.scene_size)
 
 
 def home_camera(solver: Solver) -> Turntable:
     """Return the viewer's initial camera."""
     lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
     return from_camera(solver.scene.camera, solver.scene.up, scene_bounds(solver.model, solver.poses), lit)
+
+
+class Layers(NamedTuple):
+    """Means over pixels; 0 where nothing is seen, and on the backs of one-sided faces."""
+
+    colour: np.ndarray  # (h, w, 3) float32, radiance [W/m2/sr], without exposure and white balance
+    irradiance: np.ndarray  # (h, w, 3) float32 [W/m2]
+    albedo: np.ndarray  # (h, w, 3) float32, reflectance with textures
+    coverage: np.ndarray  # (h, w, 1) float32, 0 .. 1
+
+
+def picture(
+    lit: LitScene, view: PictureView, display: Display,
+    sides: Sequence[tuple[np.ndarray, np.ndarray]] | None = None, progress: Progress = lambda fraction: None,
+) -> np.ndarray:  # fmt: skip
+    """Return a picture (height, width, 3) uint8. sides: colours in place of `lit.sides`.
+
+    Tone map and background follow the renderer.
+    """
+    sides = lit.sides if sides is None else sides
+    world, gloss = _placed(lit, sides), lit.gloss_towards(view.camera.eye())
+    faces, above = raycast.both_sides(world, sides, lit.weights), raycast.above_textures(world, lit, gloss)
+    sharp = sharp_gloss(lit, view, display, gloss)
+    lamps = light_faces(lit.model, lit.levels) if lit.shows_radiance else None
+    pixel = raycast.pixel_steps(view.camera, view.height)
+    steps = pixel if lit.shows_radiance and world.textures else None
+    isolines = display.scale is not None and bool(display.scale.lines)
+    out = np.empty((view.height, view.width, 3), np.uint8)
+
+    def draw(strip: visible.Strip) -> None:
+        # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
+        colours = np.tile(np.round(np.array(BACKGROUND) * 255).astype(np.uint8), (len(strip.face), 1))
+        glazed = display.scale is None and lit.shows_radiance and len(strip.panes) > 0
+        if glazed:
+            through, veil = raycast.by_panes(faces, strip)
+            behind = through + veil * 2.0**display.exposure * display.gains  # the shader knows their sum alone
+            colours[:] = np.round(np.clip(np.array(BACKGROUND) * behind, 0, 1) * 255)
+        if lamps is not None and display.scale is None and len(rays := lamps.open_to_sky(strip)):
+            sky = np.tile(lamps.sky, (len(rays), 1))
+            colours[rays] = display.colours(sky * through[rays] + veil[rays] if glazed else sky)
+        hit = np.flatnonzero(strip.face >= 0)
+        if len(hit):
+            seen = strip.seen(hit)
+            radiance, facing = raycast.seen_radiance(faces, *seen, steps, strip.eye)
+            if above is not None:
+                radiance += raycast.gloss_seen(faces, strip, hit, above, sharp, radiance)
+            if glazed:
+                radiance = radiance * through[hit] + veil[hit]
+            change = raycast.gradient(faces, *seen, facing, pixel, strip.eye) if isolines else None
+            to_middle = 0.5 - PIXEL_OFFSETS[hit % len(PIXEL_OFFSETS)]  # a line is the same in all samples, as in GL
+            colours[hit] = display.colours(radiance, change, to_middle)
+            colours[hit[~facing & world.one_sided[strip.face[hit]]]] = np.round(np.array(UNLIT) * 255)
+        if lamps is not None:
+            rays, radiance = lamps.seen(strip, world)
+            colours[rays] = display.colours(radiance)
+        out[strip.rows] = np.round(strip.resolved(colours))
+
+    visible.draw_strips(draw, lit, world, view, progress)
+    return out
+
+
+def layers(shot: Shot, progress: Progress = lambda fraction: None) -> Layers:
+    """Return the layers of a shot, at the size of its settings."""
+    shot.expose()  # as the first reflections
+    lit, view = replace(shot.lit, shows_radiance=True), shot.view
+    gloss, world = lit.gloss_towards(view.camera.eye()), _placed(lit, lit.sides)
+    sharp = sharp_gloss(lit, view, Display(shot.exposure, gains=shot.gains), gloss)
+    faces, above = raycast.both_sides(world, lit.sides, lit.weights), raycast.above_textures(world, lit, gloss)
+    lamps = light_faces(lit.model, lit.levels)
+    white = raycast.both_sides(world, replace(lit, shows_radiance=False).sides, lit.weights)
+    dark = world._replace(emission=np.zeros_like(world.emission))
+    bare = raycast.both_sides(dark, [(m.reflectance, m.reflectance) for m in lit.meshes], [None] * len(lit.meshes))
+    steps = raycast.pixel_steps(view.camera, view.height) if world.textures else None
+    out = Layers(*(np.zeros((view.height, view.width, k), np.float32) for k in (3, 3, 3, 1)))
+
+    def draw(strip: visible.Strip) -> None:
+        hit = np.flatnonzero(strip.face >= 0)
+        seen = strip.seen(hit)
+        light, facing = raycast.seen_radiance(faces, *seen, steps, strip.eye)
+        if above is not None:
+            light = light + raycast.gloss_seen(faces, strip, hit, above, sharp, light)
+        E = math.pi * raycast.seen_radiance(white, *seen, None, strip.eye)[0]
+        rho = raycast.seen_radiance(bare, *seen, steps, strip.eye)[0]
+        on = (facing | ~world.one_sided[seen[0]])[:, None]
+        rays, bright = lamps.seen(strip, world)
+        through, veil = raycast.by_panes(faces, strip)
+        light = light * on * through[hit] + veil[hit]
+        for layer, values in zip(out, (light, E * on, rho * on, np.ones((len(hit), 1))), strict=True):
+            of_rays = np.zeros((len(strip.face), values.shape[1]))
+            of_rays[hit] = values
+            of_rays[rays] = bright if layer is out.colour else float(layer is out.coverage)
+            layer[strip.rows] = strip.resolved(of_rays)
+
+    visible.draw_strips(draw, lit, world, view, progress)
+    return out
+
+
+def _placed(lit: LitScene, sides: Sequence[tuple[np.ndarray, np.ndarray]]) -> visible.PictureScene:
+    """Return the meshes in world space, with the diagonals that suit their colours."""
+    meshes = zip(lit.meshes, sides, lit.weights, strict=True)
+    return visible.place([along_light(mesh, *colours, w) for mesh, colours, w in meshes], lit.at)

@@ -15,8 +15,6 @@ from app.settings import DEFAULT_TONE_MAP
 from gi_core.geometry.error import luminance
 
 MID_GREY = 0.18  # linear, before the tone map: target of the metered median
-MOST_95TH_PERCENTILE = 2.0  # linear; keeps a spot-lit stage from saturating
-ACES_EXPOSURE = 0.6
 
 BACKGROUND = (0.145, 0.15, 0.16)  # lighter than a black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, without culling
@@ -39,7 +37,7 @@ def aces(c: np.ndarray) -> np.ndarray:
 
     The fit applies to 0.6 of the exposure; without the factor mid-grey comes out twice as bright.
     """
-    c = ACES_EXPOSURE * c
+    c = 0.6 * c
     return np.clip(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0)
 
 
@@ -49,30 +47,27 @@ AGX_IN = np.array([[0.842479062253094, 0.0784335999999992, 0.0792237451477643],
 AGX_OUT = np.array([[1.19687900512017, -0.0980208811401368, -0.0990297440797205],
                     [-0.0528968517574562, 1.15190312990417, -0.0989611768448433],
                     [-0.0529716355144438, -0.0980434501171241, 1.15107367264116]])  # fmt: skip
-AGX_STOPS = -12.47393, 4.026069  # log2 of the darkest and the brightest value
 AGX_CURVE = 15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232  # a polynomial, highest power first
 
 
 def agx(c: np.ndarray) -> np.ndarray:
     """Return AgX (Sobotka 2022) by the polynomial of Wrensch 2023: a curve over stops, bright colours turn white."""
-    low, high = AGX_STOPS
+    low, high = -12.47393, 4.026069  # log2 of the darkest and the brightest value
     stops = np.clip(np.log2(np.maximum(c @ AGX_IN.T, 2.0**low)), low, high)
     encoded = np.polyval(AGX_CURVE, (stops - low) / (high - low)) @ AGX_OUT.T
     return np.clip(encoded, 0.0, 1.0) ** 2.2
 
 
-NEUTRAL_START, NEUTRAL_DESATURATION = 0.8 - 0.04, 0.15
-
-
 def neutral(c: np.ndarray) -> np.ndarray:
     """Return Khronos PBR Neutral (2024): colours as they are, less 4 % of reflected white; highlights compressed."""
+    neutral_start = 0.8 - 0.04
     low = c.min(axis=-1, keepdims=True)
     c = c - np.where(low < 0.08, low - 6.25 * low * low, 0.04)
     peak = np.maximum(c.max(axis=-1, keepdims=True), 1e-12)
-    d = 1.0 - NEUTRAL_START
-    new = 1.0 - d * d / np.maximum(peak + d - NEUTRAL_START, d)
-    white = 1.0 - 1.0 / (NEUTRAL_DESATURATION * (peak - new) + 1.0)
-    return np.clip(np.where(peak < NEUTRAL_START, c, (1.0 - white) * c * (new / peak) + white * new), 0.0, 1.0)
+    d = 1.0 - neutral_start
+    new = 1.0 - d * d / np.maximum(peak + d - neutral_start, d)
+    white = 1.0 - 1.0 / (0.15 * (peak - new) + 1.0)
+    return np.clip(np.where(peak < neutral_start, c, (1.0 - white) * c * (new / peak) + white * new), 0.0, 1.0)
 
 
 TONE_MAPS = {"agx": agx, "neutral": neutral, "aces": aces, "reinhard": reinhard, "clip": clip}
@@ -114,7 +109,8 @@ def meter(radiance: np.ndarray, weights: np.ndarray | None = None) -> float:
     order = np.argsort(L[lit])
     L, share = L[lit][order], np.cumsum(w[lit][order])
     median, high = (L[np.searchsorted(share, q * share[-1])] for q in (0.5, 0.95))
-    return float(min(np.log2(MID_GREY / median), np.log2(MOST_95TH_PERCENTILE / high)))
+    # A 95th percentile of at most 2, linear, keeps a spot-lit stage from saturating.
+    return float(min(np.log2(MID_GREY / median), np.log2(2.0 / high)))
 
 
 def view_weights(

@@ -47,14 +47,15 @@ def gloss_colours(
     directions: `GlossLight.directions()`; irradiance (R, 3) [W/m2]; eye (3,): in the object's space; which: draw
     vertices, None: all.
     """
-    if draw.lobe is None:
+    gloss, sides = draw.gloss, []
+    if gloss is None:
         return None
-    sides, tables = [], join([]) if draw.tables is None else draw.tables
-    tangent = (draw.normal if draw.tangent is None else draw.tangent)[which]
-    positions, normals, lobes = draw.positions[which], draw.normal[which], draw.lobe[which]
+    tables = join([]) if gloss.tables is None else gloss.tables
+    tangent = (gloss.normal if gloss.tangent is None else gloss.tangent)[which]
+    positions, normals, lobes = draw.positions[which], gloss.normal[which], gloss.lobe[which]
     for side, receivers in enumerate((draw.front, draw.back)):
         out, normal = room_for(len(positions)), normals if side == 0 else -normals
-        E, rows = np.nan_to_num(irradiance[receivers[which]]), np.ascontiguousarray(draw.gloss[which, side])
+        E, rows = np.nan_to_num(irradiance[receivers[which]]), np.ascontiguousarray(gloss.receivers[which, side])
         gloss_radiance(directions, rows, E, positions, normal, lobes, tangent, tables, eye, out)
         sides.append(out.astype(np.float32))
     return sides[0], sides[1]

@@ -1,9 +1,9 @@
-"""Faces that the rays of a picture see: behind culled faces and through holes of textures."""
+"""Faces that the rays of a picture see: behind culled faces and panes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -11,15 +11,18 @@ from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import cross, dot
-from gi_core.geometry.cutouts import covered
-from gi_core.rays.accelerator import Accelerator, Transforms
+from gi_core.display.vertex_light import meet_pieces
+from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import nearest_in_world
+from gi_core.rays.holes import BEYOND
 from gi_core.scene.types import Texture
+
+if TYPE_CHECKING:
+    from app.draw.lit_scene import LitScene
 
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
-CULLED_OFFSET = 4e-6  # of the face's coordinates and the distance: step beyond a culled face (float32: 6e-8)
 
 
 class PictureScene(NamedTuple):
@@ -30,20 +33,38 @@ class PictureScene(NamedTuple):
     draw: np.ndarray  # (F, 3) int64 into the colours of all objects
     one_sided: np.ndarray  # (F,) bool
     size: float  # [m] longest side of the box around everything
-    beside: np.ndarray  # (F,) int64, the other face where rays may meet either of two, -1: none
+    base: np.ndarray  # (F,) int64, face of the structure of rays that each is a piece of
+    first: np.ndarray  # (B + 1,) int64, pieces before those of each of these faces ...
+    pieces: np.ndarray  # (p,) int64, ... faces that rays may meet there
     textures: tuple[Texture, ...]
     texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
     uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
     emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
+    pane: np.ndarray  # (F, 4) float64, see DrawMesh, or (0, 4): none at all
 
     def met(self, face: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-        """Return the faces (n,) that rays meet; face (n,): by the diagonals of the structure of rays."""
-        out, rows = face, np.flatnonzero(self.beside[face] >= 0)
-        if len(rows):
-            out, other = face.copy(), self.beside[face[rows]]
-            inside = (_inside(self.corners[f], o[rows], d[rows]) for f in (face[rows], other))
-            out[rows] = np.where(np.less(*inside), other, face[rows])
+        """Return the faces (n,) that rays meet; face (n,): of the structure of rays."""
+        out = np.empty(len(face), np.int64)
+        meet_pieces(face, self.first, self.pieces, self.corners, o, d, out)
         return out
+
+
+class PictureView(NamedTuple):
+    """The camera of a picture and its pixels."""
+
+    camera: Turntable  # relative to the model's origin
+    width: int
+    height: int
+    cull: bool = True  # backs of one-sided faces are not seen
+
+
+class Seen(NamedTuple):
+    """Faces that some rays of a strip meet."""
+
+    ray: np.ndarray  # (k,) int64, without repetition
+    face: np.ndarray  # (k,) int64
+    u: np.ndarray  # (k,) float32, as of Strip
+    v: np.ndarray  # (k,) float32
 
 
 class Strip(NamedTuple):
@@ -55,6 +76,7 @@ class Strip(NamedTuple):
     face: np.ndarray  # (n,) int32, -1: none
     u: np.ndarray  # (n,) float32, barycentric weight of corner 1
     v: np.ndarray  # (n,) float32, of corner 2
+    panes: list[Seen]  # before them, near to far
 
     def seen(self, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return faces, weights and directions of some rays."""
@@ -71,15 +93,20 @@ Placed = Callable[[np.ndarray], tuple[PictureScene, np.ndarray]]
 
 def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
     """Return the draw meshes (static part first) in world space."""
-    corners, draw, one_sided, beside, first, faces = [], [], [], [], 0, 0
+    corners, draw, one_sided, base, pieces, first, faces, bases = [], [], [], [], [], 0, 0, 0
     for o, mesh in enumerate(meshes):
         points = mesh.positions.astype(np.float64) @ at.rotation[o].T + at.position[o]
         corners.append(points[mesh.triangles])
         draw.append(mesh.triangles.astype(np.int64) + first)
         one_sided.append(mesh.back[mesh.triangles[:, 0]] < 0)
-        none = np.full(len(mesh.triangles), -1)
-        beside.append(none if (other := mesh.quads.beside) is None else np.where(other < 0, -1, other + faces))
+        number, source = np.arange(len(mesh.triangles)), mesh.source
+        source = number if source is None else source.astype(np.int64)
+        base.append(bases + source)
+        pieces.append(np.stack([bases + source, faces + number]))
+        if (other := mesh.quads.beside) is not None:
+            pieces.append(np.stack([bases + source, faces + other])[:, other >= 0])
         first, faces = first + len(mesh.positions), faces + len(mesh.triangles)
+        bases += int(source.max(initial=-1)) + 1
     p = np.concatenate(corners)
     normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     box = p.reshape(-1, 3)
@@ -90,9 +117,24 @@ def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
         np.concatenate(draw),
         np.concatenate(one_sided),
         size,
-        np.concatenate(beside),
-        *_textures(meshes),
+        np.concatenate(base),
+        *_by_base(np.concatenate(pieces, axis=1), bases),
+        *(*_textures(meshes), _panes(meshes)),
     )
+
+
+def _panes(meshes: Sequence[DrawMesh]) -> np.ndarray:
+    """Return the panes (F, 4) of all faces; (0, 4) without any."""
+    if all(mesh.pane is None for mesh in meshes):
+        return np.zeros((0, 4))
+    parts = (np.zeros((len(m.triangles), 4)) if m.pane is None else m.pane[m.triangles[:, 0]] for m in meshes)
+    return np.concatenate(list(parts)).astype(np.float64)
+
+
+def _by_base(pieces: np.ndarray, bases: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return pieces before those of each face, and pieces; pieces (2, p): faces of the structure of rays, pieces."""
+    order = np.argsort(pieces[0], kind="stable")
+    return np.searchsorted(pieces[0][order], np.arange(bases + 1)), pieces[1][order]
 
 
 def _textures(meshes: Sequence[DrawMesh]):
@@ -112,23 +154,15 @@ def _textures(meshes: Sequence[DrawMesh]):
     return textures, np.concatenate(texture), np.concatenate(uv), np.concatenate(emission)
 
 
-def strips(
-    accelerator: Accelerator,
-    at: Transforms,
-    world: PictureScene,
-    camera: Turntable,
-    size: tuple[int, int],
-    cull: bool = True,
-    tops: Sequence[int] | None = None,
-) -> Iterator[Strip]:
-    """Cast the rays of a picture of `size` (width, height) pixels, strip by strip; tops: first rows, None: all."""
-    width, height = size
-    rows = _rows(width)
-    for top in range(0, height, rows) if tops is None else tops:
-        bottom = min(top + rows, height)
-        origins, directions = pixel_rays(camera, width, height, top, bottom)
-        seen = visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
-        yield Strip(slice(top, bottom), origins[0], directions, *seen)
+def strips(lit: LitScene, world: PictureScene, view: PictureView, tops: Sequence[int] | None = None) -> Iterator[Strip]:
+    """Cast the rays of a picture, strip by strip; tops: first rows, None: all."""
+    rows = _rows(view.width)
+    for top in range(0, view.height, rows) if tops is None else tops:
+        bottom = min(top + rows, view.height)
+        origins, directions = pixel_rays(view, top, bottom)
+        panes: list[Seen] = []
+        seen = visible_faces(lit, lambda hit: (world, hit), origins, directions, view.cull, panes)
+        yield Strip(slice(top, bottom), origins[0], directions, *(*seen, panes))
 
 
 def _rows(width: int) -> int:
@@ -138,30 +172,27 @@ def _rows(width: int) -> int:
 
 def draw_strips(
     draw: Callable[[Strip], None],
-    accelerator: Accelerator,
-    at: Transforms,
+    lit: LitScene,
     world: PictureScene,
-    camera: Turntable,
-    size: tuple[int, int],
-    cull: bool = True,
+    view: PictureView,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> None:
     """Call draw(strip) for all strips of a picture, as many at a time as the accelerator has threads."""
-    width, height = size
-    tops, threads = list(range(0, height, _rows(width))), accelerator.threads
+    tops, threads = list(range(0, view.height, _rows(view.width))), lit.model.accelerator.threads
     for first in range(0, len(tops), threads):
-        progress(tops[first] / height)
+        progress(tops[first] / view.height)
         batch = tops[first : first + threads]
 
         def work(_, a, b, batch=batch):
-            for strip in strips(accelerator, at, world, camera, size, cull, batch[a:b]):
+            for strip in strips(lit, world, view, batch[a:b]):
                 draw(strip)
 
         run_ranges(work, len(batch), threads, 1)
 
 
-def pixel_rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
+def pixel_rays(view: PictureView, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
     """Return origins and unit directions (n, 3) float32 of rows top..bottom: row, column, sample."""
+    camera, width, height, _ = view
     right, upward, forward = camera.basis()
     t = np.tan(camera.fov / 2)
     x = (np.arange(width)[:, None] + PIXEL_OFFSETS[:, 0]) / width  # (width, samples)
@@ -174,23 +205,31 @@ def pixel_rays(camera: Turntable, width: int, height: int, top: int, bottom: int
     return np.ascontiguousarray(origins), d.astype(np.float32)
 
 
-def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bool):
+def visible_faces(
+    lit: LitScene, placed: Placed, origins, directions, cull: bool, panes: list[Seen] | None = None
+):  # fmt: skip
     """Return the visible face (n,) int32 per ray, -1 for none, and barycentric weights u, v of corners 1, 2.
 
-    placed: returns for faces (n,) a scene that has them, and their rows there.
+    placed: returns for faces (n,) a scene that has them, and their rows there. panes: gets those before these faces.
     """
     n = len(origins)
     face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
     going, o, d = np.arange(n), origins, directions
     for _ in range(64):  # 64 culled faces along a ray at most
         far = np.full(len(going), np.inf, np.float32)
-        t, hit = nearest_in_world(accelerator, at, o, d, far)
+        t, hit = nearest_in_world(lit.model.accelerator, lit.at, o, d, far)
         is_hit = hit >= 0
         going, o, d, t, hit = going[is_hit], o[is_hit], d[is_hit], t[is_hit], hit[is_hit]
         world, at_hit = placed(hit)
         met = world.met(at_hit, o, d)
         hit, at_hit = hit + met - at_hit, met  # rows differ from faces only in scenes of some faces, without quads
-        hidden = _cut_away(world, at_hit, o, d)
+        hidden = np.zeros(len(hit), bool)
+        if len(world.pane):
+            glass = np.flatnonzero(world.pane[at_hit, 3] > 0)
+            hidden[glass] = True
+            if panes is not None and len(glass):
+                f = at_hit[glass]
+                panes.append(Seen(going[glass], f, *barycentrics(world.corners[f], o[glass], d[glass])))
         if cull:
             hidden |= world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
         seen = ~hidden
@@ -199,25 +238,12 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
         u[rows], v[rows] = barycentrics(world.corners[at_hit[seen]], o[seen], d[seen])
         if not hidden.any():
             break
-        # Continue behind culled faces and through holes.
+        # Continue behind culled faces and panes.
         reach = np.abs(world.corners[at_hit[hidden]]).max(axis=(1, 2), initial=0.0)
-        past = t[hidden] * (1 + CULLED_OFFSET) + np.float32(CULLED_OFFSET) * reach
+        past = t[hidden] * (1 + BEYOND) + np.float32(BEYOND) * reach
         going, d = going[hidden], d[hidden]
         o = o[hidden] + past[:, None] * d
     return face, u, v
-
-
-def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return whether hits (n,) lie in holes of textures."""
-    away = np.zeros(len(hit), bool)
-    for t, texture in enumerate(world.textures):
-        rows = np.flatnonzero(world.texture[hit] == t) if texture.cover is not None else ()
-        if len(rows):
-            f = hit[rows]
-            u, v = (w.astype(np.float64)[:, None] for w in barycentrics(world.corners[f], o[rows], d[rows]))
-            uv = world.uv[f].astype(np.float64)
-            away[rows] = ~covered(texture, (1 - u - v) * uv[:, 0] + u * uv[:, 1] + v * uv[:, 2])
-    return away
 
 
 def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -225,12 +251,6 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
     u, v = planar(corners, o, d)
     u = np.clip(u, 0, 1)
     return u, np.clip(v, 0, 1 - u)
-
-
-def _inside(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return the least barycentric weight (n,) at a ray's hit: negative outside the triangle."""
-    u, v = planar(corners, o, d)
-    return np.minimum(np.minimum(u, v), 1 - u - v)
 
 
 def planar(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from app.cli.version import version
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways
+from gi_core.lights.daylight import sun_of
 from gi_core.scene.types import material_named, part_named
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from gi_core.scene.types import Light
     from gi_core.solver import Solver
 
-LISTED = 12  # materials with a line each, besides all with gloss
 HEAD = ("materials", "diffuse reflectance", "triangles", "area", "")
 LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
 
@@ -130,6 +130,9 @@ def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
     for light, flux in zip(named, emitters.flux[~area], strict=True):
         kind = type(light).__name__.removesuffix("Light").lower()
         rows.append((f'light "{light.name}"', f"{_flux(flux, unit)}, {kind}"))
+    if (day := scene.daylight) is not None:
+        time = f"{day.date} {day.hour:g} h, UTC{day.utc_offset:+g}"
+        rows.append(("daylight", f"{time}, at {triple(day.place)}: sun {sun_of(day)}"))
     if not rows:
         rows.append(("lights", "none: the picture is black; give a material emission, or add a light"))
     fates = {name: float(luminance(flux)) for name, flux in solver.frame.fates.items()}
@@ -233,7 +236,7 @@ def material_lines(scene, model: Model) -> list[str]:
         )
         rows.append((area, names[k], (*cells, kind), not np.isnan(gloss.noise[faces]).all()))
     rows.sort(key=lambda row: -row[0])
-    listed = [place < LISTED or row[3] for place, row in enumerate(rows)]
+    listed = [place < 12 or row[3] for place, row in enumerate(rows)]  # 12 have a line each, besides all with gloss
     shown = [HEAD, *(row[2] for row, line in zip(rows, listed, strict=True) if line)]
     widths = [max(len(row[k]) for row in shown) + 2 for k in range(len(HEAD))]
     lines = ["".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in shown]

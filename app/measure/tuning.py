@@ -8,13 +8,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from app.draw.motion import paths_of, spread
+from gi_core import tuning
 from gi_core.estimators import ESTIMATORS
 from gi_core.solver import Solver
-from gi_core.tuning import error_model, setting_trials
-from gi_core.tuning.error_model import ErrorModel, TunedChoice
+from gi_core.tuning import ErrorModel, TunedChoice
 
 TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
-MOST_TUNED_PHOTONS = 4_000_000
 
 
 class Tuned(NamedTuple):
@@ -36,16 +35,16 @@ def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error
     judge = solver.twin()
     frames = _frames(solver)
     paths = _paths(judge, frames, budget)
-    samples = setting_trials.reference_samples(judge, frames, lambda done: bar("tracing the reference", 0.3 * done))
+    samples = tuning.reference_samples(judge, frames, lambda done: bar("tracing the reference", 0.3 * done))
     fits, every = [], candidates(solver)
     for k, candidate in enumerate(every):
         bar(f"trying {candidate['estimator']}", 0.3 + 0.7 * k / len(every))
-        fits.append(error_model.fitted(setting_trials.trial(judge, samples, paths, **candidate)))
-    interpolated, exponents = error_model.between_radii(fits)
+        fits.append(tuning.fitted(tuning.trial(judge, samples, paths, **candidate)))
+    interpolated, exponents = tuning.between_radii(fits)
     if error is None:
-        choice = error_model.within_time(interpolated, budget, solver.photons)
+        choice = tuning.within_time(interpolated, budget, solver.photons)
     else:
-        choice = error_model.within_error(interpolated, error, budget, MOST_TUNED_PHOTONS)
+        choice = tuning.within_error(interpolated, error, budget, 4_000_000)
     return Tuned(choice, tuple(fits), exponents, paths, tuple(interpolated))
 
 
@@ -58,7 +57,7 @@ def compared(tuned: Tuned, budget: float) -> list[tuple[float, bool]]:
     c = tuned.choice
 
     def error(model: ErrorModel) -> float:
-        return error_model.within_time([model], budget, c.photons).moving_error
+        return tuning.within_time([model], budget, c.photons).moving_error
 
     def apart(model: ErrorModel) -> float:
         laws = (m for m in tuned.by_law if m.setting.estimator == model.setting.estimator)
@@ -67,7 +66,7 @@ def compared(tuned: Tuned, budget: float) -> list[tuple[float, bool]]:
 
     def uncertainty(estimator: str) -> float:
         alike = [m for m in tuned.models if m.setting.estimator == estimator]
-        return math.hypot(error_model.mean_scatter(alike), math.sqrt(statistics.fmean(apart(m) ** 2 for m in alike)))
+        return math.hypot(tuning.mean_scatter(alike), math.sqrt(statistics.fmean(apart(m) ** 2 for m in alike)))
 
     own, out = uncertainty(c.setting.estimator) * c.moving_error, []
     for model in tuned.models:
@@ -99,13 +98,13 @@ def measured(solver: Solver, tuned: Tuned, bar: Callable[[str, float], None]) ->
     choice, (judge, samples) = tuned.choice, judged(solver, lambda done: bar("checking", done))
     judge.configure(photons=choice.photons, **choice.setting._asdict())
     judge.solve()
-    return setting_trials.errors_of(judge, samples, choice.frame, tuned.paths)
+    return tuning.errors_of(judge, samples, choice.frame, tuned.paths)
 
 
 def judged(solver: Solver, progress: Callable[[float], None]) -> tuple[Solver, list]:
     """Return a twin and references independent of those that chose the setting."""
     judge = solver.twin()
-    return judge, setting_trials.reference_samples(judge, _frames(solver), progress, seed=1)
+    return judge, tuning.reference_samples(judge, _frames(solver), progress, seed=1)
 
 
 def _frames(solver: Solver) -> list:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from app.rest.results import Comparison, GatherProgress
+from app.draw.draw_mesh import DrawMesh, meshes_of
+from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
+from app.rest.results import Comparison, FinePicture, GatherProgress
 from app.settings import REFERENCE, Settings
 from app.worker import Task
-from gi_core.base.pause import Progress
+from gi_core.base.pause import Progress, pause, steps
 
 if TYPE_CHECKING:
     from app.rest.measuring_plane import Level, PlaneLight
+    from gi_core.display.fine_points import FinePoints
     from gi_core.gather.pose_gather import PoseGather
     from gi_core.solver import Solver
 
@@ -151,6 +155,48 @@ class PoseJob(Job):
 
     def begin(self) -> Iterator:
         return self._solver.gather_pose_steps()
+
+
+class FineJob(Job):
+    """Finds the fine points of the present poses. Those of earlier poses stay on show until then."""
+
+    name = "refining the picture"
+
+    def __init__(self, solver: Solver) -> None:
+        super().__init__(solver)
+        self._found: list[tuple[FinePoints, DrawMesh]] = []  # the last ones
+        self._lit: tuple[tuple, FinePicture | None] = (), None  # points, poses, levels, and light there
+
+    @property
+    def light(self) -> FinePicture | None:
+        """The light of fine points in the frame on show, and the mesh that has them; None: the picture has none."""
+        s = self._solver
+        if not self._found:
+            return None
+        points, mesh = self._found[-1]
+        key = id(points), state_of(s)
+        if self._lit[0] != key:
+            self._lit = key, FinePicture(points.at(s.model.transforms(s.poses), s.levels), mesh)
+        return self._lit[1]
+
+    def key(self, settings: Settings) -> tuple | None:
+        s = self._solver
+        return (s.poses,) if takes_fine_points(s) else None
+
+    def begin(self) -> Iterator:
+        return steps(partial(_refine, self._solver, self._found))
+
+    def drop(self) -> None:
+        super().drop()
+        self._found, self._lit = [], ((), None)
+
+
+def _refine(solver: Solver, out: list[tuple[FinePoints, DrawMesh]]) -> None:
+    """Write the fine points of a solver's poses, and the mesh that has them, in place of the last ones."""
+    mesh = meshes_of(solver.model)[0]
+    if (points := fine_points_of(solver, mesh)) is not None:
+        out[:] = [(points, fine_mesh(mesh, points))]
+        pause(Progress("refining the picture", 1.0, True))
 
 
 class PlaneJob(Job):

@@ -1,8 +1,8 @@
 """Error of the current light, measured at rest: frame time, noise, reference, comparison with another estimator.
 
 Results belong to the solver's irradiance and are dropped when it changes. A reference belongs to poses, to all or
-sampled receivers, and to levels of lamps; the last REMEMBERED are kept. Errors are relative to the light of each place
-that is brighter than the view, else to that of the view (`gi_core.gather.view_level`): all light may be sunlight,
+sampled receivers, and to levels of lamps; the last three are kept. Errors are relative to the light of each place
+that is brighter than the view, else to that of the view (`gi_core.gather.static`): all light may be sunlight,
 beside which a mottled room would count as done.
 """
 
@@ -21,20 +21,25 @@ from app.rest.jobs import ComparisonJob, Job
 from app.rest.results import MeasuredPoint, ReferencePicture, Report
 from app.settings import REFERENCE, Settings
 from app.worker import Task
-from gi_core.geometry.error import bias_left, luminance, noise_from_subset, relative_error, subset_to_compare
+from gi_core.geometry.error import (
+    CLOUD_REACH,
+    bias_left,
+    local_deviation,
+    luminance,
+    noise_from_subset,
+    relative_error,
+    subset_to_compare,
+)
 
 if TYPE_CHECKING:
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
-SAMPLED_RECEIVERS = 1000  # of a scene with more than MOST_RECEIVERS
-MOST_RECEIVERS = 4000  # in a measurement of all
+SAMPLED_RECEIVERS = 1000  # of a scene with more than FEW_RECEIVERS
+FEW_RECEIVERS = 4000  # in a measurement of all
 NOISE_OF_ERROR = 0.15  # largest final noise of the reference, as a share of the error ...
-LEAST_NOISE = 0.003  # ... or this, if larger
+FINAL_NOISE = 0.003  # ... or this, if larger
 PICTURE_NOISE = 0.01  # final noise of the reference as a picture
-FIRST_NOISE = 0.04  # noise of the reference before other work gets its turn
-TIMED_FRAMES = 3  # per setting; their median counts
-REMEMBERED = 3  # references
 
 
 @dataclass
@@ -55,7 +60,7 @@ def _frames(solver: Solver, m: Measured, clock: Callable[[], float]) -> Iterator
         if solver.light == "photons":  # then they light mobiles too
             m.twin.configure(subset_only=True)
     twin = m.twin
-    while len(m.seconds) < TIMED_FRAMES:
+    while len(m.seconds) < 3:  # their median counts
         started = clock()
         twin.move_all({})
         m.seconds.append(clock() - started)
@@ -118,6 +123,11 @@ class ReferenceJob:
         return np.where(state.sets[:, None] > 0, state.mean, np.nan)
 
     @property
+    def deviation(self) -> np.ndarray:
+        """Standard error (n,) [W/m2] of the luminance."""
+        return luminance(self._gathered.state.standard_error)
+
+    @property
     def seen(self) -> float:
         """Share of receivers with at least one round, 0 .. 1."""
         return np.count_nonzero(self._gathered.state.sets) / max(len(self.rows), 1)
@@ -152,7 +162,7 @@ class LiveError(Job):
         self._light: np.ndarray | None = None  # irradiance that the results belong to
         self._references: dict[tuple, ReferenceJob] = {}  # newest last
         self._areas = solver.model.object_receivers.areas
-        self._few = int((self._areas > 0).sum()) <= MOST_RECEIVERS
+        self._few = int((self._areas > 0).sum()) <= FEW_RECEIVERS
 
     def key(self, settings: Settings) -> bool | None:
         return settings.measure_errors or None
@@ -192,7 +202,7 @@ class LiveError(Job):
         poses, r = self._solver.poses, self.report
         sampled, everywhere = self.reference(poses, False), self.reference(poses, True)
         numbers = self._settings.measure_errors and not (r is not None and r.done)
-        rough = r is None or sampled is None or sampled.noise > FIRST_NOISE
+        rough = r is None or sampled is None or sampled.noise > 0.04  # then other work gets its turn
         gathering, at_some = "gathering the reference", functools.partial(self._gather, False)
         of_numbers = Task(gathering if self._few else f"{gathering} for the error", at_some)
         yield from super().tasks()
@@ -216,7 +226,7 @@ class LiveError(Job):
     def _gather(self, everywhere: bool) -> None:
         """Trace a step of the reference and update the report."""
         from gi_core.gather.reference_sample import draw_by_area
-        from gi_core.gather.view_level import visual_shares
+        from gi_core.gather.static import visual_shares
 
         solver, key = self._solver, self._reference_key(self._solver.poses, everywhere)
         reference = self._references.pop(key, None)
@@ -227,7 +237,7 @@ class LiveError(Job):
             )
             shares = visual_shares(solver.model, luminance(self._light), self._areas)[rows]
             reference = ReferenceJob(solver, solver.poses, rows, weights, shares, even=everywhere and not self._few)
-        self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED:])
+        self._references = dict([*self._references.items(), (key, reference)][-3:])
         before = reference.look
         reference.step()
         if key[1] and (reference.picture is None or reference.look != before):
@@ -248,12 +258,20 @@ class LiveError(Job):
             at = self._solver.model.transforms(self._solver.poses)
             deviation = self._solver.frame_light.deviation(at, self._solver.frame.background)[reference.rows]
             noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, deviation)
-        done = not reference.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
+        done = not reference.noise > max(FINAL_NOISE, NOISE_OF_ERROR * total)
         if done:
             reference.keep()
         of = int((self._areas > 0).sum())
         bias = bias_left(total, noise, reference.noise)
-        self.report = Report(total, noise, bias, reference.noise, len(reference.rows), of, reference.paths, done)
+        clouds = self.report.clouds if self.report else (math.nan, math.nan)
+        if done or reference.rounds.bit_count() == 1:  # measuring them takes 20 to 80 ms
+            r = self._solver.receivers
+            places = r.positions[reference.rows], r.normals[reference.rows], w
+            reach = CLOUD_REACH * self._solver.scene_size
+            clouds = local_deviation(E, reference.irradiance, places, reach, reference.deviation)
+        self.report = Report(
+            total, noise, bias, clouds, reference.noise, len(reference.rows), of, reference.paths, done
+        )
         if m.seconds and total == total:
             seconds = statistics.median(m.seconds)
             self.point = MeasuredPoint(self._solver.setting, m.photons, seconds, total, reference.noise)

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw.camera import frame_of
 from app.settings import MeasuringPlane
 from app.values import MOST_GRID_POINTS
-from gi_core.defaults import LitPart, lit_part
+from gi_core.base.vectors import frame_of
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
@@ -35,13 +34,8 @@ if TYPE_CHECKING:
 HEIGHT = 0.75  # [m] above the floor: desks
 BORDER = 0.5  # [m] along walls, EN 12464-1
 LEAST_SLOPE = 0.1  # cosine of a face that a vertical line meets at a clear height
-FLOOR_LINES, LAYERS = 32, 64  # vertical lines per axis that look for the floor, and surfaces along each
-REACHING = (16, 32, 64, 128, 256)  # paths from points that light has not reached yet
-PATHS_PER_STEP = 1024  # of these paths per step: 10 ms
-NOISE = 0.01  # relative l1 noise that is small enough
 OF_POINT = 3.0  # times that: standard error of each point, relative to its value
 FIRST_ROUNDS, LAST_ROUNDS = 3, 8  # rounds before values are shown, and before the end: a deviation of fewer says little
-MOST_PATHS = 1 << 16  # per point
 
 
 class Axes(NamedTuple):
@@ -149,9 +143,9 @@ def axes_of(up) -> Axes:
 
 def level_of(model: Model) -> Level:
     """Return the box of a scene that light reaches, from the floor up (`floor_of`), along its axes."""
-    lit = lit_part(model)
-    level = box_along(lit.low, lit.high, model.scene.up)
-    return level._replace(low=np.append(level.low[:2], floor_of(model, level, lit)))
+    lit = model.lit_part
+    level = box_along(lit.low + model.origins[0], lit.high + model.origins[0], model.scene.up)
+    return level._replace(low=np.append(level.low[:2], floor_of(model, level)))
 
 
 def box_along(low, high, up) -> Level:
@@ -178,21 +172,22 @@ def default_plane(level: Level) -> MeasuringPlane:
     return MeasuringPlane((a, b), (c, d), h)
 
 
-def floor_of(model: Model, level: Level, lit: LitPart) -> float:
+def floor_of(model: Model, level: Level) -> float:
     """Return the height [m] of the floor of a scene whose light reaches the box `level`.
 
     Vertical lines through the box pass all static surfaces that face up. Of those that are level and that light
     reaches, the floor is the lowest one half as large as the largest, or larger: no desk,
     blind or ground below the house. The lowest point of the box, where nothing is level.
     """
+    floor_lines = 32  # vertical lines per axis that look for the floor
     axes, (low, high) = level.axes, (level.low, level.high)
-    a, b = ((np.arange(FLOOR_LINES) + 0.5) / FLOOR_LINES * (high[k] - low[k]) + low[k] for k in (0, 1))
+    a, b = ((np.arange(floor_lines) + 0.5) / floor_lines * (high[k] - low[k]) + low[k] for k in (0, 1))
     at = (a[:, None, None] * axes.across + b[None, :, None] * axes.along).reshape(-1, 3)
     vertices = model.surfaces.vertices[0] + model.origins[0]
     at += (vertices @ axes.up).max(initial=high[2]) * axes.up - model.origins[0]
     at += model.world.size * LIFT * axes.up
     passed, normals = [], model.world.normals
-    for _ in range(LAYERS):
+    for _ in range(64):  # surfaces along each line
         distance, face = _below(model, model.static, at, axes.up, static=True)
         at, distance, face = (x[face >= 0] for x in (at, distance, face))
         if not len(at):
@@ -203,7 +198,8 @@ def floor_of(model: Model, level: Level, lit: LitPart) -> float:
         passed.append((at[_faces_up(model, model.static, face, axes.up)] + model.origins[0]) @ axes.up)
         at = at - LIFT * np.maximum(np.abs(at).max(axis=1), model.world.reach[face])[:, None] * axes.up
     heights = np.sort(np.concatenate([*passed, np.zeros(0)]))
-    arrived = np.sort((lit.hits @ axes.up)[lit.normals @ axes.up > LEAST_SLOPE])
+    lit = model.lit_part
+    arrived = np.sort(((lit.hits + model.origins[0]) @ axes.up)[lit.normals @ axes.up > LEAST_SLOPE])
     # a floor is level within 0.002 of the box's longest side; of a dome's bottom, few lines hit so little
     tops = heights + 0.002 * (high - low).max()
     sizes = np.searchsorted(heights, tops, "right") - np.arange(len(heights))
@@ -285,14 +281,15 @@ def reached_steps(model: Model, points: np.ndarray, up: np.ndarray, poses: Mappi
 
     Paths look for it in the scene painted white, at the levels of the scene file: the way counts, not the colour.
     """
+    paths_per_step = 1024  # of these paths per step: 10 ms
     ups = np.broadcast_to(up, points.shape)
     white = Gatherer(model.scene, points, ups, 0, poses, model=model.white())
     reached, first = np.zeros(len(points), bool), 0
     yield reached
-    for paths in REACHING:
+    for paths in (16, 32, 64, 128, 256):  # paths from points that light has not reached yet
         left = np.flatnonzero(~reached)
-        for k in range(0, len(left), PATHS_PER_STEP // paths):
-            rows = left[k : k + PATHS_PER_STEP // paths]
+        for k in range(0, len(left), paths_per_step // paths):
+            rows = left[k : k + paths_per_step // paths]
             reached[rows] = white.paths(rows, first, paths).any(axis=(1, 2))
             yield reached
         first += paths
@@ -303,7 +300,7 @@ def reached_steps(model: Model, points: np.ndarray, up: np.ndarray, poses: Mappi
 
 def plane_steps(
     model: Model, plane: MeasuringPlane, level: Level, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
-    noise: float = NOISE,
+    noise: float = 0.01,
 ) -> Iterator[PlaneLight]:  # fmt: skip
     """Trace paths from the points of a plane until their noise is small, in steps of some 10 ms; yield the light.
 
@@ -354,7 +351,7 @@ def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndar
                 # relative to 0.05 of the mean where a point is dimmer
                 of_points = float((error / np.maximum(E, 0.05 * mean)).max())
                 left = max(math.sqrt(2 / math.pi) * float(error.mean()) / mean, of_points / OF_POINT) / noise
-            done = seen >= LAST_ROUNDS and (left <= 1 or state.paths.mean() >= MOST_PATHS)
+            done = seen >= LAST_ROUNDS and (left <= 1 or state.paths.mean() >= 1 << 16)
             now = min(1 / max(left, 1e-9) ** 2, seen / LAST_ROUNDS, 0.99)
             fraction = 1.0 if done else max(fraction, now)  # the noise is measured, and may rise again
         yield E.copy(), error.copy(), fraction

@@ -31,7 +31,7 @@ from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.gather.static import StaticGather
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene import Pose, Scene
 
@@ -42,10 +42,8 @@ if TYPE_CHECKING:
 
 FORMAT = "gi-viewer reference 5"  # raise the number when paths change: old files are then ignored
 KEY_NAME = "key"  # name of the array that holds a file's key
-HEADERS = 1 << 16  # bytes of a file that are no numbers
 MOST_BYTES = 2 << 30  # of all files of static light; those of references stay
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
-REFERENCE_SEED = 0
 SAVE_SECONDS = 20.0
 PATHS_PER_TASK = 1 << 16  # a quarter of a second
 TASKS = 8  # per process and step of the reference
@@ -72,7 +70,8 @@ class RecordFile:
         """
         try:
             with open(self.path, "rb", opener=at_once) as file:
-                of, most = os.fstat(file.fileno()), sum(a.nbytes for a in _arrays("", like).values()) + HEADERS
+                of = os.fstat(file.fileno())
+                most = sum(a.nbytes for a in _arrays("", like).values()) + (1 << 16)  # headers
                 if not stat.S_ISREG(of.st_mode) or of.st_size > most:
                     return None
                 with zipfile.ZipFile(file) as parts:
@@ -165,7 +164,7 @@ class ReferenceStore(RecordFile):
         model: Model,
         poses: Mapping[str, Pose] | None = None,
         rows: np.ndarray | None = None,
-        seed: int = REFERENCE_SEED,
+        seed: int = 0,
         folder: Path | None = None,
         weights: np.ndarray | None = None,
         levels: np.ndarray | None = None,

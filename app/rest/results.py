@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     import numpy as np
 
+    from app.draw.draw_mesh import DrawMesh
     from app.rest.measuring_plane import PlaneLight
     from gi_core.display.dilation import Drawn
-    from gi_core.estimators.setting import Setting
-
-MOST_POINTS = 200  # of the chart
+    from gi_core.display.fine_points import FineLight
+    from gi_core.estimators.base import Setting
 
 
 class GatherProgress(NamedTuple):
@@ -29,6 +29,7 @@ class Report(NamedTuple):
     total: float
     noise: float
     bias: float
+    clouds: tuple[float, float]  # local deviation, median and 90th percentile
     reference_noise: float
     receivers: int  # in the measurement
     of: int  # receivers in all
@@ -74,6 +75,13 @@ class Comparison(NamedTuple):
     drawn: Drawn
 
 
+class FinePicture(NamedTuple):
+    """Fine points of the picture."""
+
+    light: FineLight  # of the frame
+    mesh: DrawMesh  # of the static part, with these points
+
+
 class RestResults(NamedTuple):
     """Results for the light of one snapshot."""
 
@@ -84,6 +92,7 @@ class RestResults(NamedTuple):
     reference: ReferencePicture | None = None  # None: unknown or not wanted
     comparison: Comparison | None = None
     plane: PlaneLight | None = None  # None: not wanted, or not yet known
+    fine: FinePicture | None = None  # None: the picture has receivers alone
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""
@@ -101,7 +110,7 @@ class MeasuredPoints:
         """Add the newest point; the same again, or None, changes nothing."""
         if point is not None and point is not self._newest:
             self._newest = point
-            self.all = (*[p for p in self.all if p[:2] != point[:2]][-MOST_POINTS + 1 :], point)
+            self.all = (*[p for p in self.all if p[:2] != point[:2]][-199:], point)
 
     def clear(self) -> None:
         self.all = ()

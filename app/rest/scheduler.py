@@ -5,21 +5,29 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from app import settings as defaults
 from app.cli.progress import time_left
-from app.rest.jobs import Job, PlaneJob, PoseJob, StaticJob, first_task
+from app.rest.jobs import FineJob, Job, PlaneJob, PoseJob, StaticJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
 from app.settings import REFERENCE, Settings
 from app.worker import Task
+from gi_core.base.pause import Interrupted
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-FIRST_TURNS = 3  # of gathering static light per turn of measuring errors, until it has a first result
 NO_ERRORS = Settings(measure_errors=False)
+
+
+class TaskEnd(NamedTuple):
+    """How a task has ended."""
+
+    name: str  # its kind; "": no task was left
+    changed: bool  # the light on show
+    problem: Exception | None = None
 
 
 class RestWork:
@@ -27,7 +35,7 @@ class RestWork:
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
-        self.at_poses, self.plane = PoseJob(solver), PlaneJob(solver)
+        self.at_poses, self.plane, self.fine = PoseJob(solver), PlaneJob(solver), FineJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
         self._turn = 0
@@ -35,15 +43,34 @@ class RestWork:
     def next_task(self, settings: Settings) -> Task | None:
         """Return a task of a kind not given up, None at the end: gathering and measurements take turns.
 
-        Until gathering has a first result it has most turns: a better picture matters more than its error.
+        Until gathering has a first result it has most turns: a better picture matters more than its error. Fine points
+        come before all else: they take 2 s once, and sunlight has teeth without them.
         """
         self._settings, static = settings, self.gathering
         unknown = math.isinf(static.progress.error) and static.name not in self.given_up
-        gathering: tuple[Job, ...] = (static,) * FIRST_TURNS if unknown else (static, self.at_poses)
-        jobs = *gathering, self.plane, self.live_error, self.plane  # two turns: the user waits for its numbers
+        # Static light has three turns per turn of measuring errors, until it has a first result.
+        gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
+        # The plane has two turns: the user waits for its numbers.
+        jobs = *gathering, self.plane, self.live_error, self.plane
         self._turn += 1
         turn = self._turn % len(jobs)
-        return first_task((*jobs[turn:], *jobs[:turn]), settings, self.given_up)
+        return first_task((self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
+
+    def next_fine(self) -> Task | None:
+        """Return the next task of fine points, None where none is due."""
+        return first_task((self.fine,), self._settings, self.given_up)
+
+    def run(self, task: Task | None) -> TaskEnd:
+        """Run a task. One that fails ends only its own kind, until the scene is loaded again."""
+        if task is None:
+            return TaskEnd("", False)
+        try:
+            return TaskEnd(task.name, task.run())
+        except Interrupted:
+            raise
+        except Exception as problem:
+            self.given_up.add(task.name)
+            return TaskEnd(task.name, False, problem)
 
     def results(self) -> RestResults:
         """Return the results for the solver's present light."""
@@ -53,13 +80,13 @@ class RestWork:
         light = self.at_poses.light
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
         return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
-                           self.plane.light)  # fmt: skip
+                           self.plane.light, self.fine.light)  # fmt: skip
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
-        for job in (self.gathering, self.at_poses, self.plane, self.live_error, self.live_error.comparison):
+        for job in (self.gathering, self.at_poses, self.fine, self.plane, self.live_error, self.live_error.comparison):
             job.drop()
 
 

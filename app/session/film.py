@@ -11,9 +11,8 @@ import numpy as np
 
 from app.cli.cluster import Machines
 from app.draw.false_colour import Scale
-from app.draw.layers import Layers, layers
 from app.draw.picture_files import write_exr, write_png
-from app.draw.shot import Shot
+from app.draw.shot import Layers, Shot, layers
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
 from gi_core.gather.estimate import Estimate

@@ -17,11 +17,13 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw.camera import Turntable, from_camera, matrices, scene_bounds
+from app.draw.camera import Bounds, Turntable, from_camera, matrices, scene_bounds
 from app.draw.tonemap import NEUTRAL, Gains, gains_for
 from app.settings import Settings, UsageError, open_scene
+from gi_core.base.vectors import central_box
 from gi_core.instruments import child
 from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import three
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
@@ -53,8 +55,7 @@ def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
 def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     """Yield a scene without light, then in its first light. Raises SceneError."""
     from app.draw.draw_mesh import draw_meshes
-    from app.draw.metering import metered
-    from app.draw.vertex_colours import colours
+    from app.draw.lit_scene import LitScene, metered
     from gi_core.display import vertex_light
     from gi_core.display.dilation import Drawn
     from gi_core.model import Model
@@ -62,8 +63,12 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     vertex_light.compile_kernels()  # the window needs them for the first picture, and would stand still meanwhile
     model = Model(scene, rays=settings.rays)
     poses = model.start_poses()
-    receivers, bounds = model.receivers_at(poses), scene_bounds(model, poses)
-    camera = from_camera(scene.camera, scene.up, bounds)
+    receivers = model.receivers_at(poses)
+    bounds = lit = scene_bounds(model, poses)
+    if len(receivers.areas):  # something far away has few; a pilot's kernels would be compiled first
+        lit = Bounds(*map(three, central_box(receivers.positions)))
+    size = scene.defaults.scene_size or float(np.subtract(lit.high, lit.low).max())
+    camera = from_camera(scene.camera, scene.up, bounds, lit)
     dull = model.surfaces._replace(reflectance=model.world.bsdfs.albedo)  # gloss looks diffuse
     meshes = draw_meshes(dull, model.lamp_of_face)
     towards = camera.eye() - receivers.positions
@@ -78,11 +83,9 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     levels = np.array(list(settings.levels(names).values()), np.float64).reshape(-1, 3)[: len(names)]
     exposure = scene.defaults.exposure if settings.exposure is None else settings.exposure
     gains = gains_for(model.emitters.total_flux)
-    for light in first_looks(scene, model, levels, settings.seed):
+    for light in first_looks(scene, model, levels, size, settings.seed):
         if exposure is None:
-            both = [colours(mesh, light.drawn.irradiance, with_reflectance=True) for mesh in meshes]
-            without = [None] * len(meshes)
-            exposure = metered(receivers, meshes, both.__getitem__, without, True, model.world.size, camera)
+            exposure = metered(LitScene(model, poses, levels, meshes, light.drawn), camera, size)
         yield look._replace(drawn=light.drawn, noise=light.noise, exposure=exposure, gains=gains)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.draw.camera import frame_of
+from gi_core.base.vectors import frame_of
 from gi_core.model import Model
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene import Pose
@@ -19,18 +19,19 @@ if TYPE_CHECKING:
     from app.session.open_scene import OpenScene
 
 
-RING_DIRECTIONS = 12  # directions about the point
 FOOT = 0.05  # of the object's height: it may stand so deep in the floor, which need not be level
 
 
 def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.ndarray | None) -> Pose | None:
-    """Return the pose of an object at the free place nearest to a point (3,) [m], None where there is none.
+    """Return the pose of an object at the free place nearest to a point that an eye sees, None where none is free.
 
-    poses: of all mobiles; near: None for the place where the object is, and its pose if that is free. The object slides
-    there over what lies below the point, without passing through static faces, and stands on level ground.
+    poses: of all mobiles; near: point and eye (2, 3) [m], None for the place where the object is, and its pose if that
+    is free. The object slides there over what lies below the point, without passing through static faces, and stands on
+    level ground. Where the eye sees no free place, the nearest one is taken.
     """
     low, high = session.box_of((name,), poses)
-    at, (lows, highs) = np.array(poses[name].position), _boxes_of_others(session, poses, name)
+    at = np.array(poses[name].position)
+    lows, highs = _boxes(session, [session.box_of((other,), poses) for other in poses if other != name])
     up = frame_of(session.scene.up)[2]
     foot = FOOT * float((high - low) @ np.abs(up)) * up
     low, high = low + np.maximum(foot, 0), high + np.minimum(foot, 0)
@@ -40,10 +41,20 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
 
     if near is None and is_free(at):
         return poses[name]
-    for place in _places(session, poses, name, at if near is None else near):
-        if is_free(place):
-            return poses[name]._replace(position=three(place))
-    return None
+
+    def is_seen(place: np.ndarray) -> bool:
+        if near is None:
+            return True
+        to = place + float((high - low) @ np.abs(up)) / 2 * up - near[1]
+        away = float(np.linalg.norm(to))
+        return bool(_reach(session, poses, (name,), near[1:], to[None] / away)[0] > away)
+
+    free = filter(is_free, _places(session, poses, name, at if near is None else near[0]))
+    place = first = next(free, None)
+    while place is not None and not is_seen(place):
+        place = next(free, None)
+    place = first if place is None else place
+    return None if place is None else poses[name]._replace(position=three(place))
 
 
 def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.ndarray) -> np.ndarray:
@@ -52,6 +63,7 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     Mobiles are no obstacles on the way there, but one may be what lies below. What lies below the corners of the foot
     must be as high as below its middle.
     """
+    ring_directions = 12  # directions about the point
     east, north, up = frame_of(session.scene.up)
     size, (low, high) = session.chosen.scene_size, session.box_of((name,), poses)
     length, width, height = ((high - low) @ np.abs(axis) for axis in (east, north, up))
@@ -59,7 +71,7 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     below = _reach(session, poses, poses, near[None], -up[None])[0]
     near = near - (below - GAP * size if np.isfinite(below) else 0) * up
     start = near + min(height, _reach(session, poses, poses, near[None], up[None])[0]) / 2 * up
-    angle = 2 * np.pi * np.arange(RING_DIRECTIONS) / RING_DIRECTIONS
+    angle = 2 * np.pi * np.arange(ring_directions) / ring_directions
     ways = np.cos(angle)[:, None] * east + np.sin(angle)[:, None] * north
     free = _reach(session, poses, poses, np.broadcast_to(start, ways.shape), ways)
     radii = [max((length + width) / 4, GAP * size)]
@@ -87,17 +99,15 @@ def _reach(session: OpenScene, poses: Mapping[str, Pose], without: Iterable[str]
     return np.where(face >= 0, t.astype(np.float64), np.inf)
 
 
-def _boxes_of_others(session: OpenScene, poses: Mapping[str, Pose], name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return corners low and high (n, 3) [m] of the boxes of static faces and of the other mobiles."""
+def _boxes(session: OpenScene, boxes: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners low and high (n, 3) [m] of all boxes: static faces', and these."""
     corners = session.scene.static.vertices[session.scene.static.faces]
-    boxes = [session.box_of((other,), poses) for other in poses if other != name]
     lows = np.concatenate([corners.min(axis=1), *([low] for low, _ in boxes)])
-    highs = np.concatenate([corners.max(axis=1), *([high] for _, high in boxes)])
-    return lows, highs
+    return lows, np.concatenate([corners.max(axis=1), *([high] for _, high in boxes)])
 
 
-AWAY = 1e3  # of the scene's box: where the object itself is out of the rays' way
-GAP = 1e-5  # of the scene's box between object and floor: their faces must not coincide
+AWAY = 1e3  # of the scene's size: where the object itself is out of the rays' way
+GAP = 1e-5  # of the scene's size between object and floor: their faces must not coincide
 
 
 def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None:
@@ -107,7 +117,7 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
     o = 1 + [m.name for m in model.scene.mobiles].index(name)
     points = model.vertices_at(o, poses) - model.origins[0]
     heights = points @ up
-    size = float(np.ptp(model.surfaces.vertices[0], axis=0).max()) if len(model.surfaces.vertices[0]) else 1.0
+    size = model.scene_size
     # The lowest vertices decide on level ground, the others on steps.
     points = points[np.argsort(heights, kind="stable")[:4096]]  # 4096 rays downwards from vertices
     lift = 0.1 * max(float(np.ptp(heights)), GAP * size)  # it may begin 0.1 of its height deep in the floor
@@ -164,16 +174,13 @@ def _boxes_of_all(session: OpenScene) -> tuple[np.ndarray, np.ndarray]:
     """Return corners low and high (n, 3) [m] of the boxes of static faces, mobiles, and copies not yet on show."""
     from gi_core.files.edits import Duplicate
 
-    corners = session.scene.static.vertices[session.scene.static.faces]
     boxes = [session.box_of((name,)) for name in session.poses]
     for edit in session.edits:
         if isinstance(edit, Duplicate) and edit.name not in session.poses and edit.of in session.poses:
             shift = np.subtract(edit.pose.position, session.poses[edit.of].position)
             low, high = session.box_of((edit.of,))
             boxes.append((low + shift, high + shift))
-    lows = np.concatenate([corners.min(axis=1), *([a] for a, _ in boxes)])
-    highs = np.concatenate([corners.max(axis=1), *([b] for _, b in boxes)])
-    return lows, highs
+    return _boxes(session, boxes)
 
 
 def _meets(boxes: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:

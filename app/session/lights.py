@@ -1,25 +1,26 @@
-"""Lights of an open scene, as its edits leave them, those that are still being prepared too; lights to be added.
+"""Lights of an open scene, as its edits leave them, those still being prepared too; levels of lamps that are due.
 
-Directions of lights are angles in the panel. New lights fit the room.
+Directions of lights are angles in the panel. New lights fit the room. Levels follow the settings at once, or in a
+cross-fade.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from app.draw.camera import frame_of
-from gi_core.scene.pose import axis_angle, rotation, three
+from app.settings import Settings
+from gi_core.base.vectors import frame_of
+from gi_core.lights.daylight import LUMENS_PER_WATT
+from gi_core.scene.pose import axis_angle, least_turn, rotation, three
 from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PointLight, Pose, Scene, SpotLight
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit, Values
-
-
-NARROWEST, STEEPEST = 0.1, 90.0  # degrees from the axis of a spot
+    from gi_core.lights.emission import Emitters
 
 
 class LightId(NamedTuple):
@@ -80,7 +81,7 @@ def aim_of(light: Directed, up, near: float = 0.0) -> tuple[float, float, float]
     from gi_core.lights.photometric import axes
 
     _, c0 = axes(light)
-    ahead = _turned_ahead(d, up, east)
+    ahead = least_turn(-up, d) @ east  # as straight down turns into the direction
     return tilt, heading, math.degrees(math.atan2(float(np.cross(ahead, c0) @ d), float(ahead @ c0)))
 
 
@@ -91,7 +92,7 @@ def aimed(light: Directed, tilt: float, heading: float, turn: float, up) -> Valu
     d = math.sin(t) * (math.cos(h) * east + math.sin(h) * north) - math.cos(t) * up
     if not isinstance(light, PhotometricLight):
         return (("direction", rounded(d)),)
-    ahead = _turned_ahead(d, up, east)
+    ahead = least_turn(-up, d) @ east  # as straight down turns into the direction
     c0 = _about(d, turn) @ ahead
     return (("direction", rounded(d)), ("c0", rounded(c0)))
 
@@ -101,7 +102,7 @@ def towards(light: Directed, direction: np.ndarray) -> Values:
     new = unit(direction)
     if not isinstance(light, PhotometricLight):
         return (("direction", rounded(new)),)
-    c0 = _between(unit(light.direction), new) @ unit(light.c0)
+    c0 = least_turn(unit(light.direction), new) @ unit(light.c0)
     return (("direction", rounded(new)), ("c0", rounded(c0)))
 
 
@@ -118,7 +119,7 @@ def beam(light: SpotLight, inner: float, outer: float) -> Values:
     """Return values of a spot with another cone and the same flux."""
     from gi_core.lights.spot import solid_angle
 
-    outer = min(max(outer, NARROWEST), STEEPEST)
+    outer = min(max(outer, 0.1), 90.0)  # degrees from the axis of a spot
     inner = min(max(inner, 0.0), outer)
 
     def solid(a: float, b: float) -> float:
@@ -130,11 +131,6 @@ def beam(light: SpotLight, inner: float, outer: float) -> Values:
         ("outer_degrees", outer),
         ("intensity", three(c * factor for c in light.intensity)),
     )
-
-
-def _turned_ahead(d: np.ndarray, up: np.ndarray, east: np.ndarray) -> np.ndarray:
-    """Return the unit vector (3,) that east becomes when straight down turns into a direction the shortest way."""
-    return _between(-up, d) @ east
 
 
 def unit(v) -> np.ndarray:
@@ -151,24 +147,12 @@ def _about(axis, degrees: float) -> np.ndarray:
     return rotation(Pose(quaternion=axis_angle(axis, degrees)))
 
 
-def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the rotation (3, 3) that turns one unit vector (3,) into another the shortest way."""
-    axis = np.cross(a, b)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        return np.eye(3) if a @ b > 0 else _about(frame_of(a)[0], 180.0)
-    return _about(axis / sine, math.degrees(math.atan2(sine, float(a @ b))))
-
-
 BULB, SPOT, PANEL, SUN, SKY = "bulb", "spot", "panel", "sun", "overcast sky"
 NEW = (BULB, SPOT, PANEL, SUN, SKY)
 LUMENS = {BULB: 800.0, SPOT: 500.0, PANEL: 3600.0}  # of common LED lamps
 CONE = 15.0, 30.0  # degrees from the axis of a new spot
-SUNLIGHT, SKYLIGHT = 50_000.0, 10_000.0  # [lx] on a facing plane, and under an overcast sky
-SUN_DIRECTION = 0.5, 0.6  # towards east and north per length downwards
 DROP = {BULB: 0.15, SPOT: 0.02, PANEL: 0.01}  # of that height, below the ceiling
 OPEN_HEIGHT = 0.4  # of the scene's size: height of a new lamp without a ceiling
-LUMENS_PER_WATT = 179.0  # of white light of equal energy
 
 
 class Room(NamedTuple):
@@ -184,14 +168,15 @@ class Room(NamedTuple):
 
 def new_light(kind: str, room: Room) -> Values:
     """Return the values of a new light of a kind of NEW."""
+    sunlight, skylight = 50_000.0, 10_000.0  # [lx] on a facing plane, and under an overcast sky
     east, north, up = frame_of(room.up)
     down = rounded(-up)
     if kind == SUN:
-        a, b = SUN_DIRECTION
-        E = SUNLIGHT if room.photometric else SUNLIGHT / LUMENS_PER_WATT
+        a, b = 0.5, 0.6  # towards east and north per length downwards
+        E = sunlight if room.photometric else sunlight / LUMENS_PER_WATT
         return (("type", "directional"), ("direction", rounded(a * east + b * north - up)), ("irradiance", (E,) * 3))
     if kind == SKY:
-        L = SKYLIGHT / math.pi if room.photometric else SKYLIGHT / math.pi / LUMENS_PER_WATT
+        L = skylight / math.pi if room.photometric else skylight / math.pi / LUMENS_PER_WATT
         return (("type", "sky"), ("radiance", (_digits(L),) * 3))
     at = ("position", hung(room, DROP[kind]))
     flux = LUMENS[kind] if room.photometric else _digits(room.flux)
@@ -275,3 +260,56 @@ def _rectangle(points: np.ndarray, edges: np.ndarray, n: np.ndarray) -> tuple[np
 
 def _digits(value: float) -> float:
     return float(f"{value:.6g}")
+
+
+FADE = 1.0  # s of a cross-fade between light scenes
+
+Levels = dict[str, tuple[float, float, float]]
+
+
+class LampChanges:
+    """Levels of an open scene's lamps follow its settings."""
+
+    def __init__(self, settings: Settings, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self.held = False  # the panel holds a lamp's slider
+        self._followed = settings.lamps, settings.solo  # in the light on show, or asked for
+        self._start: tuple[Mapping[str, Sequence[float]], float] | None = None  # of a cross-fade: levels, and time
+
+    def adopt(self, settings: Settings) -> None:
+        """Begin with the light of a solver of these settings; it knows no solo."""
+        self._followed = settings.lamps, ""
+
+    def fade(self, shown: Mapping[str, Sequence[float]]) -> None:
+        """Reach the next levels within FADE, from those on show, (3,) by lamp."""
+        self._start = shown, self._clock()
+
+    def due(self, settings: Settings, names: Sequence[str]) -> Levels | None:
+        """Return the levels for this frame, None where the light has them."""
+        asked = settings.lamps, settings.solo
+        if self._start is None and asked == self._followed:
+            return None
+        self._followed = asked
+        levels = {name: level for name, level in settings.levels(names).items() if name in names}  # the others: removed
+        if self._start is not None:
+            shown, since = self._start
+            t = min((self._clock() - since) / FADE, 1.0)
+            levels = {n: _between(shown[n], level, t) for n, level in levels.items()}
+            self._start = self._start if t < 1 else None
+        return levels
+
+
+def _between(start: Sequence[float], end: Sequence[float], t: float) -> tuple[float, float, float]:
+    r, g, b = ((1 - t) * x + t * y for x, y in zip(start, end, strict=True))
+    return r, g, b
+
+
+def changes_exposure(emitters: Emitters, was: Settings, now: Settings) -> bool:
+    """Return whether the light needs another exposure: of one lamp alone, or of two stops more or less flux."""
+    from gi_core.geometry.error import luminance
+
+    fluxes = []
+    for levels in (was.levels(emitters.lamps.names), now.levels(emitters.lamps.names)):
+        lit = [flux * levels[name] for name, flux in zip(emitters.lamps.names, emitters.flux_of_lamps, strict=True)]
+        fluxes.append(float(luminance(sum(lit))))
+    return now.solo != was.solo or max(fluxes) > 4.0 * min(fluxes) > 0

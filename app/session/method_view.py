@@ -184,7 +184,6 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
 
 
 BACKGROUND, CHANGED, ANEW, BY_PATHS = range(4)  # of receivers, see `recomputed`
-PHOTONS_DRAWN = 120  # photons drawn, and as many again of those that mobiles cut
 MOST_SEARCHED_PHOTONS = 200_000  # that are searched for a receiver
 
 
@@ -204,7 +203,7 @@ class MethodView(NamedTuple):
     paths: Strokes | None = None
     counted: Counted | None = None  # at a receiver
     hemisphere: HemisphereView | None = None  # over it, where it is glossy
-    recomputed: np.ndarray | None = None  # (R,) uint8; None: not asked for, or no longer known
+    recomputed: np.ndarray | None = None  # (R,) uint8; None: not asked for
 
 
 def method_view(solver: Solver, parts: MethodParts) -> MethodView:
@@ -234,14 +233,18 @@ def _change(solver: Solver, photons: int) -> PoseChange:
 
 
 def recomputed(solver: Solver) -> np.ndarray | None:
-    """Return what the last frame computed again, per receiver (R,) uint8; None if its sums are no longer there.
+    """Return what the last frame computed again, per receiver (R,) uint8; None before the first.
 
     BACKGROUND: nothing. CHANGED: sums, by removed and added segments. ANEW: estimated from all segments near it.
     BY_PATHS: a mobile's receiver, by path tracing.
     """
     frame = solver.frame
+    if frame.background is not None and frame.evaluated is not frame.background.evaluated:
+        twin = solver.twin()  # a measurement at rest has overwritten the sums
+        twin.move_all({}, frame.photons, frame.paths or None)
+        frame = twin.frame
     b, sums = frame.background, frame.evaluated
-    if b is None or sums is None or sums is not b.evaluated:
+    if b is None or sums is None:
         return None
     static = solver.surfaces.receiver_range(0)
     before, area = b.estimate.background(frame.photons, sums.direct)
@@ -256,9 +259,10 @@ def recomputed(solver: Solver) -> np.ndarray | None:
 
 def _sample(solver: Solver, paths: PathVertices, changed: PoseChange) -> Strokes:
     """Return the paths of photons spread over all, and of some that mobiles cut."""
+    photons_drawn = 120  # photons drawn, and as many again of those that mobiles cut
     removed, n = changed.removed_suffixes, len(paths.offsets) - 1
-    whole = np.setdiff1d(np.unique(np.linspace(0, n - 1, PHOTONS_DRAWN).astype(np.int64)), removed.photon)
-    rows = np.unique(np.linspace(0, max(len(removed.photon) - 1, 0), PHOTONS_DRAWN).astype(np.int64))
+    whole = np.setdiff1d(np.unique(np.linspace(0, n - 1, photons_drawn).astype(np.int64)), removed.photon)
+    rows = np.unique(np.linspace(0, max(len(removed.photon) - 1, 0), photons_drawn).astype(np.int64))
     rows = rows[: len(removed.photon)]
     cut = removed.photon[rows]
     photons, vertices = _vertices(paths.offsets[whole], paths.offsets[whole + 1] - 1, whole)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import statistics
 from collections import deque
 
-MEDIAN_FRAMES = 31
-
 
 class MovingMedian:
-    """The median of the last MEDIAN_FRAMES values, insensitive to one slow frame."""
+    """The median of the last 31 values, insensitive to one slow frame."""
 
     def __init__(self) -> None:
-        self._values: deque[float] = deque(maxlen=MEDIAN_FRAMES)
+        self._values: deque[float] = deque(maxlen=31)
 
     def add(self, value: float) -> None:
         self._values.append(value)

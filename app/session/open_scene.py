@@ -18,6 +18,7 @@ from gi_core.scene import Pose
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
     from app.draw.draw_mesh import DrawMesh
+    from app.draw.lit_scene import LitScene
     from app.draw.picking import Picker
     from app.rest.measuring_plane import Level
     from app.rest.results import GatherProgress
@@ -27,7 +28,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.files.edits import Edit, Values
     from gi_core.model import Model
     from gi_core.scene import Scene
-    from gi_core.scene.types import Light
+    from gi_core.scene.types import Daylight, Light
 
 
 GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
@@ -192,6 +193,17 @@ class OpenScene:
 
         return lights_after(self.scene, [edit for edit in self.edits if edit not in self.settings.edits])
 
+    @property
+    def daylight(self) -> Daylight | None:
+        """Place, date and hour of the daylight, as the edits asked for leave them; None: the scene has none."""
+        from gi_core.files import edits
+
+        now = self.scene.daylight
+        for edit in self.edits:
+            if now is not None and isinstance(edit, edits.Daylight) and edit not in self.settings.edits:
+                now = now._replace(**dict(edit.light))
+        return now
+
     def file_of(self, light: LightId) -> str:
         """Return the photometric file that an edit has given a light, "" for none."""
         from gi_core.files.edits import Light
@@ -207,22 +219,20 @@ class OpenScene:
             self._parts[name] = parts_of(self.scene, name) if name in self.poses else ()
         return self._parts[name]
 
-    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return linear radiance (D, 3) float32 of front and back of an object's draw vertices."""
-        from app.draw.vertex_colours import colours
+    @property
+    def lit(self) -> LitScene:
+        """The light on show."""
+        from app.draw.lit_scene import LitScene
+        from app.draw.units import units_of
 
-        return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.shows_radiance)
+        light, radiance, units = self.light.snapshot, self.settings.shows_radiance, units_of(self.scene.units)
+        return LitScene(self.model, light.poses, light.levels, self.meshes, light.drawn, light.gloss, radiance, units)
 
     def metered(self, camera: Turntable) -> float:
         """Return the metered exposure [EV] of a view of the light on show."""
-        from app.draw.metering import metered
-        from app.draw.vertex_colours import gloss_towards
+        from app.draw.lit_scene import metered
 
-        snapshot, textured = self.light.snapshot, self.settings.shows_radiance
-        eye, at = camera.relative_to(self.model.origins[0]).eye(), self.model.transforms(snapshot.poses)
-        gloss = gloss_towards(self.meshes, snapshot.gloss if textured else None, snapshot.drawn.irradiance, at, eye)
-        receivers = self.model.receivers_at(snapshot.poses)
-        return metered(receivers, self.meshes, self.colours, gloss, textured, self.chosen.scene_size, camera)
+        return metered(self.lit, camera, self.chosen.scene_size)
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""

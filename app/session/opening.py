@@ -35,9 +35,8 @@ COMPILING = {  # by kind of surfaces, those of gi_core.instruments.compile_ahead
     "diffuse": "compiling kernels, once per machine",
     "gloss": "compiling kernels for gloss, once per machine",
     "tables": "compiling kernels for reflection models, once per machine",
+    **dict.fromkeys(("diffuse-panes", "gloss-panes", "tables-panes"), "compiling kernels for panes, once per machine"),
 }
-POLL = 0.1  # s between looks at the compiler's progress
-KNOWN_FROM = 0.05  # fraction done from which the time left is known
 
 
 class Opened(NamedTuple):
@@ -142,7 +141,7 @@ class Opening:
                     raise self._refused
                 self.fraction = meter.fraction
                 self.detail = _time_left(time.perf_counter() - started, self.fraction or 0.0)
-                time.sleep(POLL)
+                time.sleep(0.1)
             if looking.poll() and self._load is read_scene:  # other scenes have no file to look at
                 self.warnings.append(f"the first look failed: {_last_line(look_errors, looking.returncode)}")
             if compiler.returncode:
@@ -209,6 +208,6 @@ def _last_line(errors: IO[str], code: int) -> str:
 
 def _time_left(seconds: float, fraction: float) -> str:
     """Return the time left in words after some seconds; "" while it is unknown."""
-    if fraction < KNOWN_FROM:
+    if fraction < 0.05:  # the time left is not known yet
         return ""
     return f"about {max(seconds * (1 - fraction) / fraction, 1):.0f} s left"

@@ -182,10 +182,10 @@ def words_of(before: Sequence[Edit], after: Sequence[Edit]) -> str:
 
 def _words(edits: Sequence[Edit], base: Sequence[Edit]) -> str:
     from app.session.lights import words_for
-    from gi_core.files.edits import Darken, Duplicate, Finish, Freeze, Insert, Light, Promote, Remove
+    from gi_core.files.edits import Darken, Daylight, Duplicate, Finish, Freeze, Insert, Light, Promote, Remove
 
     verbs = {Finish: "edited", Insert: "inserted", Duplicate: "duplicated", Remove: "removed", Promote: "made movable",
-             Freeze: "made static", Darken: "removed"}  # fmt: skip
+             Freeze: "made static", Daylight: "edited", Darken: "removed"}  # fmt: skip
     lights = {(edit.name, edit.number) for edit in base if isinstance(edit, Light)}
     things: dict[str, list[str]] = {}
     for edit in edits:

@@ -11,22 +11,83 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.results import MeasuredPoints
-from app.session.lamp_changes import LampChanges, changes_exposure
+from app.session.lights import LampChanges, changes_exposure
 from app.session.log import WARNING, Log
 from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
 from app.session.solver_thread import SolverThread
-from app.session.undo import Field, History
 from app.settings import TABLE, Lighting, Settings
 from app.worker import PATIENCE, Worker
 from gi_core.scene import Pose
 from gi_core.scene.errors import one_line
 from gi_core.scene.pose import pose_at
 
-if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
+if TYPE_CHECKING:
     import numpy as np
 
     from gi_core.files.edits import Edit
+
+
+Step = tuple[dict[Any, Any], dict[Any, Any]]  # values before and after
+
+
+class Field(NamedTuple):
+    """The key of a field of Settings in a step; the key of a pose is the name of its mobile."""
+
+    name: str
+
+
+class History:
+    """Steps of ({key: value before}, {key: value after}); a key is the name of a mobile, or a Field."""
+
+    def __init__(self) -> None:
+        self._done: list[Step] = []
+        self._undone: list[Step] = []
+        self.before: dict[Field, Any] = {}  # fields when the edit under way, or the last one, began
+
+    def push(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
+        """Record a change; undone steps can then no longer be redone."""
+        before = {key: value for key, value in before.items() if after.get(key, value) != value}
+        if not before:
+            return
+        self._done = [*self._done[-199:], (before, {key: after[key] for key in before})]  # 200 steps at most
+        self._undone.clear()
+
+    def undo(self) -> dict[Any, Any]:
+        """Return the values before the last step; empty without one."""
+        if not self._done:
+            return {}
+        self._undone.append(self._done.pop())
+        return self._undone[-1][0]
+
+    def redo(self) -> dict[Any, Any]:
+        if not self._undone:
+            return {}
+        self._done.append(self._undone.pop())
+        return self._done[-1][1]
+
+    def extend(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
+        """Record a change as part of the last step, if that step ended in the values before; else push it."""
+        if self._done and all(self._done[-1][1].get(key) == value for key, value in before.items()):
+            self._done[-1] = self._done[-1][0], {**self._done[-1][1], **after}
+        else:
+            self.push(before, after)
+
+    def change(self, key: Field, new: Callable[[Any], Any]) -> None:
+        """Put new values of a field into all steps; steps that then leave it as it is are dropped."""
+        self._done, self._undone = _changed(self._done, key, new), _changed(self._undone, key, new)
+
+
+def _changed(steps: list[Step], key: Field, new: Callable[[Any], Any]) -> list[Step]:
+    """Return steps with new values of a field, without those that then leave it as it is."""
+    out = []
+    for before, after in steps:
+        if key not in before:
+            out.append((before, after))
+        elif new(before[key]) != new(after[key]):
+            out.append(({**before, key: new(before[key])}, {**after, key: new(after[key])}))
+    return out
+
 
 LIGHT_TIME = 0.008  # s per frame for refinement
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
@@ -45,7 +106,7 @@ class Asked(NamedTuple):
 class Inserted(NamedTuple):
     """Objects inserted in this window, by name."""
 
-    near: dict[str, np.ndarray]  # the points (3,) [m] looked at then
+    near: dict[str, np.ndarray]  # the points looked at then, and the eyes (2, 3) [m]
     poses: dict[str, Pose]  # the poses that they got near there
 
 

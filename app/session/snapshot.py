@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
     from app.rest.results import RestResults
     from app.rest.scheduler import RestWork
-    from gi_core.discs.contact.stale_receivers import ControlFacts
+    from gi_core.discs.stale_receivers import ControlFacts
     from gi_core.display.dilation import Drawn
-    from gi_core.estimators.setting import Setting
+    from gi_core.estimators.base import Setting
     from gi_core.frames.frame import Changes
     from gi_core.gloss.light import GlossLight
     from gi_core.scene import Pose

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from app.cli.progress import warnings_of
 from app.session.snapshot import Snapshot, snapshot_of
-from gi_core.base.pause import Interrupted
 
 if TYPE_CHECKING:
     from app.rest.results import RestResults
-    from app.rest.scheduler import RestWork
+    from app.rest.scheduler import RestWork, TaskEnd
     from app.session.method_view import MethodParts, MethodView
     from app.settings import Settings
     from gi_core.base.pause import Progress
@@ -29,21 +28,22 @@ class Step(NamedTuple):
     progress: Progress | None  # None: all is refined
     snapshot: Snapshot | None  # None: the picture is as it was
     warnings: dict[str, str]
+    fine: TaskEnd
 
 
 @dataclass(frozen=True)
 class Refine:
-    """Run the next step of the first frame."""
+    """Run the next step of the first frame, and of fine points: sunlight has teeth without them."""
 
     steps: Iterator[Progress]
     name: ClassVar[str] = "refining"
     busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Step:
-        progress = next(self.steps, None)
+        progress, fine = next(self.steps, None), work.run(work.next_fine())
         if progress is None:
-            return Step(None, None, warnings_of(solver))
-        return Step(progress, snapshot_of(solver, work) if progress.picture else None, {})
+            return Step(None, snapshot_of(solver, work) if fine.changed else None, warnings_of(solver), fine)
+        return Step(progress, snapshot_of(solver, work) if progress.picture or fine.changed else None, {}, fine)
 
 
 class Moved(NamedTuple):
@@ -112,10 +112,9 @@ class Time:
 class Rested(NamedTuple):
     """Result of `Rest`."""
 
-    task: str  # its kind; "": no task is left
+    end: TaskEnd
     rest: RestResults
-    snapshot: Snapshot | None = None  # None: the light is as it was
-    problem: Exception | None = None
+    snapshot: Snapshot | None  # None: the light is as it was
 
 
 @dataclass(frozen=True)
@@ -127,18 +126,9 @@ class Rest:
     busy: ClassVar[bool] = False
 
     def run(self, solver: Solver, work: RestWork) -> Rested:
-        """Return the results. A failed task ends only its own kind, until the scene is loaded again."""
-        task = work.next_task(self.settings)
-        if task is None:
-            return Rested("", work.results())
-        try:
-            changed = task.run()
-        except Interrupted:
-            raise
-        except Exception as problem:
-            work.given_up.add(task.name)
-            return Rested(task.name, work.results(), problem=problem)
-        return Rested(task.name, work.results(), snapshot_of(solver, work) if changed else None)
+        """Return the results."""
+        end = work.run(work.next_task(self.settings))
+        return Rested(end, work.results(), snapshot_of(solver, work) if end.changed else None)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from app.rest.scheduler import RestWork
+from app.rest.scheduler import RestWork, TaskEnd
 from app.session.log import WARNING, Log
 from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
@@ -29,7 +29,6 @@ if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind t
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
-SHOW_GRACE = 0.010  # s per frame for parts of the method
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
 TIMED_STEP = 0.005  # of the scene's size: the move of a timed frame, as in a quick drag
 
@@ -156,7 +155,8 @@ class SolverThread:
     def _take(self, result: Step | Moved | Rested | MethodView | bool, settles: bool) -> None:
         """Take over the result of a job."""
         match result:
-            case Step(progress, snapshot, warnings):
+            case Step(progress, snapshot, warnings, fine):
+                self._log_failure(fine)
                 self._refinement.progress = progress
                 if progress is None:
                     self._refinement.steps = None
@@ -175,10 +175,9 @@ class SolverThread:
                     self._show(snapshot)
                 self._timing.steps = None
                 self._begin_refinement()
-            case Rested(task, rest, snapshot, problem):
-                self.all_done = not task
-                if problem is not None:
-                    self.log.failure(f"{task} has failed and stops until F5", problem)
+            case Rested(end, rest, snapshot):
+                self.all_done = not end.name
+                self._log_failure(end)
                 if snapshot is not None:
                     self._show(snapshot._replace(timings=self.snapshot.timings))
                 else:
@@ -187,9 +186,12 @@ class SolverThread:
             case bool(more):
                 self._timing.due = more
             case view:
-                was_counted = self.method is not None and view.recomputed is None  # by an earlier frame
-                self.method = view._replace(recomputed=self.method.recomputed) if was_counted else view
+                self.method = view
                 self.version += 1
+
+    def _log_failure(self, end: TaskEnd) -> None:
+        if end.problem is not None:
+            self.log.failure(f"{end.name} has failed and stops until F5", end.problem)
 
     def _fail(self, job: Job, problem: Exception) -> None:
         match job:
@@ -308,7 +310,7 @@ class SolverThread:
         if parts is None:
             self.method = None
         elif self.is_idle and not self._waiting and self._begin_show():
-            self._wait(SHOW_GRACE)
+            self._wait(0.010)  # s per frame for parts of the method
 
     def _begin_show(self) -> bool:
         """Begin to copy the parts of the method that are due; return False if none are."""

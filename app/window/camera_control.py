@@ -1,4 +1,7 @@
-"""Camera control: orbit, pan, look around, fly, zoom; animated flights to views of the scene."""
+"""Camera control: orbit, pan, look around, fly, zoom; animated flights to views of the scene.
+
+A view is the camera and the picture's place in the window, which relate cursor positions to points of the scene.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +9,60 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import MAX_PITCH, PARALLEL, WIDE, Bounds, Turntable, from_camera, scene_bounds
 from app.session.readouts import free_name
-from app.window.view import CLICK_PIXELS
 from gi_core.scene import Camera
 from gi_core.scene.pose import three
 
 if TYPE_CHECKING:
+    from app.draw.camera import Turntable
     from app.session.lights import LightId
     from app.session.session import Session
-    from app.window.view import View
+
+
+CLICK_PIXELS = 2.0  # shorter motions of the mouse are a click
+
+
+class View:
+    """`origin` and `size` [points] of the picture in the window; `camera`: None before the first scene."""
+
+    def __init__(self) -> None:
+        self.camera: Turntable | None = None
+        self.origin = (0.0, 0.0)
+        self.size = (1.0, 1.0)
+
+    @property
+    def aspect(self) -> float:
+        return self.size[0] / max(self.size[1], 1)
+
+    def uv(self, mouse) -> tuple[float, float]:
+        """Return a point of the window in the picture, (0, 0) top left, (1, 1) bottom right."""
+        return (mouse.x - self.origin[0]) / self.size[0], (mouse.y - self.origin[1]) / self.size[1]
+
+    def contains(self, mouse) -> bool:
+        """Return whether a point of the window is in the picture."""
+        u, v = self.uv(mouse)
+        return 0 <= u < 1 and 0 <= v < 1
+
+    def ray(self, mouse) -> tuple[np.ndarray, np.ndarray]:
+        """Return origin (3,) [m] and unit direction (3,) of the ray through a point of the window."""
+        return self.camera.ray(*self.uv(mouse), self.aspect)
+
+    def on_screen(self, points: np.ndarray) -> list[tuple[float, float] | None]:
+        """Return where points (n, 3) [m] are in the window; None behind the eye."""
+        matrix = self.camera.projection(self.aspect) @ self.camera.view()
+        x, y, _, w = matrix @ np.c_[points, np.ones(len(points))].T
+        (left, top), (width, height) = self.origin, self.size
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across, down = left + width * (x / w + 1) / 2, top + height * (1 - y / w) / 2
+        return [(a, b) if near > 0 else None for a, b, near in zip(across.tolist(), down.tolist(), w, strict=True)]
+
 
 K = imgui.Key
 FLY_KEYS = (K.d, K.a), (K.e, K.q), (K.w, K.s)  # right, up, forward, each with its opposite
-FLY_SPEED, FLY_FASTER = 0.6, 4.0  # of the lit radius per second; times that with Shift
-FLIGHT_SECONDS = 0.35  # of a camera animation
 ORBIT, PAN, LOOK = "orbit", "pan", "look"  # motions by the mouse, methods of Turntable
 
 
@@ -44,11 +84,11 @@ class CameraControl:
         stays = keep_view and self.view.camera != self.home
         self.session, self.flight, self._motion = session, None, None
         self.bounds = scene_bounds(session.model, session.poses)
-        self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, self._lit)
+        self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, self.lit)
         self.view.camera = self.view.camera if stays else self.home
 
     @property
-    def _lit(self) -> Bounds:
+    def lit(self) -> Bounds:
         """The box that light reaches; a ground slab may be far larger."""
         return Bounds(tuple(self.session.chosen.low), tuple(self.session.chosen.high))
 
@@ -89,7 +129,7 @@ class CameraControl:
             self._motion = None
             return False
         if self.is_looking and not io.want_text_input:
-            speed = FLY_SPEED * self._lit.radius * (FLY_FASTER if io.key_shift else 1.0) * seconds
+            speed = (2.4 if io.key_shift else 0.6) * self.lit.radius * seconds
             lengths = [speed * (imgui.is_key_down(a) - imgui.is_key_down(b)) for a, b in FLY_KEYS]
             if any(lengths):
                 view.camera = view.camera.fly(*lengths)
@@ -110,7 +150,7 @@ class CameraControl:
         if self.flight is None:
             return
         start, end, t = self.flight
-        t += seconds / FLIGHT_SECONDS
+        t += seconds / 0.35
         self.view.camera = start.towards(end, t)
         self.flight = (start, end, t) if t < 1 else None
 
@@ -123,7 +163,7 @@ class CameraControl:
 
     def frame(self, names: tuple[str, ...], lamp: LightId | None) -> None:
         """Show objects by name, else a lamp, or everything without either, from the present direction."""
-        s, camera, bounds, margin = self.session, self.view.camera, self._lit, 1.0
+        s, camera, bounds, margin = self.session, self.view.camera, self.lit, 1.0
         box = s.box_of(names) if names else s.box_of_lamp(lamp) if lamp is not None else None
         if box is not None:
             # 1.6 of the distance at which an object just fits
@@ -133,7 +173,7 @@ class CameraControl:
 
     def look_along(self, quarter_turns: int | None) -> None:
         """Show everything along an axis: None from above, else turned from the front."""
-        camera, lit, quarter = self.view.camera, self._lit, math.pi / 2
+        camera, lit, quarter = self.view.camera, self.lit, math.pi / 2
         yaw = quarter * (round(self.home.yaw / quarter) + (quarter_turns or 0))
         distance = lit.radius / math.sin(camera.fov / 2)
         pitch = float(MAX_PITCH) if quarter_turns is None else 0.0
@@ -160,4 +200,4 @@ class CameraControl:
         if k < len(views):
             n = views[k][1]
             camera = Camera((n[0], n[1], n[2]), (n[3], n[4], n[5]), n[6])
-            self.fly_to(from_camera(camera, self.session.scene.up, self.bounds, self._lit))
+            self.fly_to(from_camera(camera, self.session.scene.up, self.bounds, self.lit))

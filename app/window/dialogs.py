@@ -32,8 +32,13 @@ def has_native() -> bool:
     return not sys.platform.startswith("linux") or any(map(shutil.which, NATIVE_LINUX))
 
 
-def entries_of(folder: str, patterns: Sequence[str]) -> tuple[str, ...]:
-    """Return a folder's folders, with a slash, then its files of some patterns; hidden ones and unreadable not."""
+def fits(name: str, filters: Sequence[str]) -> bool:
+    """Return whether a file is of the kind that filters are for, by its suffix."""
+    return any(fnmatch.fnmatch(name.lower(), pattern.lower()) for pattern in filters[1].split())
+
+
+def entries_of(folder: str, filters: Sequence[str]) -> tuple[str, ...]:
+    """Return a folder's folders, with a slash, then its files that fit; hidden ones and unreadable not."""
     folders, files = [], []
     with suppress(OSError), os.scandir(folder or ".") as entries:
         for entry in entries:
@@ -42,7 +47,7 @@ def entries_of(folder: str, patterns: Sequence[str]) -> tuple[str, ...]:
                 continue
             if entry.is_dir():
                 folders.append(f"{name}/")
-            elif any(fnmatch.fnmatch(name.lower(), pattern.lower()) for pattern in patterns):
+            elif fits(name, filters):
                 files.append(name)
     return *sorted(folders, key=str.lower), *sorted(files, key=str.lower)
 
@@ -57,7 +62,8 @@ class FileDialog:
         self._title, self._path, self._appears = "", "", False
         self._suffix = ""  # that `answered` appends to a path without it; "": the file is read
         self._sure = ""  # path of a file that may be replaced
-        self._patterns: tuple[str, ...] = ()  # of files that are listed
+        self._answers: dict[str, str] = {}  # paths, the last one by title
+        self._filters: Sequence[str] = ()  # name and patterns of files that are listed
         self._listed: tuple[str, float] = "", 0.0  # folder, and when it was read [s]
         self._entries: tuple[str, ...] = ()  # of that folder: folders, with a slash, then files
 
@@ -65,9 +71,10 @@ class FileDialog:
     def is_open(self) -> bool:
         return self._answered is not None
 
-    def open(self, title: str, folder: str, filters: Sequence[str], answered: Callable[[str], None]) -> None:
-        """Ask for a file that exists; `answered` receives its path."""
-        self._begin(title, os.path.join(os.path.abspath(folder), ""), filters, answered)
+    def open(self, title: str, beside: str, filters: Sequence[str], answered: Callable[[str], None]) -> None:
+        """Ask for a file that exists, beside the last answer to this title; `answered` receives its path."""
+        folder = os.path.abspath(os.path.dirname(self._answers.get(title, beside)))
+        self._begin(title, os.path.join(folder, ""), filters, answered)
         if has_native():
             self._native = native.open_file(title, folder, list(filters))
 
@@ -86,12 +93,13 @@ class FileDialog:
             self._native = native.save_file(title, path, list(filters))
 
     def _begin(self, title: str, path: str, filters: Sequence[str], answered: Callable[[str], str | None]) -> None:
-        self._patterns, self._listed = tuple(filters[1].split()), ("", 0.0)
+        self._filters, self._listed = filters, ("", 0.0)
         self._native, self._answered, self._title, self._path, self._appears = None, answered, title, path, True
         self._suffix = self._sure = self._problem = ""
 
     def _end(self, path: str) -> None:
         answered, self._answered, self._native = self._answered, None, None
+        self._answers |= {self._title: path} if path else {}
         if path and answered is not None and (problem := answered(path)):
             self._answered, self._path, self._problem, self._appears = answered, path, problem, True
 
@@ -157,7 +165,7 @@ class FileDialog:
         folder, typed = os.path.split(path)
         now, chosen, twice = imgui.get_time(), None, False
         if self._listed[0] != folder or now - self._listed[1] > 1.0:
-            self._listed, self._entries = (folder, now), entries_of(folder, self._patterns)
+            self._listed, self._entries = (folder, now), entries_of(folder, self._filters)
         typed = "" if self._suffix else typed.lower()  # a new name
         rows = ["../", *(name for name in self._entries if name.lower().startswith(typed))]
         height = 12 * imgui.get_text_line_height_with_spacing()

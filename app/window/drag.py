@@ -12,19 +12,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from imgui_bundle import imgui
 
-from app.draw.camera import Bounds, Turntable, frame_of
-from app.window import drag
-from app.window.view import CLICK_PIXELS
+from app.draw.camera import Bounds, Turntable
+from app.window.camera_control import CLICK_PIXELS
+from gi_core.base.vectors import frame_of
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, carried, four, multiply_quaternions, three
 
 if TYPE_CHECKING:
-    from app.draw.camera import Bounds
     from app.draw.picking import Hit
     from app.session.session import Session
-    from app.window.view import View
-    from gi_core.scene import Pose
-
+    from app.window.camera_control import View
 
 SLIDE, RAISE, FACE, TURN = "slide", "raise", "face", "turn"
 MODES = {
@@ -34,7 +31,6 @@ MODES = {
     TURN: "turns about the vertical",
 }
 TURN_SPEED = 360.0  # degrees per picture height
-HEADROOM = 0.5  # of the scene's diagonal: least height of the drag box
 PARALLEL_COSINE = 1e-4  # |cos| of ray and plane; below it the hit lies outside any scene
 LEAST_SLOPE = 0.1  # sine of ray and plane; below it a slide follows the image plane: 180 pixels threw a drawer by 23 m
 
@@ -54,11 +50,14 @@ class Grab(NamedTuple):
     pivot: np.ndarray | None = None  # (3,) of a turn [m]; None: the mobile's own position
 
 
-def room_for(bounds: Bounds, up) -> Bounds:
-    """Return the drag box: the scene's box, its height at least HEADROOM of its diagonal."""
-    up = frame_of(up)[2]
-    low, high = np.array(bounds.low), np.array(bounds.high)
-    missing = max(HEADROOM * float(np.linalg.norm(high - low)) - float(np.abs(up) @ (high - low)), 0.0)
+def room_for(bounds: Bounds, lit: Bounds, up) -> Bounds:
+    """Return the drag box: the scene's box within half of the lit part's diagonal about that, and at least as high.
+
+    Something far away in the file, or a wide ground, does not let an object go there.
+    """
+    up, around = frame_of(up)[2], lit.radius
+    low, high = (np.clip(p, np.subtract(lit.low, around), np.add(lit.high, around)) for p in (bounds.low, bounds.high))
+    missing = max(around - float(np.abs(up) @ (high - low)), 0.0)
     low, high = low + np.minimum(up, 0) * missing, high + np.maximum(up, 0) * missing
     return Bounds(three(low), three(high))
 
@@ -176,7 +175,7 @@ def _end_in_box(origin, direction, low, high) -> float | None:
     return leave if entry <= leave else None
 
 
-LEFT, RIGHT, MIDDLE = 0, 1, 2  # mouse buttons
+LEFT, RIGHT, MIDDLE = range(3)  # mouse buttons
 
 
 class MobileDrag:
@@ -184,7 +183,7 @@ class MobileDrag:
 
     def __init__(self, room: Bounds | None = None) -> None:
         self.room = room
-        self.grab: drag.Grab | None = None  # None: nothing is dragged
+        self.grab: Grab | None = None  # None: nothing is dragged
         self.companions: dict[str, Pose] = {}  # poses at the press of mobiles that move with the grabbed one
 
     def begin(self, session: Session, view: View, hit: Hit, mode: str, names: tuple[str, ...] = ()) -> None:
@@ -196,7 +195,7 @@ class MobileDrag:
         session.begin_drag()
         low, high = session.box_of((mobile, *self.companions))
         pivot = (low + high) / 2 if self.companions else None
-        self.grab = drag.Grab(mobile, mode, hit.point, session.poses[mobile], view.camera, u, v, low, high, pivot)
+        self.grab = Grab(mobile, mode, hit.point, session.poses[mobile], view.camera, u, v, low, high, pivot)
 
     def follow(self, session: Session, view: View) -> None:
         """Move the mobiles to the cursor; end when the button is released."""
@@ -206,7 +205,7 @@ class MobileDrag:
         if imgui.is_mouse_pos_valid() and (way >= CLICK_PIXELS or session.poses != session.motion.before):
             # The camera may have dollied since the press: the ray is of the current camera.
             grab = self.grab._replace(camera=view.camera)
-            pose = drag.dragged(grab, u, v, view.aspect, self.room)
+            pose = dragged(grab, u, v, view.aspect, self.room)
             if pose != session.poses[grab.mobile]:
                 session.move({grab.mobile: pose, **carried(self.companions, grab.pose, pose)})
         if not (imgui.is_mouse_down(LEFT) or imgui.is_mouse_down(RIGHT)):

@@ -13,15 +13,12 @@ from gi_core.scene.pose import as_pose, carried, rotation, three
 if TYPE_CHECKING:
     from app.draw.camera import Bounds
     from app.session.session import Session
-    from app.window.view import View
+    from app.window.camera_control import View
 
 G = imguizmo.im_guizmo
 MOVE, TURN = "move", "turn"
 MODES = ("", MOVE, TURN)  # in the order of the key
 OPERATIONS = {MOVE: G.OPERATION.translate, TURN: G.OPERATION.rotate}
-SNAP_STEPS = (1.0, 2.0, 5.0)  # of snapping, per decade
-SNAP_SHARE = 0.01  # of the scene's size: longest step
-SNAP_DEGREES = 15.0
 
 
 class Gizmo:
@@ -87,14 +84,15 @@ class Gizmo:
     def _snap(self, size: float):
         if not (self.snaps or imgui.get_io().key_ctrl):
             return None
-        step = snap_step(size) if self.mode == MOVE else SNAP_DEGREES
+        step = snap_step(size) if self.mode == MOVE else 15.0  # degrees
         return G.Matrix3([step] * 3)
 
 
 def snap_step(size: float) -> float:
     """Return the step of snapping [m] in a scene of a size [m]: 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(SNAP_SHARE * size))
-    return float(max(s * power for s in SNAP_STEPS if s * power <= SNAP_SHARE * size * (1 + 1e-9)))
+    snap_share = 0.01  # of the scene's size: longest step
+    power = 10.0 ** np.floor(np.log10(snap_share * size))
+    return float(max(s * power for s in (1.0, 2.0, 5.0) if s * power <= snap_share * size * (1 + 1e-9)))  # per decade
 
 
 def moved_pose(pose: Pose, middle: np.ndarray, to: np.ndarray, turned: np.ndarray | None) -> Pose:

@@ -10,7 +10,6 @@ from imgui_bundle import imgui
 from app.draw.legend import PLATE, PLATE_OPACITY, ROUND_EM
 from app.window import theme
 
-PLATE_PAD_EM = (0.6, 0.3)  # of the plate
 MARGIN_EM = 1.0  # between plates and the edges of the window
 
 
@@ -59,7 +58,7 @@ def draw(text: str, at: Box, colour=theme.TEXT, opacity: float = 1.0) -> None:
 
 def _pads() -> tuple[float, float]:
     em = imgui.get_font_size()
-    return PLATE_PAD_EM[0] * em, PLATE_PAD_EM[1] * em
+    return 0.6 * em, 0.3 * em
 
 
 def _room(room: float | None) -> float:

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from app.session.lights import Directed, LightId, towards, turned, words_for
 from app.window import drag, theme
-from app.window.view import CLICK_PIXELS
+from app.window.camera_control import CLICK_PIXELS
 from gi_core.scene import Pose
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Light, PhotometricLight, PlacedLight
@@ -18,12 +18,9 @@ from gi_core.scene.types import Light, PhotometricLight, PlacedLight
 if TYPE_CHECKING:
     from app.draw.camera import Bounds
     from app.session.session import Session
-    from app.window.view import View
+    from app.window.camera_control import View
     from gi_core.files.edits import Values
 
-MARK_EM, AIM_EM, RAY_EM = 0.42, 0.34, 0.24  # radii of marks and aims, length of a mark's rays
-MARK_RAYS = 8  # of a mark
-LIT_MARK, UNLIT_MARK = (1.0, 0.88, 0.6), (0.55, 0.55, 0.57)
 AIM = "aim"  # beside the modes of a drag
 WORDS = {**drag.MODES, AIM: "shines at the surface under the cursor"}
 
@@ -196,19 +193,20 @@ class LampHandles:
         drawing.pop_clip_rect()
 
     def _draw_mark(self, mark: Mark, view: View, is_on: bool) -> None:
+        mark_rays = 8  # of a mark
         em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
         chosen = mark.id == self.selected
         pointed = self._under is not None and self._under[0] == mark.id
         opacity = 1.0 if chosen or pointed or not mark.hidden else 0.35  # marks behind surfaces are faint
         edge = imgui.get_color_u32((*(theme.ACCENT if chosen else (0.05, 0.05, 0.06)), opacity))
-        fill = imgui.get_color_u32((*(LIT_MARK if is_on else UNLIT_MARK), opacity))
+        fill = imgui.get_color_u32((*((1.0, 0.88, 0.6) if is_on else (0.55, 0.55, 0.57)), opacity))
         if chosen:
             _draw_outline(mark.light, view, edge)
             self._draw_aim(mark, edge)
-        r = MARK_EM * em * (1.15 if pointed else 1.0)
-        for k in range(MARK_RAYS):
-            c, s = math.cos(2 * math.pi * k / MARK_RAYS), math.sin(2 * math.pi * k / MARK_RAYS)
-            a, b = r * 1.25, r * 1.25 + RAY_EM * em
+        r = 0.42 * em * (1.15 if pointed else 1.0)
+        for k in range(mark_rays):
+            c, s = math.cos(2 * math.pi * k / mark_rays), math.sin(2 * math.pi * k / mark_rays)
+            a, b = r * 1.25, r * 1.25 + 0.24 * em
             ends = (mark.at[0] + a * c, mark.at[1] + a * s), (mark.at[0] + b * c, mark.at[1] + b * s)
             drawing.add_line(*ends, imgui.get_color_u32((0.05, 0.05, 0.06, 0.8 * opacity)), theme.pixels(3.0))
             drawing.add_line(*ends, fill, theme.pixels(1.5))
@@ -216,12 +214,13 @@ class LampHandles:
         drawing.add_circle(mark.at, r, edge, 0, theme.pixels(2.0))
 
     def _draw_aim(self, mark: Mark, colour: int) -> None:
+        aim_em = 0.34  # radius of aims
         if self._aim is None:
             return
         em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
         drawing.add_line(mark.at, self._aim, colour, theme.pixels(1.5))
-        drawing.add_circle(self._aim, AIM_EM * em, colour, 0, theme.pixels(2.0))
-        drawing.add_circle_filled(self._aim, 0.3 * AIM_EM * em, colour)
+        drawing.add_circle(self._aim, aim_em * em, colour, 0, theme.pixels(2.0))
+        drawing.add_circle_filled(self._aim, 0.3 * aim_em * em, colour)
 
     def hint(self, mode: str) -> str:
         """Return one line about the current drag, or a drag of the mark under the cursor; "" for neither."""

@@ -15,16 +15,15 @@ from app.window import theme
 from app.window.view_content import Errors
 
 if TYPE_CHECKING:
+    from app.window.camera_control import View
     from app.window.label import Box
-    from app.window.view import View
 
 NO_DATA = "no reference yet"
-TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
 
 
 def of_errors(errors: Errors) -> Legend:
     """Return the legend of an error map."""
-    ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in TICKS]
+    ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in (1, 0.5, 0, -0.5, -1)]
     return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), unknown=NO_DATA)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
@@ -16,12 +17,13 @@ from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
 from app.window.viewport import Viewport
 
 if TYPE_CHECKING:
+    from app.window.camera_control import View
     from app.window.label import Box
-    from app.window.view import View
 
 
 KEY_HINT = "H: help    Tab: panel"
 MESSAGE_SECONDS = {INFO: 3.0, WARNING: 8.0, ERROR: 20.0}  # on show
+MESSAGE_COLOURS = {INFO: theme.DIM_TEXT, WARNING: theme.WARNING, ERROR: theme.ERROR}
 
 
 def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> None:
@@ -35,12 +37,15 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     _draw_shown(viewport, (x, y, w, h), em)
     if viewport.shown is not None and viewport.shown.recomputed is not None:
         for k, (name, colour) in enumerate(zip(RECOMPUTED_NAMES, RECOMPUTED, strict=True)):
-            label.write(name, x + w - em, y + (1 + 1.7 * k) * em, colour, right=True)
+            row = k + bool(viewport.shown.coming)  # which is written there
+            label.write(name, x + w - em, y + (1 + 1.7 * row) * em, colour, right=True)
     if viewport.legend is not None:
         legend.draw(viewport.legend, viewport.view)
         room = legend.box(viewport.legend, viewport.view)[0] - x - 2 * em
-    hint = viewport.hint()
-    if hint:
+    message = message_at(session.log, time.monotonic())
+    if message is not None and imgui.calc_text_size(message.text).x > imgui.get_main_viewport().size.x - 2 * em:
+        label.write(message.text, *corner, MESSAGE_COLOURS[message.level], room=room)  # too long for the status line
+    elif hint := viewport.hint():
         label.write(hint, *corner, room=room)
     if reload.progress is not None:
         if not reload.is_editing:  # another scene takes the place of this one
@@ -99,14 +104,12 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
     """
     start, (x, y) = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos()
     message, whole = message_at(log, now), imgui.get_content_region_avail().x
-    colours = {ERROR: theme.ERROR, WARNING: theme.WARNING, INFO: theme.DIM_TEXT}
-    text, colour = (readout, theme.TEXT) if message is None else (message.text, colours[message.level])
+    text, colour = (readout, theme.TEXT) if message is None else (message.text, MESSAGE_COLOURS[message.level])
     width, right = imgui.calc_text_size(text).x, f"{state}    {KEY_HINT}" if state else KEY_HINT
     if width + imgui.calc_text_size(right).x >= whole and state:
         right = state
     room = whole - imgui.calc_text_size(right).x
-    if message is None:
-        text = shortened(text, room - imgui.get_font_size())
+    text = shortened(text, (room if message is None else whole) - imgui.get_font_size())
     if imgui.calc_text_size(text).x < room:
         imgui.set_cursor_pos((start.x + room, start.y))
         imgui.text_disabled(right)
@@ -118,15 +121,12 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
         imgui.set_tooltip(lines or "Light under the cursor; messages.")
 
 
-HANDLE_EM = 1.1, 3.2
-ARROW_EM = 0.28  # half its width
-
-
 def panel_handle_box(view: View) -> Box:
     """Return the handle's box, in the middle of the picture's right edge."""
+    handle_em = (1.1, 3.2)
     em, (x, y), (w, h) = imgui.get_font_size(), view.origin, view.size
     right, middle = x + w, y + h / 2
-    return right - HANDLE_EM[0] * em, middle - HANDLE_EM[1] * em / 2, right, middle + HANDLE_EM[1] * em / 2
+    return right - handle_em[0] * em, middle - handle_em[1] * em / 2, right, middle + handle_em[1] * em / 2
 
 
 def draw_panel_handle(view: View, is_shown: bool) -> bool:
@@ -136,7 +136,7 @@ def draw_panel_handle(view: View, is_shown: bool) -> bool:
     clicked = imgui.invisible_button("panel handle", (right - left, bottom - top))
     hovered, em = imgui.is_item_hovered(), imgui.get_font_size()
     imgui.set_item_tooltip(f"{'Hide' if is_shown else 'Show'} the panel. Key Tab.")
-    drawing, half = imgui.get_window_draw_list(), (ARROW_EM if is_shown else -ARROW_EM) * em
+    drawing, half = imgui.get_window_draw_list(), (0.28 if is_shown else -0.28) * em
     plate = imgui.get_color_u32((*PLATE, 1.0 if hovered else PLATE_OPACITY))
     drawing.add_rect_filled((left, top), (right, bottom), plate, ROUND_EM * em)
     x, y = (left + right) / 2, (top + bottom) / 2

@@ -14,14 +14,12 @@ from app.draw.vertex_colours import colours, weights
 from app.session.first_look import FirstLook
 from app.settings import Settings
 from app.window import view_content, window
-from app.window.ray_cells import RayCells
+from app.window.method_marks import RayCells
 
 if TYPE_CHECKING:
     import moderngl
 
-    from app.session.first_look import FirstLook
     from app.session.session import Session
-    from app.settings import Settings
     from app.window.viewport import Viewport
 
 
@@ -146,18 +144,17 @@ class Painter:
     def _upload(self, session: Session, viewport: Viewport) -> None:
         """Upload the colours, one layer per side of a wipe."""
         viewport.shown = shown = view_content.shown(session)
-        self.renderer.dim(session.meshes)
-        snapshot = session.light.snapshot
-        self.renderer.set_gloss(snapshot.gloss)
-        self.renderer.set_lights(bare_lights(session.model, session.meshes, snapshot.poses, snapshot.levels))
-        self.renderer.set_light_faces(light_faces(session.model, snapshot.levels))
-        for layer, side in enumerate(shown.sides):
-            for o, mesh in enumerate(session.meshes):
-                painted = view_content.paint(
-                    mesh, side, shown.errors, session.settings.shows_radiance, shown.recomputed
-                )
-                self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
-                self.renderer.set_irradiance(o, side.irradiance, layer)
+        lit = [view_content.lit(session, shown, side) for side in shown.sides]
+        self.renderer.set_scene(lit[0].meshes)
+        self.renderer.dim(lit[0].meshes)
+        self.renderer.set_gloss(lit[0].gloss)
+        self.renderer.set_lights(bare_lights(lit[0]))
+        self.renderer.set_light_faces(light_faces(session.model, lit[0].levels))
+        for layer, side in enumerate(lit):
+            colours = view_content.paint(side, shown.errors, shown.recomputed)
+            for o, (painted, of_side) in enumerate(zip(colours, side.weights, strict=True)):
+                self.renderer.set_colours(o, *painted, layer, of_side)
+                self.renderer.set_irradiance(o, side.drawn.irradiance, layer)
 
     def close(self) -> None:
         if self.renderer is not None:

@@ -10,12 +10,12 @@ from imgui_bundle import imgui
 
 from app.draw.readout import Pinned, Reading, new_pin, read, read_pin
 from app.session.readouts import free_name
-from gi_core.display.dilation import Drawn
+from app.window.view_content import lit
 
 if TYPE_CHECKING:
     from app.draw.picking import Hit
     from app.session.session import Session
-    from app.window.view import View
+    from app.window.camera_control import View
     from app.window.view_content import Shown, Side
 
 
@@ -28,8 +28,8 @@ class Pointer:
         self.reading: Reading | None = None  # light there
         self._asked: tuple | None = None  # arguments of the last pick
 
-    def update(self, session: Session, view: View, side: Side | None) -> None:
-        """Find surface and light; side: of the picture under the cursor, None before the first light."""
+    def update(self, session: Session, view: View, shown: Shown | None, side: Side | None) -> None:
+        """Find surface and light; side: of the picture under the cursor, None before the first light, as `shown`."""
         mouse = imgui.get_io().mouse_pos
         asked = (tuple(mouse), view.camera, session.version, session.settings.cull, side is None)
         if asked == self._asked:
@@ -37,7 +37,7 @@ class Pointer:
         self._asked = asked
         hit = pick(session, view, mouse)
         self.pointed, self.hover = hit, hit if hit is not None and hit.object > 0 else None
-        self.reading = None if hit is None or side is None else _read(hit, session, view, side)
+        self.reading = None if hit is None or side is None else _read(hit, session, view, shown, side)
         session.receiver = -1 if hit is None else _receiver(hit, session, view)
 
     def leave(self) -> None:
@@ -62,14 +62,12 @@ def _receiver(hit: Hit, s: Session, view: View) -> int:
     return int((surfaces.corner_front if front else surfaces.corner_back)[f][nearest])
 
 
-def _read(hit: Hit, s: Session, view: View, side: Side) -> Reading:
+def _read(hit: Hit, s: Session, view: View, shown: Shown, side: Side) -> Reading:
     """Return the light of the picture at a hit under the cursor."""
     io = imgui.get_io()
     _, direction = view.ray(io.mouse_pos)
     height = round(view.size[1] * io.display_framebuffer_scale.y)
-    drawn, mesh = Drawn(side.irradiance, side.weights), s.meshes[hit.object]
-    shown = s.light.snapshot
-    return read(hit, direction, view.camera, height, s.scene, s.model, shown.poses, mesh, drawn, shown.gloss)
+    return read(lit(s, shown, side), hit, direction, view.camera, height)
 
 
 class Pins:
@@ -118,9 +116,5 @@ class Pins:
         if shown is None:
             self.shown = ()
             return
-        side, light = shown.sides[0], s.light.snapshot
-        drawn = Drawn(side.irradiance, side.weights)
-        self.shown = tuple(
-            read_pin(pin, s.picker, s.scene, s.model, light.poses, s.meshes, drawn, light.gloss)
-            for pin in s.settings.pins
-        )
+        light = lit(s, shown, shown.sides[0])
+        self.shown = tuple(read_pin(pin, s.picker, light) for pin in s.settings.pins)

@@ -16,9 +16,11 @@ from app.window.label import LabelPlaces
 if TYPE_CHECKING:
     from app.draw.legend import Point
     from app.rest.measuring_plane import PlaneLight
+    from app.window.camera_control import View
     from app.window.label import Box
-    from app.window.view import View
     from app.window.viewport import Viewport
+
+OF_BEFORE = 0.4  # opacity of numbers of the light before
 
 
 def draw(viewport: Viewport) -> None:
@@ -61,7 +63,7 @@ def marks(viewport: Viewport) -> Marks:
             left, top, right, bottom = box
             if not top <= at[1] <= bottom:  # not right beside its point
                 shapes.lines.append((at, (min(max(at[0], left), right), top if top > at[1] else bottom)))
-            shapes.labels.append(Label(text, box, 1.0))
+            shapes.labels.append(Label(text, box, 1.0 if s.is_current else OF_BEFORE))
     return shapes
 
 
@@ -105,7 +107,7 @@ def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces, shapes: 
     most = float(light.values[finite].max(initial=0.0))
     position = light.values / max(most, 1e-300) if scale is None else scale.position(light.values)
     colours = sequential_colours(np.nan_to_num(position)).tolist()
-    opacity = 1.0 if light.is_current else 0.4
+    opacity = 1.0 if light.is_current else OF_BEFORE
     for at, is_known, (red, green, blue), value in zip(
         _seen(viewport, light.grid.positions), finite, colours, light.values.tolist(), strict=True
     ):

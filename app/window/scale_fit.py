@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,11 @@ from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.raycast import visible_light
 from app.settings import FALSE_COLOURS
 from app.worker import Call, Worker
-from gi_core.display.dilation import Drawn
 
 if TYPE_CHECKING:
     from app.draw.camera import Turntable
     from app.session.session import Session
-    from app.window.view import View
+    from app.window.camera_control import View
     from app.window.view_content import Shown
 
 
@@ -49,22 +49,8 @@ class ScaleFit:
             if ends is not None:
                 self.scale = fixed_scale(*ends, quantity).with_lines(lines)
                 return
-            at, camera = s.model.transforms(s.light.snapshot.poses), view.camera.relative_to(s.model.origins[0])
-            drawn, cull = Drawn(shown.sides[0].irradiance, shown.sides[0].weights), s.settings.cull
-            self._fitting = self._worker.submit(
-                partial(
-                    _fitted,
-                    s.model.accelerator,
-                    at,
-                    s.meshes,
-                    drawn,
-                    camera,
-                    view.aspect,
-                    cull,
-                    quantity,
-                    s.light.snapshot.gloss,
-                )
-            )
+            lit, camera = replace(s.lit, drawn=shown.sides[0].drawn), view.camera.relative_to(s.model.origins[0])
+            self._fitting = self._worker.submit(partial(_fitted, quantity, lit, camera, view.aspect, s.settings.cull))
         # false colours wait 0.1 s for their first scale; later ones are fitted behind the picture
         if self._fitting is not None and self._fitting.wait(0.1 if self.scale is None else 0.0):
             fitting, self._fitting = self._fitting, None
@@ -79,7 +65,6 @@ class ScaleFit:
         self._worker.close()
 
 
-def _fitted(*view) -> Scale:
-    """Return the scale that suits a view; arguments of visible_light()."""
-    *_, quantity, _ = view
+def _fitted(quantity: str, *view) -> Scale:
+    """Return the scale of a quantity that suits a view; the other arguments are those of visible_light()."""
     return automatic_scale(visible_light(*view), quantity)

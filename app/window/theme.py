@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from imgui_bundle import hello_imgui, imgui
 
+from app.draw.legend import LINE, TEXT
+
 WINDOW = (0.110, 0.114, 0.122)
 PANEL = (0.130, 0.134, 0.144)
 FRAME = (0.190, 0.196, 0.210)
 FRAME_HOVERED = (0.235, 0.243, 0.262)
 FRAME_ACTIVE = (0.270, 0.282, 0.310)
-ACCENT = (0.918, 0.655, 0.298)  # lamp light
+ACCENT = LINE  # lamp light
 GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough for white text
-GRAB_ACTIVE = (0.680, 0.500, 0.250)
-TEXT = (0.870, 0.875, 0.885)
 DIM_TEXT = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
 ERROR = (0.960, 0.450, 0.400)
@@ -65,7 +65,7 @@ def set_style() -> None:
         C.title_bg_active: FRAME,
         C.check_mark: ACCENT,
         C.slider_grab: GRAB,
-        C.slider_grab_active: GRAB_ACTIVE,
+        C.slider_grab_active: (0.680, 0.500, 0.250),
         C.button: FRAME,
         C.button_hovered: FRAME_HOVERED,
         C.button_active: FRAME_ACTIVE,

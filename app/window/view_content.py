@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from app.draw.colour_map import UNKNOWN_COLOUR, round_scale, signed_colours
+from app.draw.draw_mesh import dimmed
 from app.settings import ERRORS, REFERENCE
+from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance, signed_error
 from gi_core.scene.pose import three
 
@@ -16,14 +19,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from app.draw.draw_mesh import DrawMesh
+    from app.draw.lit_scene import LitScene
     from app.draw.readout import Pinned
     from app.rest.results import ReferencePicture
     from app.session.session import Session
     from app.settings import Settings
-    from gi_core.display.dilation import Drawn
 
 # Display colours of receivers by their last computation (method_view.py): background, changed, estimated, path traced
-RECOMPUTED = ((0.33, 0.34, 0.36), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40, 0.70, 0.95))
+RECOMPUTED = ((0.52, 0.53, 0.55), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40, 0.70, 0.95))
 RECOMPUTED_NAMES = (
     "from the background", "changed by removed and added segments", "estimated again from all segments", "path traced",
 )  # fmt: skip
@@ -33,8 +36,7 @@ class Side(NamedTuple):
     """One side of the picture, or the whole."""
 
     label: str
-    irradiance: np.ndarray  # (R, 3) [W/m2], nan where unknown
-    weights: np.ndarray | None = None  # (R,) interpolation weights, see gi_core.display.dilation
+    drawn: Drawn  # irradiance (R, 3) [W/m2], nan where unknown, and interpolation weights
 
 
 class Errors(NamedTuple):
@@ -54,6 +56,7 @@ class Shown(NamedTuple):
     errors: Errors | None  # of an error map; None: light
     named: bool  # the picture needs a label
     recomputed: np.ndarray | None = None  # (R,) uint8, drawn as colours; None: not asked for, or unknown
+    mesh: DrawMesh | None = None  # of the static part, with fine points; None: the session's
 
 
 def shown(session: Session) -> Shown:
@@ -61,7 +64,7 @@ def shown(session: Session) -> Shown:
     s, light = session.settings, session.light.snapshot
     reference, other = light.rest.reference, light.rest.comparison
     estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.gathered)
-    exact = None if reference is None else Side(_label_of(reference), *reference.drawn)
+    exact = None if reference is None else Side(_label_of(reference), reference.drawn)
     errors = _errors(session, estimate, reference) if s.show == ERRORS and reference is not None else None
     if errors is None and reference is not None and reference.seen < 1:
         exact = None  # an error map may have holes, a picture may not
@@ -69,16 +72,31 @@ def shown(session: Session) -> Shown:
     right = exact if s.compare == REFERENCE else None
     if other is not None and other.estimator == s.compare:
         right = _estimate(other.estimator, other.photons, other.drawn)
-    sides = (left,) if right is None else (left, right)
+    sides: tuple[Side, ...] = (left,) if right is None else (left, right)
     method = session.light.method
     recomputed = method.recomputed if s.show_recomputed and errors is None and method is not None else None
+    fine = light.rest.fine
+    of_paths = all(side is estimate or side is exact for side in sides)
+    if fine is None or errors is not None or recomputed is not None or not of_paths:
+        fine = None
+    else:
+        sides = tuple(Side(side.label, fine.light.of(side.drawn)) for side in sides)
     return Shown(
         sides,
         _coming(s, right, reference, session.motion.is_active),
         errors,
         s.reference or errors is not None,
         recomputed,
+        None if fine is None else fine.mesh,
     )
+
+
+def lit(session: Session, shown: Shown, side: Side) -> LitScene:
+    """Return the lit scene of a side of the picture."""
+    lit, meshes = session.lit, session.meshes
+    if shown.mesh is not None:
+        meshes = *dimmed((shown.mesh,), lit.levels), *meshes[1:]
+    return replace(lit, meshes=meshes, drawn=side.drawn)
 
 
 def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None, moves: bool) -> str:
@@ -107,32 +125,35 @@ def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
 
 
 def paint(
-    mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool, recomputed: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return colours (D, 3) float32 of front and back of an object's draw vertices: linear radiance, negative where
-    unknown, or with `errors` or `recomputed` display colours."""
-    if recomputed is not None:
-        of_kind = np.array(RECOMPUTED, np.float32)[recomputed]
-        back = of_kind[mesh.back]
-        back[mesh.back < 0] = UNKNOWN_COLOUR
-        return of_kind[mesh.front], back
-    if errors is None:
-        from app.draw.vertex_colours import colours
+    lit: LitScene, errors: Errors | None, recomputed: np.ndarray | None = None
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return colours (D, 3) float32 of front and back per object: linear radiance, negative where unknown.
 
-        front, back = colours(mesh, side.irradiance, with_reflectance)
-        for side_colours in (front, back):
-            if (unknown := np.isnan(side_colours)).any():
-                side_colours[unknown] = -1.0
-        return front, back
-    of_receivers = signed_colours(signed_error(side.irradiance, errors.reference, errors.areas) / errors.scale)
-    back = of_receivers[mesh.back]
-    back[mesh.back < 0] = UNKNOWN_COLOUR
-    return of_receivers[mesh.front], back
+    With `errors` or `recomputed` they are display colours.
+    """
+    if recomputed is None and errors is None:
+        return [(_known(front), _known(back)) for front, back in lit.sides]
+    if recomputed is not None:
+        of_receivers = np.array(RECOMPUTED, np.float32)[recomputed]
+    else:
+        off = signed_error(lit.drawn.irradiance, errors.reference, errors.areas)
+        of_receivers = signed_colours(off / errors.scale)
+    out = []
+    for mesh in lit.meshes:
+        back = of_receivers[mesh.back]
+        back[mesh.back < 0] = UNKNOWN_COLOUR
+        out.append((of_receivers[mesh.front], back))
+    return out
+
+
+def _known(colours: np.ndarray) -> np.ndarray:
+    """Return colours with -1 in place of nan."""
+    return np.nan_to_num(colours, nan=-1.0) if np.isnan(colours).any() else colours
 
 
 def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Errors:
     areas, E = session.model.object_receivers.areas, reference.drawn.irradiance
-    off = signed_error(estimate.irradiance, E, areas)
+    off = signed_error(estimate.drawn.irradiance, E, areas)
     # ends of the colour map: a relative error of 0.02 at least
     scale = session.settings.error_range or max(round_scale(off, areas), 0.02)
     return Errors(E, areas, scale, reference.noise)
@@ -140,7 +161,7 @@ def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Er
 
 def _estimate(estimator: str, photons: int, drawn: Drawn, gathered: bool = False) -> Side:
     source = "Gathered light, changed by" if gathered else f"{_title(estimator)},"
-    return Side(f"{source} {photons:,} photons", *drawn)
+    return Side(f"{source} {photons:,} photons", drawn)
 
 
 def _label_of(reference: ReferencePicture) -> str:

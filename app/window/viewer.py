@@ -1,31 +1,92 @@
-"""The viewer: one window, one loop: input, light, draw."""
+"""The viewer: one window, one loop: input, light, draw; times of frames; its run, from open to exit code.
+
+run(settings)                       runs until the window is closed
+run(settings, frames=N)             closes N frames after the first picture
+run(settings, screenshot=path)      saves the whole window once all photons are traced, then closes
+"""
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from imgui_bundle import imgui, implot
+from imgui_bundle import hello_imgui, imgui, immapp, implot
 
 from app.session.log import Log
 from app.session.moving_median import MovingMedian
 from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
-from app.session.session import Session
+from app.session.session import LIGHT_TIME, Session
 from app.settings import Settings, UsageError
-from app.window import keys, method_marks, overlay, panel, readout_marks, window
+from app.window import menus, method_marks, overlay, panel, readout_marks, window
 from app.window.actions import Request, act, views
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
-from app.window.frame_clock import LONGEST_WAIT, FrameClock
 from app.window.menus import Menus
 from app.window.painter import Painter
 from app.window.viewport import Viewport
 from app.worker import limit_arenas
 
-SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
+LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
+LINGER = 1.0  # s of frames after the last input: tooltips come and fade
+
+
+class FrameClock:
+    """`begin` and `end` with each frame."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.slept = False  # between the last frame and this one
+        self.seconds = 0.0  # since the frame before, at most 0.1
+        self.light_seconds = 0.0  # of the last frame: refinement or a move
+        self.light_until = 0.0  # without input, light has its time until then
+        self.awake_until = 0.0  # after input
+        self._before = time.perf_counter()
+
+    def begin(self, has_input: bool) -> float:
+        """Begin a frame; return the time [s] since the last one began."""
+        now = time.perf_counter()
+        seconds, self._before = now - self._before, now
+        self.seconds = min(seconds, 0.1)  # an animation does not jump after a pause
+        self.frames += 1
+        if has_input:
+            self.awake_until = now + LINGER
+        return seconds
+
+    def drew(self) -> None:
+        """Give light as much time as this frame's picture took."""
+        now = time.perf_counter()
+        # Light gets as much time as slow drawing takes, up to 4 s without a new picture.
+        self.light_until = now + min(now - self._before - self.light_seconds, 4.0)
+
+    def wake(self) -> None:
+        """End a sleep: it does not count as time of a frame."""
+        self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
+
+    @property
+    def is_awake(self) -> bool:
+        """Whether input was a moment ago."""
+        return time.perf_counter() < self.awake_until
+
+    @property
+    def is_lights_turn(self) -> bool:
+        """Whether light has its time, before the next picture."""
+        return time.perf_counter() < self.light_until
+
+    def budget(self, moving: bool) -> float:
+        """Return the time that a frame waits for refinement [s]: as long as its other work takes, within bounds.
+
+        moving: whether the camera moves. Slow drawing shares the cores with light, which gets half of the time at rest.
+        """
+        return LIGHT_TIME if moving else min(max(self.seconds - self.light_seconds, LIGHT_TIME), LONGEST_WAIT)
+
+
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
 OPENING_PAUSE = 0.05  # s between frames while a first scene opens ...
 COMPILING_PAUSE = 0.25  # ... and while kernels compile, without input: software GL took a seventh of two cores
@@ -56,7 +117,7 @@ class Viewer:
         self.clock = FrameClock()
         self.frames_left: int | None = None
         self.exit_when_refined = False
-        self.keyboard = keys.Keyboard()
+        self.keyboard = menus.Keyboard()
         self.help_open = False
         self.may_sleep = True  # between frames in which nothing changes
         self._ready = False
@@ -90,7 +151,7 @@ class Viewer:
         self._guard("files", self._draw_dialogs)
         if self.help_open:
             (x, y), (w, h) = self.viewport.view.origin, self.viewport.view.size
-            self.help_open = keys.draw_help(self._ready, (x, y, w, h), self.help_open)
+            self.help_open = menus.draw_help(self._ready, (x, y, w, h), self.help_open)
         self._guard("opening", self._replace_session)
         if is_user_error(self.session.problem) and self.reload.coming is None:  # printed on the terminal, see `run`
             self.leave(ask=False)
@@ -294,7 +355,7 @@ class Viewer:
             old.close(0.0)
             window.rename(new.settings.document or new.settings.scene)
         if self.painter.software:
-            new.light.grace = SOFTWARE_GRACE
+            new.light.grace = 0.2  # s per frame for a move if drawing takes the same cores
         if new.settings.exposure is None:
             default = new.scene.defaults.exposure
             exposure = new.metered(self.viewport.view.camera) if default is None else default
@@ -339,3 +400,63 @@ def is_user_error(problem: BaseException | None) -> bool:
     from gi_core.scene import SceneError
 
     return isinstance(problem, (SceneError, UsageError, OSError))
+
+
+def run(
+    settings: Settings,
+    *,
+    frames: int | None = None,
+    screenshot: str | Path | None = None,
+    open_with: Callable | None = None,
+) -> int:
+    """Run the window until it closes. Return 0, or 1 if a defect of the program kept the scene from opening.
+
+    open_with: opens scenes in place of Opening.
+    Raises SceneError, UsageError or OSError for a scene that cannot be used, after closing the window. The command
+    line prints the sentence and exits with its code.
+    """
+    viewer = Viewer(settings, open_with)
+    viewer.frames_left = frames
+    viewer.exit_when_refined = screenshot is not None and frames is None
+    window.prepare()
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(0.001)  # interpreter switch interval; Python's default of 5 ms stutters
+    try:
+        with interruptible(viewer):
+            immapp.run(viewer.params)
+    finally:
+        sys.setswitchinterval(interval)
+    if screenshot is not None:
+        _write_window(Path(screenshot))
+    return finish(viewer)
+
+
+@contextlib.contextmanager
+def interruptible(viewer: Viewer):
+    """Close the window on Ctrl+C in the terminal, because no exception may cross the GUI's code."""
+
+    def close(*_) -> None:
+        viewer.leave(ask=False)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set a signal handler
+        return
+    before = signal.signal(signal.SIGINT, close)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def finish(viewer: Viewer) -> int:
+    """Return the exit code of a closed viewer, or raise the user's error that closed it."""
+    problem = viewer.session.problem
+    if is_user_error(problem):
+        raise problem
+    return 0 if problem is None else 1
+
+
+def _write_window(path: Path) -> None:
+    from app.draw.picture_files import write_png
+
+    write_png(path, hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})

@@ -23,7 +23,7 @@ from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import FALSE_COLOURS
 from app.window import drag
-from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl
+from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl, View
 from app.window.drag import MobileDrag
 from app.window.gizmo import Gizmo
 from app.window.label import Box
@@ -31,14 +31,12 @@ from app.window.lamp_handles import LampHandles
 from app.window.legend import of_errors
 from app.window.pointer import Pins, Pointer, pick
 from app.window.scale_fit import ScaleFit
-from app.window.view import View
 from app.window.view_content import Shown, Side
 from app.window.wipe import Wipe
 from gi_core.scene.types import part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 FADING_SECONDS, FADING_STEPS = 0.5, 4  # of the outline of a surface, with a picture per step
-OUTLINE_PIXELS = 2.0  # at 96 dots per inch
 
 
 class Viewport:
@@ -86,7 +84,7 @@ class Viewport:
         self.scale_fit.forget()
         self.control.adopt(session, keep_view)
         self.pointer, self.pins = Pointer(), Pins()
-        self.mobile_drag = MobileDrag(drag.room_for(self.control.bounds, session.scene.up))
+        self.mobile_drag = MobileDrag(drag.room_for(self.control.bounds, self.control.lit, session.scene.up))
         if appeared:
             self.select(appeared)
         elif not self.selection and self.clicked is None and self.lamps.selected is None and len(session.poses) == 1:
@@ -140,7 +138,7 @@ class Viewport:
             if not control.steer(io, seconds):
                 self._release()
         elif hovered:
-            self.pointer.update(self.session, view, self._side_under_cursor)
+            self.pointer.update(self.session, view, self.shown, self._side_under_cursor)
             if not self.gizmo.takes_mouse:
                 self._press(io)
         else:
@@ -381,7 +379,7 @@ class Viewport:
             pointed,
             self._faces_of(material),
             opacity,
-            OUTLINE_PIXELS * pixels,
+            2.0 * pixels,
             textured=settings.shows_radiance,
             as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),
             scale=scale,

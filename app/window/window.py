@@ -166,7 +166,7 @@ def runner_params(
     split = hello_imgui.DockingSplit()
     split.initial_dock, split.new_dock = "MainDockSpace", "Side"
     split.direction = imgui.Dir.right
-    split.ratio = 0.3  # until the panel is drawn, see app/window/panel/__init__.py
+    split.ratio = min(22 * theme.FONT_PIXELS / settings.size[0], 0.55)  # until Steady of the panel sets it
     params.docking_params.docking_splits = [split]
     no_tabs = int(imgui.internal.DockNodeFlagsPrivate_.no_tab_bar)
     split.node_flags = params.docking_params.main_dock_space_node_flags = no_tabs

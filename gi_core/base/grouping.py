@@ -11,8 +11,6 @@ import numpy as np
 
 from gi_core.base.jit import allocating
 
-MOST_BITS = 62  # of a packed row: int64, and one to spare
-
 
 def order_of(columns: Sequence[np.ndarray]) -> np.ndarray:
     """Return the indices (n,) int64 that sort rows of integer columns (n,); the first column is the primary key.
@@ -49,12 +47,12 @@ def components(pairs: np.ndarray, n: int) -> np.ndarray:
 
 
 def _packed(columns: Sequence[np.ndarray], n: int) -> np.ndarray | None:
-    """Return rows (n,) int64 packed with their index in the low bits; None if a row needs more than MOST_BITS."""
+    """Return rows (n,) int64 packed with their index in the low bits; None if a row needs over 62 (one to spare)."""
     if not n:
         return np.zeros(0, np.int64)
     lows = [int(c.min()) for c in columns]
     bits = [(int(c.max()) - low).bit_length() for c, low in zip(columns, lows, strict=True)]
-    if sum(bits) + n.bit_length() > MOST_BITS:
+    if sum(bits) + n.bit_length() > 62:
         return None
     packed = np.zeros(n, np.int64)
     for column, low, width in zip(columns, lows, bits, strict=True):

@@ -3,6 +3,10 @@
 There is no generator state, so photon i does not depend on the photons traced before it. Emission and first bounce of
 photon i are point i of an Owen-scrambled Sobol sequence in six dimensions. Later bounces are hashes: stratifying them
 was measured to gain next to nothing (docs/decisions/photon-subsets.md).
+
+The paths of a receiver come in sets of 2^m, see stratified(). Within a set, each pair of dimensions is a padded
+Owen-scrambled (0, 2)-net (owen_sobol.py). Sets are independent of each other, and so are pairs of dimensions. Each
+number is uniform, so means are unbiased. Means of sets are independent, so their variance gives the error.
 """
 
 from __future__ import annotations
@@ -16,7 +20,8 @@ from gi_core.base import owen_sobol
 from gi_core.base.jit import kernel
 from gi_core.base.vec import weighted
 
-_DIRECTION, _POSITION, _FIRST_BOUNCE = 0, 2, 4  # Sobol dimensions, two each; the first two are the best stratified pair
+# Sobol dimensions, two each; the first two are the best stratified pair.
+_DIRECTION, _POSITION, _FIRST_BOUNCE = range(0, 6, 2)
 
 _A = np.uint64(0xBF58476D1CE4E5B9)
 _B = np.uint64(0x94D049BB133111EB)
@@ -152,3 +157,21 @@ def triangle(u, v):
     """Return barycentric weights of two corners for a point uniform on a triangle; pdf 1 / area."""
     s = math.sqrt(u)
     return s * (1.0 - v), s * v
+
+
+LARGEST_SET = 12  # m of the largest set
+
+
+@kernel
+def stratified(seed, path, vertex, dimension, m):
+    """Return a float64 in [0, 1): number `dimension` of a path at one of its vertices.
+
+    Path p belongs to set p >> m. Dimensions 2 j and 2 j + 1 are a pair. m = 0: independent numbers.
+    """
+    if m == 0:
+        return independent(seed, path, vertex, dimension)
+    shuffle = hashed(seed, path >> m, vertex, dimension >> 1)
+    own = hashed(seed, path >> m, vertex, dimension + (1 << 16))  # apart from all shuffling keys
+    # Each pair is shuffled by its own key, so that pairs are independent; then each number is scrambled.
+    i = owen_sobol.shuffled(np.uint64(path & ((1 << m) - 1)), shuffle)
+    return owen_sobol.unit(owen_sobol.coordinate(i, dimension & 1), own)

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-CENTRAL_SHARE = 0.98  # of points, per axis: a ground slab may be five times as wide as the room on it
-
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the dot products (...) of vectors (..., 3)."""
@@ -25,6 +23,17 @@ def unit(v) -> np.ndarray:
     """Return the unit vector (3,) float64 along v (3,), three numbers that are not all 0."""
     v = np.asarray(v, np.float64)
     return v / np.sqrt((v * v).sum())
+
+
+def frame_of(up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return unit vectors (3,) east, north, up of a way up (3,), right-handed: x, -z, y if y is up, x, y, z if z is."""
+    up = np.asarray(up, np.float64)
+    up = up / np.linalg.norm(up)
+    # East starts from the axis least parallel to `up`.
+    axis = np.eye(3)[int(np.argmin(np.abs(up)))]
+    east = axis - (axis @ up) * up
+    east = east / np.linalg.norm(east)
+    return east, np.cross(up, east), up
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -59,5 +68,5 @@ def box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def central_box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners low and high (3,) of the box of the central 98 % of points (n, 3), per axis; n > 0."""
-    tail = (1 - CENTRAL_SHARE) / 2
+    tail = (1 - 0.98) / 2  # 0.98 of the points, per axis: a ground slab may be five times as wide as the room on it
     return np.quantile(points, tail, axis=0), np.quantile(points, 1 - tail, axis=0)

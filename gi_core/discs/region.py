@@ -185,7 +185,7 @@ def _distances(model: Model, o: int, points, normals, patch, radius: float, whic
     n, count = len(points), len(which)
     origins, directions = np.empty((n * count, 3), np.float32), np.empty((n * count, 3), np.float32)
     _radial(points, normals, COS[which], SIN[which], origins, directions)
-    distance, face = model.accelerator.nearest(o, origins, directions, np.full(n * count, radius, np.float32))
+    distance, face = model.accelerator.opaque.nearest(o, origins, directions, np.full(n * count, radius, np.float32))
     out = np.empty((n, count, 2), np.float32)
     _near_and_far(distance, face, model.surfaces.patch, patch, np.float32(radius), out)
     return out

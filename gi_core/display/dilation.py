@@ -86,9 +86,9 @@ class Dilation:
     """Search for unreached receivers of a scene. Ray results are cached; light and poses are arguments."""
 
     def __init__(self, model: Model, size: float):
-        """size [m]: longest side of the box of lit surfaces, from `gi_core.defaults.choose`."""
-        s = model.surfaces
-        self._model, self._near = model, 0.06 * size  # a space narrower than 0.06 of the scene's size counts as closed
+        """size [m]: of the scene."""
+        s, self._model = model.surfaces, model
+        self._near = 0.06 * size  # a space narrower than 0.06 of the scene's size counts as closed
         points, self._normals = model.evaluation_points
         self._points = points.astype(np.float32)
         self._neighbours = model.adjacency
@@ -148,7 +148,7 @@ class Dilation:
         far = np.maximum(length(way), np.float32(1e-30))
         # 1e-3 of the distance to a neighbour is left out at both ends, where faces meet
         limits = far * np.float32(1 - 1e-3)
-        _, face = self._model.accelerator.nearest(0, start, way / far[:, None], limits)
+        _, face = self._model.accelerator.opaque.nearest(0, start, way / far[:, None], limits)
         return np.delete(rows, of[face < 0])
 
     def find_moved(self, irradiance: np.ndarray, at: Transforms) -> Unreached:
@@ -208,7 +208,7 @@ class Dilation:
         s, rays = self._model.surfaces, rays.reshape(-1, 3)
         origins = points if len(points) == len(rays) else np.repeat(points, DIRECTIONS, axis=0)
         limits = np.full(len(rays), self._model.world.size, np.float32)
-        distance, face = self._model.accelerator.nearest(o, origins, rays, limits)
+        distance, face = self._model.accelerator.opaque.nearest(o, origins, rays, limits)
         behind = (face >= 0) & (dot(s.normals[face], rays) > 0) & ~s.two_sided[face]
         inside, near = ((a.reshape(-1, DIRECTIONS).mean(axis=1) > 0.5) for a in (behind, distance < self._near))
         return np.where(inside, INSIDE_SOLID, np.where(near, CLOSED, OPEN)).astype(np.int8)
@@ -270,13 +270,13 @@ class UnreachedReceivers:
         self._model = model
         self._dilation: Dilation | None = None
 
-    def find(self, size: float, light: np.ndarray) -> None:
-        """Find static ones by irradiance (n, 3) without mobiles; `size` [m] as in `dilation.py`.
+    def find(self, light: np.ndarray) -> None:
+        """Find static ones by irradiance (n, 3) without mobiles.
 
         light: of all lamps; without one of them, its places would be dark, not unreached.
         """
         if self._dilation is None:
-            self._dilation = Dilation(self._model, size)
+            self._dilation = Dilation(self._model, self._model.scene_size)
             pause()
         self.static = self._dilation.find_static(light)
 

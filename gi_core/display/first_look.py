@@ -11,12 +11,9 @@ from gi_core.display.dilation import Dilation, Drawn, dilated
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_noise
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Scene
-
-LOOK_PATHS = 1 << 18, 1 << 20  # in all: one and four seconds of a core
-LEAST_LOOK_PATHS, MOST_LOOK_PATHS = 4, 64  # paths per receiver
 
 
 class LookLight(NamedTuple):
@@ -26,17 +23,17 @@ class LookLight(NamedTuple):
     noise: float  # relative l1, that smoothing has left; nan without light
 
 
-def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> Iterator[LookLight]:
+def first_looks(scene: Scene, model: Model, levels: np.ndarray, size: float, seed: int) -> Iterator[LookLight]:
     """Yield irradiance (R, 3) [W/m2] at the start poses, for pictures, from few paths and then from more.
 
-    levels (G, 3): of the lamps.
+    levels (G, 3): of the lamps; size [m]: of the scene.
     """
     at = model.transforms(model.start_poses())
     points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
     areas = model.object_receivers.areas
-    dilation, static = Dilation(model, model.world.size), model.surfaces.receiver_range(0).stop
-    for total in LOOK_PATHS:
-        paths = min(max(total // max(len(points), 1), LEAST_LOOK_PATHS), MOST_LOOK_PATHS)
+    dilation, static = Dilation(model, size), model.surfaces.receiver_range(0).stop
+    for total in (1 << 18, 1 << 20):  # paths in all: one and four seconds of a core
+        paths = min(max(total // max(len(points), 1), 4), 64)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
         denoised = denoise(E, error, model.adjacency, seed, model.threads, alike=areas)
         noise, E = denoised.share(areas) * relative_noise(luminance(error), E, areas), denoised.irradiance

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.vec import cross, difference, dot, row
 from gi_core.geometry.error import REC709
 
 PI = np.float32(math.pi)
@@ -24,6 +25,9 @@ def compile_kernels() -> None:
     weigh_vertices(np.ones(2, np.float32), rows, rows, both)
     follow_light(quad, seen, seen, both, both, turned)
     turn_triangles(turned, turned, np.zeros((1, 2), np.int64), quad, np.zeros((2, 3), np.int32))
+    corners, one, first = np.ones((1, 3, 3), np.float32), np.zeros(1, np.int64), np.arange(2)
+    for face in (one, one.astype(np.int32)):
+        meet_pieces(face, first, one, corners, corners[0, :1], corners[0, :1], one)
 
 
 @kernel
@@ -86,3 +90,29 @@ def turn_triangles(turned, before, faces, corners, triangles):
         one[0], one[1], one[2] = a, b, d if turned[k] else c
         two[0], two[1], two[2] = d, c, a if turned[k] else b
     return changed
+
+
+@kernel
+def meet_pieces(face, first, pieces, corners, origins, directions, out):
+    """Write the piece (n,) int64 of each face (n,) that a ray meets: that of the largest least barycentric weight.
+
+    Pieces of a face f are pieces[first[f] : first[f + 1]]; corners (F, 3, 3) float32 [m]: of all pieces; origins,
+    directions (n, 3) float32.
+    """
+    for k in range(len(face)):
+        begin, end = first[face[k]], first[face[k] + 1]
+        out[k] = pieces[begin]
+        if end == begin + 1:
+            continue
+        o, d, most = row(origins, k), row(directions, k), -np.inf
+        for i in range(begin, end):
+            at = corners[pieces[i]]
+            a, e, f = row(at, 0), difference(row(at, 1), row(at, 0)), difference(row(at, 2), row(at, 0))
+            h, s = cross(d, f), difference(o, a)
+            det = dot(e, h)
+            if det == 0.0:
+                continue
+            u, v = dot(s, h) / det, dot(d, cross(s, e)) / det
+            least = min(u, v, 1.0 - u - v)
+            if least > most:
+                most, out[k] = least, pieces[i]

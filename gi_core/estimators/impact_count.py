@@ -12,10 +12,10 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.pause import pause
-from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
+from gi_core.discs.stale_receivers import ControlFacts
+from gi_core.estimators.base import Setting
 from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
-from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, BackgroundSums, CutFlux, Evaluated, FrameSums, Sums
 from gi_core.photons.paths import Segments, bounced
@@ -128,7 +128,8 @@ class ImpactCount:
         cut = CutFlux.none(lamps.count)
         for segments in parts:
             kept_prefixes, behind = split_at_cuts(segments)
-            self._deposit(segments if direct else bounced(segments), 1, sums)
+            segments, behind = (s if direct else bounced(s) for s in (segments, behind))
+            self._deposit(segments, 1, sums)
             self._deposit(behind, 1, new_suffixes)
             cut = cut.plus(kept_prefixes)
         new_flux = new_suffixes.flux.reshape(len(self.area), lamps.count, 3).sum(axis=2)

@@ -27,23 +27,21 @@ from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, dot
-from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
+from gi_core.discs.stale_receivers import ControlFacts
+from gi_core.estimators.base import Setting
 from gi_core.estimators.counting import Counts, Find, Place, circle, ends
-from gi_core.estimators.setting import Setting
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, chunks_of
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, SubsetStore, chunks_of
 from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_from, cell_of, gather, hits_of
 from gi_core.photons.paths import ADDED, KEPT, Segments, rows_of
-from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
 from gi_core.scene.pose import to_world_at
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
 NEVER = np.int32(1 << 30)  # bounce of the cut of a photon that is not cut
-QUERY_GRAIN = 256  # receivers per thread
 QUERY_STEP = 1024  # receivers per step of prepare(): some 5 ms
 
 
@@ -236,7 +234,7 @@ class PhotonMap:
             to = sums, area, reach2
             _estimate(receivers, radius, counted, grids, cut_bounce, first, last, Nearest.of(self.k), to)
 
-        run_ranges(work, n, self.model.threads, QUERY_GRAIN)
+        run_ranges(work, n, self.model.threads, 256)  # receivers per thread
         return sums, area, reach2
 
 

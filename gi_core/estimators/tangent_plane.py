@@ -16,15 +16,15 @@ import numpy as np
 
 from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges, usable
-from gi_core.discs.contact.contact import PoseContacts
-from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
+from gi_core.discs.contact import PoseContacts
 from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.region import EXTENSION, Regions, regions, whole_discs
 from gi_core.discs.search import SEARCHES, Search
 from gi_core.discs.search.predicate import Discs, crossing, lines, share
+from gi_core.discs.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.estimators import counting
+from gi_core.estimators.base import Setting
 from gi_core.estimators.counting import Counts, Find, Place
-from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import (
     CHUNK_BITS,
@@ -223,7 +223,7 @@ class TangentPlane:
         for segments in parts:
             kept_prefixes, behind = split_at_cuts(segments)
             cut = cut.plus(kept_prefixes)
-            segments = segments if direct else bounced(segments)
+            segments, behind = (s if direct else bounced(s) for s in (segments, behind))
             with self._contact.regions_of(contacts):
                 batches = [SegmentBatch(o, segments, 1, added) for o in range(self.model.surfaces.objects)]
                 self._accumulate([*batches, SegmentBatch(0, behind, 1, new_suffixes)], at)

@@ -15,15 +15,17 @@ import numpy as np
 
 from gi_core.base.grouping import components
 from gi_core.base.vectors import cross, dot
-from gi_core.files.completion.completion import DEFAULT_LAMP, lit_by_stand_ins
+from gi_core.files.completion import DEFAULT_LAMP, lit_by_stand_ins
 from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.finishing import Values, finished_materials, materials_to_finish, mobile_called
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.lights_table import Luminaires, changed_light, read_light
 from gi_core.files.formats.materials_table import FINISH, checked
+from gi_core.files.formats.shapes import read_shape
 from gi_core.files.formats.toml_fields import Table, as_table
+from gi_core.files.formats.toml_file import DAYLIGHT, Luminaires, changed_light, read_light
 from gi_core.files.load import inserted
 from gi_core.geometry.mesh_parts import join, part_of
+from gi_core.lights.daylight import daylit
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
@@ -31,8 +33,8 @@ from gi_core.scene.types import LightScene, Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_lamp, check_scene, lamps_of
 
 __all__ = [
-    "KINDS", "Darken", "Duplicate", "Edit", "EditError", "Finish", "Freeze", "Insert", "Light", "Promote", "Remove",
-    "Versions", "edited", "files_of_edits", "names_after", "piece_at", "removed_lamps", "with_edit",
+    "KINDS", "Darken", "Daylight", "Duplicate", "Edit", "EditError", "Finish", "Freeze", "Insert", "Light", "Promote",
+    "Remove", "Versions", "edited", "files_of_edits", "names_after", "piece_at", "removed_lamps", "with_edit",
 ]  # fmt: skip
 
 
@@ -49,11 +51,12 @@ class Finish(NamedTuple):
 
 
 class Insert(NamedTuple):
-    """Add a mobile from a mesh file, turned upright and sized as `load_scene(mobiles=...)` does."""
+    """Add a mobile: a mesh file, turned upright and sized as `load_scene(mobiles=...)` does, or a shape."""
 
     name: str
-    file: str
+    file: str = ""
     pose: Pose | None = None  # None: on the nearest free floor in view
+    shape: Values = ()  # of a table [[shape]], without name and place; (): the file
 
 
 class Duplicate(NamedTuple):
@@ -94,6 +97,13 @@ class Light(NamedTuple):
     number: int = 1  # of the lights of that name, from 1
 
 
+class Daylight(NamedTuple):
+    """Change the daylight: the given values replace its own."""
+
+    light: Values  # of the table [daylight]
+    name: str = "daylight"
+
+
 class Darken(NamedTuple):
     """Remove a lamp: its lights, and the emission of its faces; with a number, one of its lights.
 
@@ -110,19 +120,19 @@ class EditError(SceneError):
     number = 0
 
 
-Edit = Finish | Insert | Duplicate | Remove | Promote | Freeze | Light | Darken
+Edit = Finish | Insert | Duplicate | Remove | Promote | Freeze | Light | Daylight | Darken
 KINDS: dict[str, type[Edit]] = {
-    kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze, Light, Darken)
+    kind.__name__.lower(): kind
+    for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze, Light, Daylight, Darken)
 }
 
-VERSIONS = 3  # versions of a scene
 ADDING, TAKING = (Insert, Duplicate, Promote), (Remove, Freeze)  # a mobile
 
 
 class Versions(NamedTuple):
     """A scene, and those after the last of some edits. Others begin at the last version that they share with these."""
 
-    scenes: Mapping[int, Scene]  # by number of edits: 0 and the last VERSIONS, as each edit copies the static part
+    scenes: Mapping[int, Scene]  # by number of edits: 0 and the last three, as each edit copies the static part
     edits: tuple[Edit, ...] = ()
 
     @property
@@ -145,7 +155,7 @@ class Versions(NamedTuple):
                 refused = EditError(str(problem))
                 refused.number = number
                 raise refused from None
-        return Versions({k: v for k, v in scenes.items() if k == 0 or k > len(edits) - VERSIONS}, tuple(edits))
+        return Versions({k: v for k, v in scenes.items() if k == 0 or k > len(edits) - 3}, tuple(edits))
 
 
 def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> Scene:
@@ -185,6 +195,8 @@ def with_edit(edits: Sequence[Edit], edit: Edit) -> tuple[Edit, ...]:
                 break
             if isinstance(earlier, Light) and (earlier.name, earlier.number) == (edit.name, edit.number):
                 return (*edits[:k], *edits[k + 1 :], _merged(earlier, edit))
+    if isinstance(edit, Daylight) and edits and isinstance(edits[-1], Daylight):
+        return (*edits[:-1], _merged(edits[-1], edit))
     if isinstance(edit, Finish):
         for k in reversed(range(len(edits))):
             earlier = edits[k]
@@ -197,7 +209,7 @@ def with_edit(edits: Sequence[Edit], edit: Edit) -> tuple[Edit, ...]:
     return (*edits, edit)
 
 
-def _merged(earlier: Light, edit: Light) -> Light:
+def _merged(earlier: Light | Daylight, edit: Light | Daylight) -> Light | Daylight:
     """Return one edit of a light in place of two."""
     if "type" in dict(edit.light):
         return edit
@@ -221,8 +233,10 @@ def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
             values = as_table(material)
             table = checked(values, f"{scene.name}: the material of {shown(name)}", FINISH)
             return finished_materials(*materials_to_finish(scene, name, part), table)
-        case Insert(name, file, pose):
-            return inserted(scene, Path(file), _new(scene, name), pose, allow_outside)
+        case Insert(name, file, pose, shape):
+            where, up = f"{scene.name}: shape {shown(name)}", int(np.argmax(np.abs(scene.up)))
+            source = read_shape({**as_table(shape), "name": name}, where, 0, up) if shape else Path(file)
+            return inserted(scene, source, _new(scene, name), pose, allow_outside)
         case Duplicate(name, of, pose):
             copy = mobile_called(scene, of)._replace(name=_new(scene, name), pose=_pose(scene, name, pose), path=None)
             return replace(scene, mobiles=(*scene.mobiles, copy))
@@ -234,6 +248,8 @@ def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
             return _frozen(scene, mobile_called(scene, name), _pose(scene, name, pose))
         case Light():
             return _lit(scene, edit, allow_outside)
+        case Daylight(values):
+            return _daylit(scene, values)
         case Darken(name, number):
             return _darkened(scene, name, number)
 
@@ -335,6 +351,15 @@ def _lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
         light, notes = changed_light(scene.lights[of]._replace(name=edit.name), Table(values, where, None)), []
     lights = (*scene.lights, light) if place is None else (*scene.lights[:place], light, *scene.lights[place + 1 :])
     return replace(scene, lights=lights, notes=(*scene.notes, *notes))
+
+
+def _daylit(scene: Scene, values: Values) -> Scene:
+    """Return a scene at another place, date or hour. Raises SceneError."""
+    if scene.daylight is None:
+        raise SceneError(f"{scene.name}: there is no daylight to change; write a table [daylight] in the scene file")
+    own = {key: value for key, value in scene.daylight._asdict().items() if value is not None}
+    table = Table(as_table(tuple({**own, **dict(values)}.items())), f"{scene.name}: [daylight]", DAYLIGHT)
+    return daylit(scene, scene.daylight._replace(**table.fields()), scene.name)
 
 
 def _darkened(scene: Scene, name: str, number: int | None) -> Scene:

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from gi_core.bsdf.ggx import further_albedo, under_gloss
+from gi_core.files.formats.classes import base_colours
 from gi_core.files.formats.materials_table import overridden
 from gi_core.files.formats.metallic_roughness import MetalRough, as_metal_rough
 from gi_core.files.formats.toml_fields import Table
-from gi_core.files.gloss_classes import base_colours
-from gi_core.geometry.mesh_parts import part_of
+from gi_core.geometry.mesh_parts import part_of, with_colours, with_meshes, with_scaled_colours
 from gi_core.geometry.surfaces import Surfaces, face_normals, lobe_of
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, shown
@@ -42,23 +42,9 @@ def _recoloured_faces(scene: Scene, these: np.ndarray, colours: np.ndarray) -> S
 
     def painted(mesh: Mesh) -> Mesh:
         rows = these[mesh.face_material]
-        return _painted(mesh, rows, colours[mesh.face_material[rows]], rho) if rows.any() else mesh
+        return with_colours(mesh, rows, colours[mesh.face_material[rows]], rho) if rows.any() else mesh
 
-    mobiles = tuple(m._replace(mesh=painted(m.mesh)) for m in scene.mobiles)
-    return replace(scene, static=painted(scene.static), mobiles=mobiles)
-
-
-def _painted(mesh: Mesh, rows: np.ndarray, reflectance: np.ndarray, rho: np.ndarray) -> Mesh:
-    """Return a mesh with k of its faces, rows (F,) bool, in colours (k, 3) or one (1, 3), without texture."""
-    if mesh.paint is not None:
-        texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
-        texture[rows], colour[rows] = -1, reflectance[:, None]
-        mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
-    if mesh.paint is None or mesh.face_reflectance is not None:
-        faces = rho[mesh.face_material] if mesh.face_reflectance is None else mesh.face_reflectance.copy()
-        faces[rows] = reflectance
-        mesh = mesh._replace(face_reflectance=faces)
-    return mesh
+    return with_meshes(scene, painted)
 
 
 def _materials_called(scene: Scene, name: str) -> np.ndarray:
@@ -171,14 +157,9 @@ def _scaled_faces(scene: Scene, these: np.ndarray, scales: np.ndarray) -> Scene:
         if not rows.any():
             return mesh
         by[~rows] = 1
-        paint, flat = mesh.paint, mesh.face_reflectance
-        if paint is not None:
-            paint = paint._replace(corner_colour=np.minimum(paint.corner_colour * by[:, None].astype(np.float32), 1))
-        flat = None if flat is None else np.minimum(flat * by, MOST_REFLECTANCE)
-        return mesh._replace(paint=paint, face_reflectance=flat)
+        return with_scaled_colours(mesh, by)
 
-    mobiles = tuple(m._replace(mesh=scaled(m.mesh)) for m in scene.mobiles)
-    return replace(scene, static=scaled(scene.static), mobiles=mobiles)
+    return with_meshes(scene, scaled)
 
 
 def _faces_of(scene: Scene, name: str, of_static: bool, part: str) -> tuple[int, Mesh, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from numbers import Real
@@ -13,20 +13,22 @@ from typing import Any
 import numpy as np
 
 from gi_core.bsdf.tabulate import tabulate
-from gi_core.files.completion.completion import complete
+from gi_core.files.completion import complete
 from gi_core.files.completion.crossings import with_corners_at_crossings
-from gi_core.files.completion.pilot import Box, Rays
+from gi_core.files.completion.pilot import Box, Rays, useful_box
 from gi_core.files.completion.refinement import COARSEST, FINEST, refined
 from gi_core.files.completion.sides import facing_the_scene, one_sided_where_dark
 from gi_core.files.find import find_scene
 from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.classes import with_gloss_classes
 from gi_core.files.formats.materials_table import check_used, override, single
 from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file, scaled
+from gi_core.files.formats.shapes import Shape, shape_mesh
 from gi_core.files.formats.toml_file import UP, MobileEntry, SceneFile, StaticEntry, read_scene_file
-from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.geometry.cutouts import without_holes
-from gi_core.geometry.mesh_parts import join
-from gi_core.geometry.tessellation import tessellate
+from gi_core.geometry.mesh_parts import join, with_meshes
+from gi_core.geometry.tessellation import check_edge, tessellate
+from gi_core.lights.daylight import daylit
 from gi_core.scene.errors import SceneError, named, shown, utf8
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose
@@ -67,7 +69,7 @@ def load_scene(
     if suffix == ".toml":
         described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
-        entry = StaticEntry([file], 1.0, None)
+        entry = StaticEntry([file], 1.0, None, [])
         described = SceneFile(utf8(file.stem), None, "radiometric", entry, [], [], {}, None, [], Defaults(), [], {})
     else:
         raise SceneError(
@@ -111,8 +113,7 @@ class Loading:
 
     def change_meshes(self, changed: Callable[[Mesh], Mesh]) -> None:
         """Replace the mesh of each object."""
-        mobiles = tuple(m._replace(mesh=changed(m.mesh)) for m in self.scene.mobiles)
-        self.change(static=changed(self.scene.static), mobiles=mobiles)
+        self.scene = with_meshes(self.scene, changed)
 
     def split(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
         """Return a mesh with edges up to max_edge [m]. Raises SceneError for too many triangles."""
@@ -133,6 +134,9 @@ def _described(loading: Loading, stem: str, up) -> Scene:
     names = [where if loading.bare else f"{where}: {path.name}" for path in file.static.meshes]
     parts = [_read(loading, cache, *named) for named in zip(file.static.meshes, names, strict=True)]
     parts = [scaled(part, file.static.scale) for part in parts]
+    for shape in file.static.shapes:
+        edge = loading.max_edge or shape.max_edge or file.static.max_edge or np.inf
+        parts.append(_made(shape, edge, loading.file.materials, loading.boundary))
     meshes = []
     for part in parts:
         meshes.append(_adopted(*override(part.mesh, part.materials, file.materials), materials))
@@ -144,8 +148,9 @@ def _described(loading: Loading, stem: str, up) -> Scene:
     check_used(file.materials, {m.name for m in materials})
     _check_models(materials, where)
     punctual = any(part.lights for part in parts)  # glTF lights are photometric, and so is its emission
-    nits = file.static.meshes[0].suffix.lower() in GLTF and any(any(m.emission) for m in parts[0].materials)
-    return Scene(
+    glows = any(any(m.emission) for m in parts[0].materials)
+    nits = loading.bare and glows and file.static.meshes[0].suffix.lower() in GLTF
+    scene = Scene(
         static,
         tuple(materials),
         tuple(mobiles),
@@ -153,12 +158,13 @@ def _described(loading: Loading, stem: str, up) -> Scene:
         tuple(file.probes),
         file.camera or next((part.camera for part in parts if part.camera), None),
         up or file.up or UP[parts[0].up],
-        "photometric" if punctual or (loading.bare and nits) else file.units,
+        "photometric" if punctual or nits else file.units,
         stem if loading.bare else file.title,
         file.defaults,
         tuple(notes),
         tuple(file.light_scenes),
     )
+    return daylit(scene, file.daylight, where) if file.daylight else scene
 
 
 def _read(loading: Loading, cache: dict[str, MeshFile], path: Path, where: str) -> MeshFile:
@@ -173,12 +179,31 @@ def _read(loading: Loading, cache: dict[str, MeshFile], path: Path, where: str) 
     return cache[real]
 
 
+def _made(shape: Shape, max_edge: float | None, tabled: Collection[str], boundary: Boundary) -> MeshFile:
+    """Return a shape as if a file held it, with edges up to max_edge [m]; None: those of a mobile.
+
+    tabled: names of [materials.NAME].
+    """
+    mesh, materials = shape_mesh(shape, np.inf, tabled)
+    max_edge = max_edge or _fine_edge(mesh)
+    if np.isfinite(max_edge):
+        with named(shape.where):
+            check_edge(mesh, max_edge)
+            mesh = tessellate(shape_mesh(shape, max_edge, tabled)[0], max_edge)
+    boundary.take(shape.where, "triangles", len(mesh.faces))
+    return MeshFile(mesh, materials, [], None, "y", [])
+
+
 def _mobile(loading: Loading, cache, entry: MobileEntry, materials: list[Material], notes: list[str]) -> Mobile:
     """Return a mobile of a scene file; its materials and notes are appended."""
-    r = _read(loading, cache, entry.mesh, f"{entry.where}: {entry.mesh.name}")
-    mesh, own = override(r.mesh, r.materials, loading.file.materials)
+    tables = loading.file.materials
+    if isinstance(entry.mesh, Shape):
+        r = _made(entry.mesh, entry.max_edge, tables, loading.boundary)
+    else:
+        r = _read(loading, cache, entry.mesh, f"{entry.where}: {entry.mesh.name}")
+    mesh, own = override(r.mesh, r.materials, tables)
     if entry.material is not None:
-        mesh, own = single(mesh, entry.material, r.materials, loading.file.materials, entry.where)
+        mesh, own = single(mesh, entry.material, r.materials, tables, entry.where)
     mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
     check_size(f"{entry.where}: a mobile", mesh)
     _check_dark(mesh, own, entry.where)
@@ -226,7 +251,7 @@ def _go_near_the_origin(loading: Loading) -> None:
 
 def _add_mobiles(loading: Loading) -> None:
     for path in loading.mobiles:
-        loading.scene, up = _with_mobile_file(loading.scene, path, None, loading.boundary.open)
+        loading.scene, up = _with_mobile(loading.scene, path, None, loading.boundary.open)
         loading.unplaced.append((len(loading.scene.mobiles) - 1, up))
 
 
@@ -256,7 +281,7 @@ def _split_static(loading: Loading) -> None:
         if max_edge != np.inf:
             loading.change(static=loading.split(scene.static, max_edge, loading.where))
     elif not loading.bare:
-        loading.note(*_note_on_edges(scene))
+        loading.note(*_note_on_edges(scene, useful_box(scene, loading.rays or Rays(scene))))
     else:
         mesh, edge = refined(scene, loading.rays, loading.box, MOST_RECEIVERS)
         before, after = len(scene.static.faces), len(mesh.faces)
@@ -303,16 +328,15 @@ STEPS: tuple[Callable[[Loading], None], ...] = (
 )
 
 
-def _note_on_edges(scene: Scene) -> list[str]:
-    """Return a note if triangles too long to show shadows are most of the area, lamps aside."""
+def _note_on_edges(scene: Scene, box: Box) -> list[str]:
+    """Return a note if triangles too long to show shadows get most of the light, lamps aside."""
     glows = np.array([any(m.emission) for m in scene.materials])
-    corners = scene.static.vertices[scene.static.faces[~glows[scene.static.face_material]]]
-    a, b, c = (corners[:, k] for k in range(3))
-    longest = np.sqrt(np.max([((v - w) ** 2).sum(axis=1) for v, w in ((a, b), (b, c), (c, a))], axis=0))
-    area, size = np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1)), float(np.ptp(scene.static.vertices, axis=0).max())
-    if not area[longest > COARSEST * size].sum() > 0.5 * area.sum():
+    lit = ~glows[scene.static.face_material] & box.side_hits.any(axis=1)  # not what lies far outside
+    hits, corners = box.side_hits[lit].sum(axis=1), scene.static.vertices[scene.static.faces[lit]]
+    longest = np.sqrt(((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2).max(axis=1))
+    if not 2 * hits[longest > COARSEST * box.size].sum() > hits.sum():
         return []
-    wanted = f"{1.5 * FINEST * size:.1g}"
+    wanted = f"{1.5 * FINEST * box.size:.1g}"
     return [
         f"edges up to {longest.max():.3g} m stay as they are, and light is interpolated along them: no shadow shows "
         f"on a large triangle; add max_edge = {wanted} under [static], or --max-edge {wanted}, to split them"
@@ -331,37 +355,45 @@ def _darkened(materials: Iterable[Material]) -> list[str]:
 
 def _fine(mesh: Mesh) -> Mesh:
     """Return the mesh of a mobile with flat sides split, since light at their corners alone shows no shading."""
-    return tessellate(mesh, COARSEST * float(np.ptp(mesh.vertices, axis=0).max()))
+    return tessellate(mesh, _fine_edge(mesh))
 
 
-def _with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: bool) -> tuple[Scene, tuple]:
-    """Return a scene with one more mobile from a mesh file, not yet placed, and the up axis of the file.
+def _fine_edge(mesh: Mesh) -> float:
+    return COARSEST * float(np.ptp(mesh.vertices, axis=0).max())
+
+
+def _with_mobile(scene: Scene, source: Path | Shape, name: str | None, allow_outside: bool):
+    """Return a scene with one more mobile, not yet placed, and the up axis of its mesh file; None: of a shape.
 
     name: None: that of the file, with a number if it is taken. Raises SceneError.
     """
-    boundary = Boundary(path.parent, allow_outside)
-    r = read_mesh_file(path, str(path), boundary)
-    name = free_name((m.name for m in scene.mobiles), name or path.stem)
-    check_size(f"{path}: a mobile", r.mesh)
-    _check_dark(r.mesh, r.materials, str(path))
+    if isinstance(source, Shape):
+        boundary, where = Boundary(Path()), source.where
+        r = _made(source, source.max_edge, (), boundary)
+    else:
+        boundary, where = Boundary(source.parent, allow_outside), str(source)
+        r = read_mesh_file(source, where, boundary)
+    name = free_name((m.name for m in scene.mobiles), name or Path(where).stem)
+    check_size(f"{where}: a mobile", r.mesh)
+    _check_dark(r.mesh, r.materials, where)
     mesh = r.mesh._replace(face_material=(r.mesh.face_material + len(scene.materials)).astype(np.int32))
     scene = replace(
         scene,
         materials=(*scene.materials, *r.materials),
         mobiles=(*scene.mobiles, Mobile(name, mesh)),
         notes=(*scene.notes, *(f'mobile "{name}": {n}' for n in r.notes)),
-        files=(*scene.files, tuple(boundary.files)),
+        files=(*scene.files, *([tuple(boundary.files)] if boundary.files else [])),
     )
-    return scene, UP[r.up]
+    return scene, None if isinstance(source, Shape) else UP[r.up]
 
 
-def inserted(scene: Scene, path: Path, name: str, pose: Pose | None, allow_outside: bool) -> Scene:
-    """Return a loaded scene with one more mobile from a mesh file, by the same steps; pose: None: on a free floor.
+def inserted(scene: Scene, source: Path | Shape, name: str, pose: Pose | None, allow_outside: bool) -> Scene:
+    """Return a loaded scene with one more mobile, by the same steps; pose: None: on a free floor.
 
     Raises SceneError.
     """
     origin = origin_of(scene.static)
-    scene, up = _with_mobile_file(translated(scene, -origin), path, name, allow_outside)
+    scene, up = _with_mobile(translated(scene, -origin), source, name, allow_outside)
     scene, *_ = complete(scene, [(len(scene.mobiles) - 1, up)], bare=False)
     *before, mobile = scene.mobiles
     scene = with_gloss_classes(replace(scene, mobiles=(*before, mobile._replace(mesh=_fine(mobile.mesh)))))

@@ -12,27 +12,28 @@ import numpy as np
 
 from gi_core.base import memory
 from gi_core.base.fixed_point import MAX_SEGMENTS
-from gi_core.base.pace import Pace
+from gi_core.base.pause import Pace
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
-from gi_core.estimators.setting import Setting
+from gi_core.estimators.base import Setting
 from gi_core.frames.unchanged_paths import KnownPaths, known_paths, traced_paths
 from gi_core.geometry.radiosity import irradiance
-from gi_core.lights.mix import irradiance_at
+from gi_core.lights.lamps import irradiance_at
 from gi_core.model import Model
-from gi_core.photons.flux_sums import Evaluated
+from gi_core.photons.flux_sums import Evaluated, SubsetStore
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
-from gi_core.photons.subsets import SubsetStore
 from gi_core.photons.trace import add_fates, no_flux
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for, same_grid
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
-PART_VERTICES = 1 << 16  # the same in white rooms, whose paths are long
 PART_GRAIN = 256  # photons per thread
-FIRST_SECONDS = 1e-3  # per photon, before measurements: paths in white rooms may be long
-LEAST, MOST = 64, 1 << 16  # photons per step
 BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised
 SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
+
+
+def _pace() -> Pace:
+    """Return a pace of photons per step, from 1 ms per photon: paths in white rooms may be long."""
+    return Pace(1e-3, 64, 1 << 16)
 
 
 class StepKind(enum.Enum):
@@ -50,7 +51,7 @@ class Background:
         self.estimate: Estimator = ESTIMATORS[setting.estimator](store.model, setting)
         self.added = 0  # photons
         self.built = False
-        self.pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        self.pace = _pace()
         self.evaluated: Evaluated | None = None  # sums of the last frame; the next one overwrites them
         self._irradiance = SubsetStore(), SubsetStore()  # of levels and irradiance: of bounced light alone, of all
 
@@ -65,7 +66,7 @@ class Background:
         other = copy.copy(self)
         other.store, other.model, other.built, other.evaluated = store, store.model, False, None
         other.estimate = self.estimate.copied(store.model, self.setting)
-        other.pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        other.pace = _pace()
         other._irradiance = SubsetStore(self._irradiance[0]), SubsetStore(self._irradiance[1])
         return other
 
@@ -113,7 +114,7 @@ class Photons:
         self._known: KnownPaths | None = None  # to be taken over part by part
         self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
-        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        self._pace = _pace()
         self._store = PathStore()
         self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, quantised, for the broad phase
         if earlier is not None and earlier.count and earlier.seed == seed:
@@ -205,7 +206,7 @@ class Photons:
         """Add the next traced photons to a background, on all threads."""
         m, added = self.model, b.added
         paths = self._store.subset(added + count)
-        part = max(1, min(PART, PART_VERTICES * (added + count) // len(paths.side)))
+        part = max(1, min(PART, (1 << 16) * (added + count) // len(paths.side)))  # paths in white rooms are long
 
         def work(thread, first, last):
             for at in range(added + first, added + last, part):

@@ -47,7 +47,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.gather.denoise import VARIANCE, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
-from gi_core.lights.mix import MIX_GRAIN, mixed, read_out
+from gi_core.lights.lamps import MIX_GRAIN, mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
 
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.estimators import ESTIMATORS
-from gi_core.estimators.setting import Setting
+from gi_core.estimators.base import Setting
 from gi_core.frames.background import Background
 from gi_core.frames.control_variate import REACH, changed
 from gi_core.frames.unchanged_paths import StaticPart, edited_faces
@@ -31,7 +31,7 @@ from gi_core.gather.estimate import Estimate, Source, variance_per_lamp
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.emission import Emitters, unchanged_lamps
-from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.lamps import sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 

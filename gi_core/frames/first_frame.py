@@ -9,25 +9,22 @@ import numpy as np
 from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.base.pause import Progress, pause
 from gi_core.estimators import ESTIMATORS
-from gi_core.estimators.setting import Setting
+from gi_core.estimators.base import Setting
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
 from gi_core.frames.frame_light import FrameLight
+from gi_core.gather.static import ALL_PATHS
 from gi_core.gloss.source import OPENED
 from gi_core.lights.emission import FEW
 from gi_core.model import Model
-from gi_core.photons.subsets import is_level, next_level
+from gi_core.photons.flux_sums import is_level, next_level
 
-STEP_SECONDS = 0.02  # aim per step; of 6 ms, a third would be overhead
 FIRST_STEP_SECONDS = 0.08  # the same before the first picture: nothing can be dragged yet
-LONG_STEP_SECONDS = 1.0  # the same without pictures: the paths of a step take memory twice
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
-MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
-LATE = 1 << 18  # little compared with so many photons
 EARLY_PATHS = 112  # per receiver, before photons beyond the first picture: their light has less noise for its time
+DRAGGED = 1 << 17  # photons, as many as frames of a drag take: the rest of radiosity comes before more
 RECENT = 3  # backgrounds kept: one per shipped estimator
-MUCH_MORE = 2.0  # the same where each picture estimates everything again
 
 
 class Schedule:
@@ -51,8 +48,9 @@ class Schedule:
 
 def _after(b: Background) -> int:
     """Return the photons of the picture after that of all photons in a background."""
-    more = LATE_MORE if b.added >= LATE else MORE
-    return int((more if b.estimate.additive else MUCH_MORE) * b.added)
+    # Where sums are additive, a picture costs one frame, little compared with 262,144 photons; else it estimates again.
+    more = 1.19 if b.added >= 1 << 18 else 1.41
+    return int((more if b.estimate.additive else 2.0) * b.added)
 
 
 class FirstFrame:
@@ -61,8 +59,8 @@ class FirstFrame:
     The last RECENT backgrounds stay too: a return to their setting shows its light at once. They go if memory is short.
     """
 
-    def __init__(self, photons: Photons, light: FrameLight, scene_size: float):
-        self._photons, self._light, self._scene_size = photons, light, scene_size
+    def __init__(self, photons: Photons, light: FrameLight):
+        self._photons, self._light = photons, light
         self.by_flux = photons  # the first ones
         self._recent: list[Background] = []  # newest last
 
@@ -93,7 +91,7 @@ class FirstFrame:
 
     def twin(self, light: FrameLight, shown: Photons) -> FirstFrame:
         """Return a builder with the same photons and no background; shown: photons of the frame on show."""
-        other = FirstFrame(self.by_flux, light, self._scene_size)
+        other = FirstFrame(self.by_flux, light)
         other._photons = shown
         return other
 
@@ -120,11 +118,13 @@ class FirstFrame:
 
         frame: returns the frame on show; wanted: returns the photons, called before each step; show: computes a frame.
         """
+        long_step_seconds = 1.0  # the same without pictures: the paths of a step take memory twice
+        step_seconds = 0.02  # aim per step; of 6 ms, a third would be overhead
         shown, first = frame().background, 0  # photons of an uncontrolled picture, which stay traced
-        seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else LONG_STEP_SECONDS
+        seconds = (step_seconds if shown is not None else FIRST_STEP_SECONDS) if pictures else long_step_seconds
         if pictures and wanted() and shown is None and not self.is_begun and self._is_slow(setting):
             shown = self._uncontrolled(setting, wanted(), show)
-            seconds, first = STEP_SECONDS, shown.added
+            seconds, first = step_seconds, shown.added
         b = self.background(setting, shown, wanted())
         _build(b, first / max(wanted(), 1))
         returns = shown not in (None, b)
@@ -144,7 +144,7 @@ class FirstFrame:
             if schedule.is_due(b.added, goal):
                 self._show_early(b, goal, show)
                 schedule.shown(b)
-                seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
+                seconds = step_seconds if pictures else long_step_seconds
         f, as_asked = frame(), (self._light.size(goal), self._light.is_gathered, True)
         as_shown = f.size, f.gathered, f.gloss is None or f.gloss.opened == OPENED[self._light.setting.gloss]
         if b is not f.background or f.photons_at_rest != goal or as_shown != as_asked:
@@ -174,7 +174,7 @@ class FirstFrame:
         pause(Progress("estimating", fraction, True))
 
     def _show_early(self, b: Background, wanted: int, show: Callable[[Background], None]) -> None:
-        """Show a picture of fewer photons than wanted; where no light is gathered yet, gather EARLY_PATHS first."""
+        """Show a picture of fewer photons than wanted; gather EARLY_PATHS first, and all radiosity from DRAGGED on."""
         static, is_shown = self._light.static, False
 
         def take() -> None:
@@ -183,9 +183,10 @@ class FirstFrame:
                 is_shown = True
                 self.show(b, wanted, show)
 
-        if self._light.setting.takes_gathered and static.is_early(EARLY_PATHS):
+        paths = EARLY_PATHS if b.added < DRAGGED else ALL_PATHS
+        if self._light.setting.takes_gathered and static.is_early(paths):
             pause(Progress("gathering", b.added / wanted, False))
-            static.gather(None, lambda: b, take, EARLY_PATHS)
+            static.gather(None, lambda: b, take, paths)
         if not is_shown:
             self.show(b, wanted, show)
 
@@ -197,7 +198,7 @@ class FirstFrame:
     def find_unreached(self, b: Background) -> None:
         """Find unreached receivers by the static part's light."""
         light = self._light.static.of_all_lamps(b, self._light.setting.takes_gathered)
-        self._light.unreached.find(self._scene_size, light)
+        self._light.unreached.find(light)
 
     def _uncontrolled(self, setting: Setting, wanted: int, show: Callable[[Background], None]) -> Background:
         """Show the first photons without artifact control, as regions may take seconds; return the background."""

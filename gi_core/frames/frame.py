@@ -15,14 +15,14 @@ import numpy as np
 
 from gi_core.base.pause import pause
 from gi_core.base.threads import overlapped
-from gi_core.discs.contact.stale_receivers import ControlFacts
-from gi_core.display.probes import probe_irradiance
+from gi_core.discs.stale_receivers import ControlFacts
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.light_setting import FrameSize
 from gi_core.gloss.light import GlossLight
-from gi_core.lights.mix import irradiance_at
+from gi_core.lights.lamps import irradiance_at
+from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates, add_fates
 from gi_core.rays.accelerator import Transforms
@@ -120,7 +120,7 @@ class Frame(NamedTuple):
 
     @property
     def probe_irradiance(self) -> dict[str, np.ndarray]:
-        """Irradiance (3,) [W/m2] at each probe, see `gi_core.display.probes`."""
+        """Irradiance (3,) [W/m2] at each probe, see probe_irradiance()."""
         b = self.background
         return probe_irradiance(self.store.model, self.irradiance, b is not None and b.estimate.on_faces)
 
@@ -237,3 +237,29 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     if shown.paths:
         light.light_mobiles(E, at, unbiased, shown.paths, b, fresh=True)
     return light.rested(E, at, b, n)
+
+
+def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> dict[str, np.ndarray]:
+    """Return irradiance (3,) [W/m2] by probe name, from that of all receivers (R, 3).
+
+    A probe is a receiver. With an estimator that counts hits on faces, it takes the interpolated irradiance of the
+    static face that it lies on, or 0 off any face.
+    """
+    rows = slice(model.first_probe, model.surfaces.receiver_range(0).stop)
+    at_probes = _interpolated(model, irradiance, rows) if on_faces else irradiance[rows]
+    return dict(zip((p.name for p in model.scene.probes), at_probes, strict=True))
+
+
+def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarray:
+    r, s = model.object_receivers, model.surfaces
+    positions, normals = r.positions[rows], r.normals[rows]
+    # a probe nearer than 1e-4 of a face's largest coordinate lies on it
+    face = model.faces_at(model.static, positions, normals, 1e-4)
+    out = np.zeros((len(face), 3))
+    for k in np.flatnonzero(face >= 0):
+        a, *ends = s.vertices[0][s.faces[0][face[k]]]
+        u, v = np.linalg.lstsq((ends - a).T, positions[k] - a, rcond=None)[0]  # of the foot in the face's plane
+        front = normals[k] @ s.normals[face[k]] > 0
+        index = (s.corner_front if front else s.corner_back)[face[k]]
+        out[k] = np.where(index[:, None] >= 0, irradiance[index], 0).T @ (1 - u - v, u, v)
+    return out

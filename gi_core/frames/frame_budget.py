@@ -15,7 +15,6 @@ from statistics import median
 from gi_core.frames.light_setting import PATHS, FrameSize
 
 TIMED = 3  # frames timed per size at rest: one of them may be disturbed by other load
-GATHERING = 0.7  # share of the budget for up to ...
 ENOUGH_PATHS = 32  # ... so many paths, where photons are worth more: mobiles are then 3 to 5 % off
 LEAST_PHOTONS = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
@@ -97,15 +96,16 @@ class FrameBudget:
 
         subsets: photon subsets, ascending; gathers: whether mobiles gather their light.
         """
+        gathering = 0.7  # share of the budget for up to ...
         if not gathers:
             return (self._photon_times.largest_within(seconds, good_enough(subsets)) if subsets else None), None
-        paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= ENOUGH_PATHS])
+        paths = self._path_times.largest_within(gathering * seconds, [n for n in PATHS if n <= ENOUGH_PATHS])
         if not subsets:
             return None, paths
         left = seconds - (self._path_times.expected(paths) or 0.0)
         photons = self._photon_times.largest_within(left, good_enough(subsets))
         if (spent := self._photon_times.expected(photons)) is not None:
-            paths = self._path_times.largest_within(max(seconds - spent, (1.0 - GATHERING) * seconds), PATHS)
+            paths = self._path_times.largest_within(max(seconds - spent, (1.0 - gathering) * seconds), PATHS)
         return photons, paths
 
     def begin(self) -> None:

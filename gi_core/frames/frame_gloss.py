@@ -151,9 +151,8 @@ class GatheredGloss:
             owner = np.full(static.stop + 1, -1)
             on_static = cells.rows < static.stop
             owner[cells.rows[on_static]] = cells.owners[cells.place[on_static]]
-            light, every = gathered.mean.reshape(len(gathered.rows), -1), np.ones(len(gathered.rows), bool)
-            light = averaged(_among(gathered.rows, owner, self._near[1]), light, every, model.threads)
-            kept = gathered.mean, light.reshape(gathered.mean.shape)
+            near, every = _among(gathered.rows, owner, self._near[1]), np.ones(len(gathered.rows), bool)
+            kept = gathered.mean, averaged(near, gathered.mean, every, model.threads)
             self._spread = {} if len(self._spread) > KEPT else self._spread
             self._spread[id(gathered)] = kept
         return kept[1]

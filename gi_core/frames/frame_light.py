@@ -92,10 +92,12 @@ class FrameLight:
         """
 
         def take() -> None:
-            if used := self.static.compare(shown()) and self.setting.takes_gathered:
+            before = self.is_gathered
+            self.static.compare(shown())
+            if used := before or self.is_gathered:  # photons may have less error than was known
                 refresh()
             pause(self.static.gathered.progress(picture=used))
-            if used and self.is_gathered:
+            if self.is_gathered:
                 b, static = shown(), self._model.static
                 E = self.static.irradiance(b, self.setting.levels)
                 self.gloss.gather(b, static, E, np.arange(len(E)), self.setting, refresh)

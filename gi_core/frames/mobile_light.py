@@ -1,8 +1,8 @@
 """Light of mobiles in frames, gathered by paths that end in the static part's light (`gi_core.gather.mobile`).
 
-A bounce ends in irradiance interpolated between the corners of a face. A face larger than the disc of an estimator may
-be lit quite otherwise than its corners, as the two triangles of a wall are. Many photons hit such a face, so its flux
-is known. Its reflectance is scaled such that interpolated light reflects that flux.
+Paths end in irradiance interpolated between the corners of a face. A face larger than the disc of an estimator may be
+lit quite otherwise than its corners, as the two triangles of a wall are. Many photons hit such a face, so its flux is
+known. Its reflectance is scaled such that interpolated light reflects it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,11 @@ import numpy as np
 from gi_core.display.dilation import Unreached, dilated
 from gi_core.frames.background import Background
 from gi_core.gather.mobile import MobileGather
+from gi_core.lights.lamps import mix
 from gi_core.lights.light_sampling import Lights
-from gi_core.lights.mix import mix
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 from gi_core.rays.accelerator import Transforms
-
-MOST_COUNTED = 1 << 16  # that are counted: some 5 ms
-LEAST_HITS = 100  # of a face: noise of a tenth
 
 
 class CoarseFaces(NamedTuple):
@@ -55,7 +52,7 @@ class CoarseFaces(NamedTuple):
         sums = np.stack([np.bincount(cell, paths.flux[rows - 1, c], cells) for c in range(3)], axis=1)
         flux = sums.reshape(len(coarse), lamps.channels) * (model.emitters.unit_flux / photons)
         flux *= np.repeat(model.emitters.scale, 3)
-        return cls(coarse, flux, np.bincount(at, minlength=len(coarse)) >= LEAST_HITS)
+        return cls(coarse, flux, np.bincount(at, minlength=len(coarse)) >= 100)  # noise of a tenth
 
     def reflectance(self, model: Model, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Return reflectance (F, 3) float64 of all faces, scaled on these such that interpolated light conserves flux.
@@ -103,7 +100,7 @@ class MobileLight:
         """
         photons = b.estimate.photons
         if self._coarse is None or self._coarse[:2] != (b, photons):
-            paths, _ = b.store.subset(min(photons, MOST_COUNTED))
+            paths, _ = b.store.subset(min(photons, 1 << 16))  # some 5 ms
             self._coarse = b, photons, CoarseFaces.of(b.model, paths, math.pi * b.setting.radius**2)
         inputs = static, unreached, levels
         if self._reflectance is None or not all(map(operator.is_, self._reflectance[0], inputs)):

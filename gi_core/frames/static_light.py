@@ -27,7 +27,7 @@ from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance, noise_from_subset, relative_noise, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
-from gi_core.lights.mix import mix, sum_of_lamps
+from gi_core.lights.lamps import mix, sum_of_lamps
 from gi_core.model import Model
 
 NEAR = 2.0  # disc radii: 4 serve few photons better, and half a million worse

@@ -108,11 +108,12 @@ def traced_paths(
     places = np.repeat(offsets[:-1][again] - new.offsets[:-1], np.diff(new.offsets)) + np.arange(len(new.side))
     out = PathVertices(
         offsets, np.empty((offsets[-1], 3), np.float32), np.empty(offsets[-1], np.int32),
-        np.empty((offsets[-1], 3), np.int32), np.empty(count, np.uint8),
+        np.empty((offsets[-1], 3), np.int32), *np.empty((2, count), np.uint8),
     )  # fmt: skip
     for whole_array, taken, traced in zip(out[1:4], old[1:4], new[1:4], strict=True):
         whole_array[rows], whole_array[places] = taken[kept], traced
-    out.lamp[: last - first], out.lamp[again] = old.lamp, new.lamp
+    for own, taken, traced in zip(out[4:], old[4:], new[4:], strict=True):
+        own[: last - first], own[again] = taken, traced
     return out, add_fates(fates, _fates(old, ~met, len(fates.emitted) // 3)), len(again)
 
 
@@ -120,7 +121,8 @@ def _part(paths: PathVertices, first: int, last: int) -> PathVertices:
     """Return the paths of photons first .. last - 1, their offsets from 0 on."""
     a, b = int(paths.offsets[first]), int(paths.offsets[last])
     position, side, flux = (array[a:b] for array in (paths.position, paths.side, paths.flux))
-    return PathVertices(paths.offsets[first : last + 1] - a, position, side, flux, paths.lamp[first:last])
+    own = (array[first:last] for array in (paths.lamp, paths.direct))
+    return PathVertices(paths.offsets[first : last + 1] - a, position, side, flux, *own)
 
 
 def _fates(paths: PathVertices, rows: np.ndarray, lamps: int) -> Fates:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating, kernel
+from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
 from gi_core.geometry.surfaces import Surfaces
@@ -21,6 +21,7 @@ from gi_core.lights.area import AreaLights, largest_cosine
 
 BRIGHT = 4.0  # times the mean light of faces that face a mobile
 LEAST_BRIGHT = 0.2  # of their light, from bright ones
+BOUNCES_PER_BRIGHT = 8  # bounces per ray to a bright face
 RED, GREEN, BLUE = REC709
 
 
@@ -126,8 +127,8 @@ def relative_light(face, radiance, corner_front, reflectance, E):
 
 @kernel
 def add_reflected(rays, blocked, relative, total):
-    """Add the light that unblocked rays to bright faces bring, times relative_light(), to total (n, 3)."""
+    """Add the light that unblocked rays to bright faces bring, times relative (A, 3 G), to total (n, 3 G)."""
     for j in range(len(blocked)):
         if not blocked[j]:
-            for c in range(3):
-                total[rays.row[j], c] += rays.value[j, c] * relative[rays.lamp[j], c]
+            for c in range(total.shape[1]):
+                total[rays.row[j], c] += rays.value[j, c % 3] * relative[rays.lamp[j], c]

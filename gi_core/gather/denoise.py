@@ -111,8 +111,8 @@ def _chosen(lights: list[np.ndarray], best: np.ndarray) -> np.ndarray:
 
 
 def averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int) -> np.ndarray:
-    """Return the means of values (n,) or (n, k) over each lit (n,) receiver and its lit neighbours; 0 at the others."""
-    out, columns = np.zeros_like(values), values.reshape(len(lit), -1)
+    """Return the means of values (n, ...) over each lit (n,) receiver and its lit neighbours; 0 at the others."""
+    out, columns = np.zeros_like(values), values.reshape(len(lit), math.prod(values.shape[1:]))
 
     def work(_, first, last):
         _average(near, columns, lit, first, last, out.reshape(columns.shape))

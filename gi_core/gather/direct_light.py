@@ -11,25 +11,27 @@ from __future__ import annotations
 import copy
 import itertools
 import time
+from collections.abc import Collection
 from typing import NamedTuple, cast
 
 import numpy as np
 
-from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating, inlined, kernel
-from gi_core.base.pace import STEP, Pace
-from gi_core.base.pause import pause
+from gi_core.base.nearest_points import hilbert_order
+from gi_core.base.pause import STEP, Pace, pause
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, largest, rotate_back, row
 from gi_core.gather.hit_cache import pose_bits
-from gi_core.lights.light_points import LightPoints, light_points, strength_of, way_to
+from gi_core.lights.lamps import mix
+from gi_core.lights.light_points import DELTA, FACE, SKY, LightPoints, light_points, strength_of, way_to
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, GAP, Transforms
-from gi_core.rays.structures import any_hit, new_ray
+from gi_core.rays.panes import transmitted
+from gi_core.rays.structures import new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
-SEE_GRAIN, ADD_GRAIN = 16, 1024  # groups per thread
-FIRST_SECONDS, LEAST, MOST = 2e-4, 16, 1 << 12  # per group before measurements; groups per step
+SEE_GRAIN = 16  # groups per thread
+RESOLVED = 3.0  # distance in radii of the disc that a point on a light stands for
 
 
 class Groups(NamedTuple):
@@ -43,26 +45,53 @@ class Groups(NamedTuple):
     # Pairs of a group and a point that brings light to it, by group:
     first: np.ndarray  # (g + 1,) int64, pairs before those of each group
     point: np.ndarray  # (n,) int64
-    strength: np.ndarray  # (n, GROUP) float32: irradiance over the value of the point; 0: the static part hides it
+    # (n, GROUP, S) float32: irradiance over the value of the point; 0: the static part hides it. S: 3 channels where
+    # panes of the static part have a colour, else 1.
+    strength: np.ndarray
 
 
 class Blocked(NamedTuple):
-    """Rays that mobiles block, one row per mobile."""
+    """Rays that mobiles block, or that their panes dim, one row per mobile."""
 
     pose: list[bytes]  # of each mobile, b"": unknown
     rays: np.ndarray  # (m, n) uint16 of each pair, a bit per receiver of the group
     any: np.ndarray  # (m, g) bool, the mobile blocks a ray of the group
+    glass: np.ndarray  # (m,) int64, row in `passed`, -1: no pane
+    passed: np.ndarray  # (p, n, GROUP, 3) float32, share of a blocked ray's light that passes mobiles with panes
 
     @classmethod
-    def unknown(cls, mobiles: int, groups: int, pairs: int) -> Blocked:
-        return cls([b""] * mobiles, np.empty((mobiles, pairs), np.uint16), np.empty((mobiles, groups), bool))
+    def unknown(cls, panes: np.ndarray, groups: int, pairs: int) -> Blocked:
+        """Return what is known at first; panes (m,) bool: mobiles with panes."""
+        mobiles = len(panes)
+        rays, shaded = np.empty((mobiles, pairs), np.uint16), np.empty((mobiles, groups), bool)
+        glass = np.where(panes, np.cumsum(panes) - 1, -1).astype(np.int64)
+        passed = np.empty((int(panes.sum()), pairs, GROUP, 3), np.float32)
+        return cls([b""] * mobiles, rays, shaded, glass, passed)
+
+
+class Places(NamedTuple):
+    """Where direct light is measured on the static part."""
+
+    positions: np.ndarray  # (n, 3) float64 [m]
+    normals: np.ndarray  # (n, 3) float64 unit
+    lifts: np.ndarray  # (n,) float64 [m], how far rays start off them
+
+    @classmethod
+    def of_receivers(cls, model: Model) -> Places:
+        """Return the evaluation points of static receivers."""
+        static = model.surfaces.receiver_range(0)
+        return cls(*(a[static] for a in model.evaluation_points), model.lifts)
 
 
 class DirectLight:
-    """`per_lamp` (n, 3 G) [W/m2] is the direct light of static receivers without mobiles, once `is_known`."""
+    """`per_lamp` (n, 3 G) [W/m2] is the direct light of places without mobiles, once `is_known`; of static receivers
+    at first.
+    """
 
-    def __init__(self, model: Model, seed: int):
-        self._model, self._points = model, light_points(model.lights, model.emitters.arriving, seed)
+    def __init__(self, model: Model, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY)):
+        """kinds: of lights, see `light_points.py`; delta lights always."""
+        self._model, self._points = model, light_points(model.lights, model.emitters.arriving, seed, kinds)
+        self._places: Places | None = None
         self.per_lamp = np.empty((0, model.lights.channels))
         self._groups: Groups | None = None
         self._blocked: Blocked | None = None
@@ -73,22 +102,37 @@ class DirectLight:
         other._model, other._blocked = cast(Model, model), None
         return other
 
+    def resolves(self, positions: np.ndarray) -> np.ndarray:
+        """Return whether positions (n, 3) [m] are far enough from all lights for their points to stand for them."""
+        out = np.ones(len(positions), bool)
+        for place, spread in zip(self._points.place, self._points.spread, strict=True):
+            away = positions - place
+            out &= (away * away).sum(axis=1) >= RESOLVED**2 * spread
+        return out
+
     @property
     def is_known(self) -> bool:
         return self._groups is not None
 
+    def measured_at(self, places: Places) -> DirectLight:
+        """Return the direct light of other places, measured by the same points on lights."""
+        other = copy.copy(self)
+        other._places, other._groups, other._blocked = places, None, None
+        other.measure()
+        return other
+
     def measure(self) -> None:
-        """Measure direct light, once; nothing where no mobile can block it."""
-        if self.is_known or self._points is None or self._model.surfaces.objects == 1:
+        """Measure direct light, once; nothing at receivers where no mobile can block it."""
+        if self.is_known or self._points is None or (self._places is None and self._model.surfaces.objects == 1):
             return
-        m, static = self._model, self._model.surfaces.receiver_range(0)
-        groups = _groups(*(a[static] for a in m.evaluation_points), m.lifts)
-        parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP), np.float32))]
-        light, at, pace = np.zeros((static.stop, m.lights.channels)), 0, Pace(FIRST_SECONDS, LEAST, MOST)
+        m, places = self._model, self._places or Places.of_receivers(self._model)
+        groups = _groups(*places)
+        parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP, self._channels), np.float32))]
+        light, at, pace = np.zeros((len(places.lifts), m.lights.channels)), 0, Pace(2e-4, 16, 1 << 12)
         pause()
         while at < len(groups.radius):
             count, began = pace.share_of(len(groups.radius) - at, STEP), time.perf_counter()
-            parts += self._measure(groups, at, count, light)
+            parts += self._measure(groups, places.positions, at, count, light)
             pace.took(count, time.perf_counter() - began)
             at += count
             pause()
@@ -96,16 +140,25 @@ class DirectLight:
         first = np.concatenate([[0], np.cumsum(pairs)])
         self.per_lamp, self._groups = light, groups._replace(first=first, point=point, strength=strength)
 
-    def _measure(self, groups: Groups, at: int, count: int, light: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+    @property
+    def _channels(self) -> int:
+        """Channels of strengths."""
+        s = self._model.surfaces
+        kinds = np.unique(s.pane[s.face_range(0)])
+        return 3 if np.ptp(s.panes[kinds[kinds >= 0], :3], axis=1).any() else 1
+
+    def _measure(
+        self, groups: Groups, places: np.ndarray, at: int, count: int, light: np.ndarray
+    ) -> list[tuple[np.ndarray, ...]]:
         """Measure the light of `count` groups from `at` on; return the pairs per group, and points and strengths."""
         m = self._model
-        places, _ = m.evaluation_points
 
         def see(first, last):
-            strength, of = np.zeros((last - first, len(self._points.kind), GROUP), np.float32), m.lights
+            shape, of = (last - first, len(self._points.kind), GROUP, self._channels), m.lights
+            strength = np.zeros(shape, np.float32)
             whole = m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, places, new_ray()
             _see(*whole, first, strength, light)
-            lit = strength.any(axis=2)
+            lit = strength.any(axis=(2, 3))
             return lit.sum(axis=1), np.nonzero(lit)[1], strength[lit]
 
         def work(_, first, last):
@@ -113,27 +166,34 @@ class DirectLight:
 
         return list(itertools.chain.from_iterable(run_ranges(work, count, m.threads, SEE_GRAIN)))
 
+    def at(self, at: Transforms, levels: np.ndarray) -> np.ndarray:
+        """Return the direct light (n, 3) [W/m2] that passes mobiles at their poses, at levels (G, 3) of the lamps."""
+        return mix(self.per_lamp, levels) - self.blocked(at, levels)
+
     def blocked(self, at: Transforms, levels: np.ndarray) -> np.ndarray:
         """Return the direct light (n, 3) [W/m2] that mobiles block at their poses, at levels (G, 3) of the lamps."""
         m, p, groups = self._model, self._points, self._groups
         out, n = np.zeros((len(self.per_lamp), 3)), len(groups.radius)
         if self._blocked is None:
-            self._blocked = Blocked.unknown(len(at.position) - 1, n, len(groups.point))
-        pose, rays, shaded = self._blocked
+            s = m.surfaces
+            panes = np.array([(s.pane[s.face_range(o)] >= 0).any() for o in range(1, len(at.position))], bool)
+            self._blocked = Blocked.unknown(panes, n, len(groups.point))
+        pose, rays, shaded, glass, passed = self._blocked
         now = [pose_bits(at, k + 1) for k in range(len(pose))]
         moved = [k for k in range(len(pose)) if pose[k] != now[k]]
         if moved:
             for k in moved:
                 pose[k] = b""  # until all is found
-            self._find_blocked(at, moved, rays, shaded)
+            self._find_blocked(at, moved, self._blocked)
             for k in moved:
                 pose[k] = now[k]
         value = p.value * levels[p.lamp]
-        run_ranges(lambda _, a, b: _add(groups, rays, shaded, value, a, b, out), n, m.threads, ADD_GRAIN)
+        parts = rays, shaded, glass, passed
+        run_ranges(lambda _, a, b: _add(groups, *parts, value, a, b, out), n, m.threads, 1024)  # groups per thread
         return out
 
-    def _find_blocked(self, at: Transforms, moved: list[int], rays: np.ndarray, shaded: np.ndarray) -> None:
-        """Write the rays (m, n) that mobiles block, and the groups (m, g) where they do, of the moved ones."""
+    def _find_blocked(self, at: Transforms, moved: list[int], blocked: Blocked) -> None:
+        """Write what the moved mobiles block."""
         m, p, groups = self._model, self._points, self._groups
         points = {k: p._replace(place=_in_object(at, k + 1, p)) for k in moved}
 
@@ -142,7 +202,9 @@ class DirectLight:
             for k, part in itertools.product(moved, range(first, last)):
                 o, of = k + 1, m.accelerator
                 # Shadows lie in few groups, close by: each thread takes every n-th.
-                each = part, m.threads, rays[k], shaded[k]
+                row = blocked.glass[k]
+                passed = blocked.passed[row] if row >= 0 else blocked.passed[:0].reshape(0, GROUP, 3)
+                each = (part, m.threads), blocked.rays[k], blocked.any[k], passed
                 _block(of.scenes, of.boxes[o], at, o, points[k], _far(m), groups, ray, *each)
 
         run_ranges(work, m.threads, m.threads, 1)
@@ -168,7 +230,7 @@ def _groups(position: np.ndarray, normal: np.ndarray, lift: np.ndarray) -> Group
     low, high = place.min(axis=1).astype(np.float64), place.max(axis=1).astype(np.float64)
     centre = (low + high) / 2
     radius = np.sqrt(((place - centre[:, None]) ** 2).sum(axis=2).max(axis=1))
-    dark = np.zeros(count + 1, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP), np.float32)
+    dark = np.zeros(count + 1, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP, 1), np.float32)
     return Groups(order.reshape(-1, GROUP), place, up.reshape(-1, GROUP, 3), centre, radius, *dark)
 
 
@@ -189,7 +251,7 @@ def _limit(distance, reach, position):
 
 @kernel
 def _see(scenes, points, area, delta, far, groups, places, ray, first, out, light):
-    """Write strengths (m, P, GROUP) and light of m groups from `first` on, of receivers at places (n, 3) [m]."""
+    """Write strengths (m, P, GROUP, S) and light of m groups from `first` on, of receivers at places (n, 3) [m]."""
     for g in range(first, first + len(out)):
         for k in range(GROUP):
             position, normal, r = row(groups.position[g], k), row(groups.normal[g], k), groups.receiver[g, k]
@@ -201,11 +263,14 @@ def _see(scenes, points, area, delta, far, groups, places, ray, first, out, ligh
                     continue
                 u, v, w, d = way_to(row(points.place, j), points.reach[j] == np.inf, far, position)
                 u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), _limit(d, points.reach[j], position)
-                if any_hit(scenes, 0, ray, position[0], position[1], position[2], u, v, w, limit):
+                shares = transmitted(scenes, 0, ray, position[0], position[1], position[2], u, v, w, limit)
+                if shares[0] + shares[1] + shares[2] <= 0.0:
                     continue
-                out[g - first, j, k] = strength
+                share = np.float32(shares[0]), np.float32(shares[1]), np.float32(shares[2])
+                for c in range(out.shape[3]):
+                    out[g - first, j, k, c] = strength * share[c]
                 for c in range(3):
-                    light[r, 3 * points.lamp[j] + c] += strength * points.value[j, c]
+                    light[r, 3 * points.lamp[j] + c] += strength * share[c] * points.value[j, c]
 
 
 @inlined
@@ -224,16 +289,17 @@ def _misses(start, end, box, pad):
 
 
 @allocating
-def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shaded):
-    """Write the rays (n,) that mobile o blocks, and where it does (g,), of groups first, first + step ...
+def _block(scenes, box, at, o, points, far, groups, ray, turn, rays, shaded, passed):
+    """Write the rays (n,) that mobile o blocks, and where it does (g,), of each n-th group; turn: the first one, and n.
 
+    passed (n, GROUP, 3): their light that its panes let pass; (0, GROUP, 3): it has none.
     box (2, 3): of the mobile; points: LightPoints, both in its space.
     """
     local, middle, half = np.empty((GROUP, 3), np.float32), np.empty(3), np.empty(3)
     for c in range(3):
         middle[c], half[c] = 0.5 * (box[0, c] + box[1, c]), 0.5 * (box[1, c] - box[0, c])
     around = (middle[0], middle[1], middle[2]), (half[0], half[1], half[2])
-    for g in range(first, len(shaded), step):
+    for g in range(turn[0], len(shaded), turn[1]):
         centre = rotate_back(at.rotation[o], difference(row(groups.centre, g), row(at.position, o)))
         is_local, shaded[g] = False, False
         for i in range(groups.first[g], groups.first[g + 1]):
@@ -246,7 +312,7 @@ def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shad
                 is_local = True
             hidden = 0
             for k in range(GROUP):
-                if groups.strength[i, k] == 0.0:
+                if not groups.strength[i, k].any():
                     continue
                 start = row(local, k)
                 if _misses(start, _end(place, distant, far, start), around, 0.0):
@@ -254,15 +320,19 @@ def _block(scenes, box, at, o, points, far, groups, ray, first, step, rays, shad
                 u, v, w, d = way_to(place, distant, far, start)
                 u, v, w = np.float32(u), np.float32(v), np.float32(w)
                 limit = _limit(d, points.reach[j], row(groups.position[g], k))
-                if any_hit(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit):
+                red, green, blue = transmitted(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit)
+                if red + green + blue < 3.0:
                     hidden |= 1 << k
+                    if len(passed) > 0:
+                        passed[i, k, 0], passed[i, k, 1], passed[i, k, 2] = red, green, blue
             if hidden:
                 rays[i], shaded[g] = hidden, True
 
 
 @kernel
-def _add(groups, rays, shaded, value, first, last, out):
+def _add(groups, rays, shaded, glass, passed, value, first, last, out):
     """Add the light of the points that mobiles block, of groups first .. last - 1; value (P, 3): of the points."""
+    last_channel = groups.strength.shape[2] - 1
     for g in range(first, last):
         if not shaded[:, g].any():
             continue
@@ -275,9 +345,22 @@ def _add(groups, rays, shaded, value, first, last, out):
             while hidden:
                 if hidden & 1:
                     for c in range(3):
-                        out[groups.receiver[g, k], c] += groups.strength[i, k] * value[j, c]
+                        light = groups.strength[i, k, min(c, last_channel)] * value[j, c]
+                        out[groups.receiver[g, k], c] += light
+                        if len(passed) > 0:
+                            out[groups.receiver[g, k], c] -= light * _left(rays, shaded, glass, passed, g, i, k, c)
                 hidden >>= 1
                 k += 1
+
+
+@kernel
+def _left(rays, shaded, glass, passed, g, i, k, c):
+    """Return the share of channel c of pair i's light that passes all mobiles on its way to receiver k of group g."""
+    left = 1.0
+    for o in range(len(shaded)):
+        if shaded[o, g] and rays[o, i] >> k & 1:
+            left *= passed[glass[o], i, k, c] if glass[o] >= 0 else 0.0
+    return left
 
 
 @inlined

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.geometry.error import luminance
-from gi_core.lights.mix import mix, sum_of_lamps
+from gi_core.lights.lamps import mix, sum_of_lamps
 
 
 class Source(enum.Enum):

@@ -13,10 +13,9 @@ import time
 
 import numpy as np
 
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
-from gi_core.base.pace import STEP, Pace
-from gi_core.base.pause import Progress, pause
+from gi_core.base.pause import STEP, Pace, Progress, pause
 from gi_core.base.random_numbers import Stream, basis, seed_of
 from gi_core.base.results import KEPT
 from gi_core.base.threads import run_ranges
@@ -47,11 +46,8 @@ from gi_core.scene.pose import to_world_at
 STAGE = "gathering gloss"
 LOG2_RAYS = 8  # of a receiver and round: four per cell
 RAYS = 1 << LOG2_RAYS
-ROUNDS = 4  # of the static part without mobiles: its light is then averaged over discs
-ROUNDS_AT_POSES = 8  # light on mobiles is not
-PART, GRAIN = 16, 4  # receivers per call, 4,096 rays; and per thread at least
-FIRST_SECONDS = 5e-4  # per receiver, before measurements
-LEAST, MOST = 8, 1 << 10  # receivers per step
+ROUNDS_AT_POSES = 8
+RECEIVERS_PER_CALL = 16  # 4,096 rays
 
 
 class GlossGather:
@@ -66,8 +62,9 @@ class GlossGather:
         self.rows, self.rounds, self.mean = rows, 0, np.zeros((len(rows), CELLS, SUMS))
         self._tracer = PathTracer(model, at, lights, seed_of(Stream.GLOSS, seed), LOG2_RAYS, ending)
         receivers = model.object_receivers
-        self.most = ROUNDS if len(at.position) == 1 else ROUNDS_AT_POSES
-        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        # Light of the static part without mobiles is then averaged over discs, that on mobiles is not.
+        self.most = 4 if len(at.position) == 1 else ROUNDS_AT_POSES
+        self._pace = Pace(5e-4, 8, 1 << 10)
         self._object = np.searchsorted(model.surfaces.first_receiver[1:], rows, side="right")
         self._normals = receivers.normals[rows]
         points, normals = (a[rows] for a in model.evaluation_points)
@@ -100,11 +97,11 @@ class GlossGather:
             began, last = time.perf_counter(), min(first + self._pace.fit(STEP), len(self.rows))
 
             def work(_, a, b, first=first):
-                for i in range(first + a, first + b, PART):
-                    part = slice(i, min(i + PART, first + b))
+                for i in range(first + a, first + b, RECEIVERS_PER_CALL):
+                    part = slice(i, min(i + RECEIVERS_PER_CALL, first + b))
                     light[part] = self._round(part)
 
-            run_ranges(work, last - first, self._tracer.model.threads, GRAIN)
+            run_ranges(work, last - first, self._tracer.model.threads, 4)
             self._pace.took(last - first, time.perf_counter() - began)
             first = last
             pause(self.progress(picture=False))
@@ -146,7 +143,7 @@ class GlossGather:
         """Add the light of the first n shadow rays that are not blocked, `share` of it, to cells."""
         if n:
             of, at = self._tracer.model.accelerator, self._tracer.at
-            blocked = occluded_in_world(of, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
+            blocked = occluded_in_world(of, at, rays.origin[:n], rays.direction[:n], rays.limit[:n], rays.value[:n])
             _deposit(rays.row, rays.direction, rays.value, blocked, share, *own, out)
 
 
@@ -193,8 +190,8 @@ def _aim(seed, ends, normals, rotations, direction):
     for j in range(len(ends.path)):
         i, k = ends.row[j], j % RAYS
         cell, part = k // (RAYS // CELLS), k % (RAYS // CELLS)
-        u = strata.uniform(seed, ends.path[j], 0, SCATTER_U, 0)
-        v = strata.uniform(seed, ends.path[j], 0, SCATTER_V, 0)
+        u = random_numbers.stratified(seed, ends.path[j], 0, SCATTER_U, 0)
+        v = random_numbers.stratified(seed, ends.path[j], 0, SCATTER_V, 0)
         a = 2.0 * (cell // SIDE + (part // along + u) / along) / SIDE - 1.0
         b = 2.0 * (cell % SIDE + (part % along + v) / along) / SIDE - 1.0
         n = normals[i]

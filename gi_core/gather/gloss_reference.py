@@ -13,13 +13,10 @@ import numpy as np
 from gi_core.base.threads import run_ranges
 from gi_core.gather.path_ends import starts
 from gi_core.gather.path_tracer import BLOCK, PathTracer
-from gi_core.gloss.highlights import arriving, highlights, without_surface
-from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
+from gi_core.gloss.lobe_rays import LobeViews, arriving, draw_lobe, gloss_alone, highlights, without_surface
 from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT, Transforms
-
-AT_ONCE = 1 << 18  # rays, which bounds memory
 
 
 class GlossViews(NamedTuple):
@@ -57,7 +54,7 @@ def reference_gloss(
     """
     n = len(views.face)
     mean, error = np.zeros((n, 3)), np.zeros((n, 3))
-    each = max(AT_ONCE // rays, 1)
+    each = max((1 << 18) // rays, 1)  # rays at once, which bounds memory
     for first in range(0, n, each):
         part = slice(first, min(first + each, n))
         L = _by_rays(model, at, lights, GlossViews(*(a[part] for a in views)), rays, seed, first)

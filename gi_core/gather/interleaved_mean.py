@@ -20,12 +20,11 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, dot, weighted
 from gi_core.bsdf import lambertian
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
-from gi_core.geometry.mesh_neighbours import neighbours
+from gi_core.geometry.mesh_neighbours import SAME_WAY, neighbours
 
 KINDS = 4  # at 8 bounces, 2 kinds leave a sixth to a quarter more error, 8 kinds a tenth
 AVERAGED = 16  # receivers per mean at most; 10 leave a twentieth more error, 20 a twentieth less
 LOOKED_AT = 4 * AVERAGED  # receivers along the mesh, of which AVERAGED are taken
-SAME_WAY = 0.9  # least cosine between normals
 CHANCE = 4.0  # a neighbour has weight 1/2 where CHANCE x Ward's squared error x bounces = 1; 2 to 8 are as good
 LEAST_BOUNCES, MOST_BOUNCES = 0.5, 4.0  # of a receiver, over the mean
 LEVELS = 4  # of these per doubling

@@ -29,7 +29,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import run_ranges
 from gi_core.gather import path_ends
-from gi_core.gather.bright_faces import BrightFaces, StaticFaces, add_reflected, relative_light
+from gi_core.gather.bright_faces import BOUNCES_PER_BRIGHT, BrightFaces, StaticFaces, add_reflected, relative_light
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import (
     KINDS,
@@ -55,11 +55,8 @@ from gi_core.rays.two_level import World
 from gi_core.scene.pose import to_world_at
 
 BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
-LEAST_PATHS = 1 << 11  # per batch where there are more threads than batches
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
 RAYS_AHEAD = 1 << 11  # bounces per call of rays_ahead(): a quarter of a millisecond
-BOUNCES_PER_BRIGHT = 8  # bounces per ray to a bright face
-SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
 
@@ -234,7 +231,7 @@ class MobileGather:
         for o, (first, last) in enumerate(self._rows, 1):
             count = int(before[last] - before[first])
             parts = -(-count // (BATCH_PATHS * self._model.threads)) * self._model.threads  # as many for each thread
-            parts = min(parts, -(-count // LEAST_PATHS))
+            parts = min(parts, -(-count // (1 << 11)))  # where there are more threads than batches
             bounds = np.searchsorted(before, before[first] + count * np.arange(parts + 1) // max(parts, 1)).tolist()
             of.append([(o, slice(*bound)) for bound in itertools.pairwise(bounds)])
         return [place for turn in itertools.zip_longest(*of) for place in turn if place is not None]
@@ -248,7 +245,8 @@ class MobileGather:
         return self._batches[paths]
 
     def _batch(self, paths: int, mobile: int, rows: slice) -> ReceiverBatch:
-        counts = self._bounces(paths)[rows]
+        of_all = self._bounces(paths)
+        counts, before = of_all[rows], int(of_all[: rows.start].sum())
         first = np.concatenate([[0], np.cumsum(counts)])
         directions = np.empty((first[-1], 3), np.float32)
         for count in np.unique(counts).tolist():
@@ -256,7 +254,10 @@ class MobileGather:
         positions, normals = self._positions[rows], self._normals[rows]
         lift = LIFT * np.abs(positions).max(axis=1, keepdims=True, initial=0.0)
         origins = np.repeat((positions + lift * normals).astype(np.float32), counts, axis=0)
-        rays, shadows = BounceRays(self._model, mobile, origins, directions), partial(ShadowRays, self._model, mobile)
+        rays, shadows = (
+            BounceRays(self._model, mobile, origins, directions, before),
+            partial(ShadowRays, self._model, mobile),
+        )
         return ReceiverBatch(mobile, rows, first, directions, rays, shadows(), shadows())
 
     def _gather_batches(
@@ -315,7 +316,11 @@ class MobileGather:
             to_bright = on_bright, kind, paths, ends, bright.lights
             of_bright = batch.to_bright.occluded(at, lambda: rays_to_candidates(*to_bright))
             add_reflected(*of_bright, relative, light.bounced)
-        distance, face = batch.bounce.nearest(at)
+        directions, has_panes = batch.directions, self._model.accelerator.has_panes
+        if has_panes:
+            distance, face, shares, directions = batch.bounce.past_panes(at, self._seed)
+        else:
+            distance, face = batch.bounce.nearest(at)
         closeness(batch.first, distance, light.close)
         glossy, start = batch.mobile in self._glossy, batch.rows.start
         by_ray = bounced[batch.rows if glossy else slice(0)]
@@ -323,7 +328,8 @@ class MobileGather:
         exchange = Exchange.of(int(np.count_nonzero(face >= world.first_face[1])))
         on_faces = Bright(bright.lights.of_face, bright.lights.density)
         ending = OneBounce(s.corner_front, s.corner_back, static, on_faces, by_ray, exchange, start, self.first)
-        bounces = path_ends.BounceHits(paths, batch.first, normals, R, batch.directions, distance, face)
+        bounces = path_ends.BounceHits(paths, batch.first, normals, R, directions, distance, face)
+        bounces = bounces.past_panes(shares) if has_panes else bounces
         met = path_ends.arrive(world, at, lights.area, lights.sky, bounces, ending, light.bounced)
         hits = Exchange(*(a[:met].copy() for a in exchange))
         if not glossy:
@@ -334,7 +340,7 @@ class MobileGather:
 def _exchanged(direct: np.ndarray, single: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
     """Solve bounced = single + exchange (direct + bounced) for bounced (n, 3)."""
     bounced = single
-    for _ in range(SWEEPS):
+    for _ in range(32):  # of Jacobi's method
         before, bounced = bounced, single.copy()
         _sweep(exchange, paths, direct + before, bounced)
         if np.abs(bounced - before).sum() <= SETTLED * (direct + bounced).sum():

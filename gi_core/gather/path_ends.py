@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import barycentric, dot, rotate, row
 from gi_core.bsdf import lambertian, surface
@@ -27,7 +27,7 @@ from gi_core.scene.pose import to_world_at
 
 ROULETTE_FROM = 2  # first bounce with Russian roulette: the first two carry most of the light
 MOST_SURVIVAL = 0.9999  # bounds paths in a white room without bias; variance is finite up to its square root
-SURVIVAL = 4  # dimension of strata.uniform(), after those of next_event.py
+SURVIVAL = 4  # dimension of random_numbers.stratified(), after those of next_event.py
 # Of the light of the brightest corner or neighbour; above 0, since one photon in a million slips through where edges
 # meet. A receiver with less may lie inside another part, see `display/dilation.py`.
 BLACK = 0.02
@@ -65,7 +65,7 @@ class PathHits(NamedTuple):
 
     ends: PathEnds
     seed: int
-    m: int  # log2 of the paths of a set, see strata
+    m: int  # log2 of the paths of a set, see stratified()
     vertex: int  # number of these vertices along the paths
     direction: np.ndarray  # (n, 3) float32 unit
     distance: np.ndarray  # (n,) float32 [m]
@@ -82,6 +82,23 @@ class BounceHits(NamedTuple):
     direction: np.ndarray  # (k, 3) float32 unit
     distance: np.ndarray  # (k,) float32 [m]
     face: np.ndarray  # (k,) int32, global; -1: none
+
+    def past_panes(self, shares: np.ndarray) -> PassedHits:
+        """Return the hits with the shares (k, 4) of panes on the way, see PathRays."""
+        return PassedHits(*self, shares)
+
+
+class PassedHits(NamedTuple):
+    """BounceHits in a scene with panes; another type, so that kernels of other scenes read no shares."""
+
+    paths: int
+    first: np.ndarray
+    normals: np.ndarray
+    rotation: np.ndarray
+    direction: np.ndarray
+    distance: np.ndarray
+    face: np.ndarray
+    shares: np.ndarray  # (k, 4) float64
 
 
 class InKnownLight(NamedTuple):
@@ -162,9 +179,11 @@ class OneBounce(NamedTuple):
 
 
 class KeptHits(NamedTuple):
-    """Paths end at the first hit, which is kept: its light comes later (`radiosity.py`)."""
+    """Paths end at the first hit, kept for its light (`radiosity.py`). Light of bright faces counts at once."""
 
     side: np.ndarray  # (rays,) int32: twice the face, and 1 on its back; stays where there is no hit
+    bright: Bright
+    of_bright: np.ndarray  # (A, 3 G) float64 [W/m2], light that bright faces reflect
 
 
 # Queries of rays and rules: numba chooses by the type of the first argument -----------------------------------
@@ -192,6 +211,11 @@ def _weight(rays, i, k, c):
 
 def _density(rays, i, k, d):
     """Return the density [1/sr] with which ray k of row i takes its direction d; < 0: a mirror's."""
+    raise NotImplementedError
+
+
+def _passed(rays, k, c):
+    """Return the factor of channel c of panes that ray k has passed, where `_weight` does not have it."""
     raise NotImplementedError
 
 
@@ -260,6 +284,18 @@ def _density_of_bounce(rays, i, k, d):
     return lambertian.pdf(max(dot(d, rays.normals[i]), 0.0))
 
 
+def _density_past_panes(rays, i, k, d):
+    return -1.0 if rays.shares[k, 3] > 0.0 else lambertian.pdf(max(dot(d, rays.normals[i]), 0.0))
+
+
+def _nothing_passed(rays, k, c):
+    return 1.0
+
+
+def _share_of_panes(rays, k, c):
+    return rays.shares[k, c]
+
+
 def _no_record(ending, rays, i, k, c, light):
     pass
 
@@ -286,7 +322,7 @@ def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, to
     largest = max(rho[0], max(rho[1], rho[2]))
     survival = 1.0 if rays.vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
     path = ends.path[k]
-    if survival < 1.0 and not (strata.uniform(rays.seed, path, rays.vertex, SURVIVAL, rays.m) < survival):
+    if survival < 1.0 and not (random_numbers.stratified(rays.seed, path, rays.vertex, SURVIVAL, rays.m) < survival):
         return n
     s = 1.0 if facing > 0.0 else -1.0
     ends.path[n], ends.row[n] = path, i  # n <= k: overwritten rows have been read
@@ -304,6 +340,12 @@ def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, to
     return n + 1
 
 
+@inlined
+def _bright_face(bright, f, facing):
+    """Return the index of face f among bright ones, whose front is hit if facing > 0; -1: none of them."""
+    return bright.of_face[f] if facing > 0.0 and len(bright.density) > 0 else -1
+
+
 def _reflect_once(ending, world, at, rays, i, k, d, normal, facing, n, total):
     f, E, part = rays.face[k], ending.irradiance, _weight(rays, i, k, 0)
     corners = ending.corner_front[f] if facing > 0.0 else ending.corner_back[f]
@@ -312,15 +354,15 @@ def _reflect_once(ending, world, at, rays, i, k, d, normal, facing, n, total):
         out.row[n], out.path[n] = ending.first_row + i, k - rays.first[i] if len(ending.by_ray) > 0 else -1
         for c in range(3):
             out.corners[n, c] = corners[c] - ending.first_receiver
-            out.reflectance[n, c] = part * world.bsdfs.albedo[f, c]
+            out.reflectance[n, c] = part * world.bsdfs.albedo[f, c] * _passed(rays, k, c)
         return n + 1
     u, v, w, share = corners[0], corners[1], corners[2], 1.0
-    if facing > 0.0 and len(ending.bright.density) > 0 and ending.bright.of_face[f] >= 0:
-        density = ending.bright.density[ending.bright.of_face[f]]
-        share = share_of_bounce(_density(rays, i, k, d), facing, rays.distance[k], density)
+    e = _bright_face(ending.bright, f, facing)
+    if e >= 0:
+        share = share_of_bounce(_density(rays, i, k, d), facing, rays.distance[k], ending.bright.density[e])
     for g in range(0, E.shape[1], 3):
         for c in range(3):
-            light = world.bsdfs.albedo[f, c] * ((E[u, g + c] + E[v, g + c] + E[w, g + c]) / 3.0)
+            light = world.bsdfs.albedo[f, c] * ((E[u, g + c] + E[v, g + c] + E[w, g + c]) / 3.0) * _passed(rays, k, c)
             total[i, g + c] += part * light * share
             _record(ending, rays, i, k, c, max(light, 0.0))
     return n
@@ -328,14 +370,20 @@ def _reflect_once(ending, world, at, rays, i, k, d, normal, facing, n, total):
 
 def _keep(ending, world, at, rays, i, k, d, normal, facing, n, total):
     ending.side[k] = 2 * rays.face[k] + (0 if facing > 0.0 else 1)
+    e = _bright_face(ending.bright, rays.face[k], facing)
+    if e >= 0:
+        share = share_of_bounce(_density(rays, i, k, d), facing, rays.distance[k], ending.bright.density[e])
+        for c in range(total.shape[1]):
+            total[i, c] += _weight(rays, i, k, c) * share * ending.of_bright[e, c] * _passed(rays, k, c % 3)
     return n
 
 
-_by_type(_row, {PathHits: _row_of_path, BounceHits: _row_of_receiver})
-_by_type(_direction, {PathHits: _world_direction, BounceHits: _turned_direction})
-_by_type(_is_sent, {PathHits: _is_above, BounceHits: _always})
-_by_type(_weight, {PathHits: _throughput, BounceHits: _share_of_paths})
-_by_type(_density, {PathHits: _density_of_path, BounceHits: _density_of_bounce})
+_by_type(_row, {PathHits: _row_of_path, BounceHits: _row_of_receiver, PassedHits: _row_of_receiver})
+_by_type(_direction, {PathHits: _world_direction, BounceHits: _turned_direction, PassedHits: _turned_direction})
+_by_type(_is_sent, {PathHits: _is_above, BounceHits: _always, PassedHits: _always})
+_by_type(_weight, {PathHits: _throughput, BounceHits: _share_of_paths, PassedHits: _share_of_paths})
+_by_type(_density, {PathHits: _density_of_path, BounceHits: _density_of_bounce, PassedHits: _density_past_panes})
+_by_type(_passed, {PathHits: _nothing_passed, BounceHits: _nothing_passed, PassedHits: _share_of_panes})
 _by_type(_record, {InKnownLight: _no_record, OneBounce: _record_by_ray, KeptHits: _no_record})
 _by_type(_meet, {InKnownLight: _reflect_known_light, OneBounce: _reflect_once, KeptHits: _keep})
 
@@ -359,7 +407,7 @@ def arrive(world, at, lights, sky, rays, ending, total):
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
-                    light = math.pi * sky.radiance[c]
+                    light = math.pi * sky.radiance[c] * _passed(rays, k, c)
                     total[i, 3 * sky.lamp + c] += _weight(rays, i, k, c) * light
                     _record(ending, rays, i, k, c, light)
             continue
@@ -371,7 +419,7 @@ def arrive(world, at, lights, sky, rays, ending, total):
             if e >= 0:
                 share = share_of_bounce(_density(rays, i, k, d), facing, rays.distance[k], lights.density[e])
                 for c in range(3):
-                    light = math.pi * lights.radiance[e, c] * share
+                    light = math.pi * lights.radiance[e, c] * share * _passed(rays, k, c)
                     total[i, 3 * lights.lamp[e] + c] += _weight(rays, i, k, c) * light
                     _record(ending, rays, i, k, c, light)
         elif not world.two_sided[f]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base import random_numbers, strata
+from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import row
@@ -29,12 +29,12 @@ from gi_core.lights.next_event import (
 )
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, Transforms
-from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
+from gi_core.rays.all_objects import nearest_in_world, nearest_past_panes, occluded_in_world
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 
 # Dimensions after those of path_ends.py; scattering needs a pair.
-SCATTER_PART, SCATTER_U, SCATTER_V = 5, 6, 7
+SCATTER_PART, SCATTER_U, SCATTER_V = range(5, 8)
 
 
 class PathTracer(NamedTuple):
@@ -44,7 +44,7 @@ class PathTracer(NamedTuple):
     at: Transforms
     lights: Lights
     seed: int
-    m: int = 0  # log2 of the paths of a set, see strata
+    m: int = 0  # log2 of the paths of a set, see stratified()
     ending: InKnownLight = WHOLE  # not WHOLE: lights are of one lamp
 
     def follow(self, ends: PathEnds, total: np.ndarray, first: np.ndarray | None = None) -> None:
@@ -53,7 +53,6 @@ class PathTracer(NamedTuple):
         first (n, 3) float32 unit: directions of the first rays, whose starts are not joined with lights; None: sample.
         """
         model, vertex, n = self.model, 0, len(ends.path)
-        far = float(np.float32(FAR * model.world.size))
         rays = room_for_shadows(n)
         while n:
             origin, direction = rays.origin[:n], rays.direction[:n]
@@ -62,12 +61,24 @@ class PathTracer(NamedTuple):
                 scatter(model.world.bsdfs, self.seed, self.m, vertex, ends, origin, direction)
             else:
                 origin[:], direction[:] = ends.position + ends.lift[:, None] * ends.normal, first
-            limits = np.full(n, far, np.float32)
-            hits = nearest_in_world(model.accelerator, self.at, origin, direction, limits)
+            hits = self.hits(vertex, ends, origin, direction)
             arrivals = PathHits(ends, self.seed, self.m, vertex, direction, *hits)
             n = arrive(model.world, self.at, self.lights.area, self.lights.sky, arrivals, self.ending, total)
             ends = PathEnds(*(a[:n] for a in ends))
             vertex += 1
+
+    def hits(self, vertex: int, ends: PathEnds, origin, direction) -> tuple[np.ndarray, np.ndarray]:
+        """Return distances and faces of rays from the current vertices; panes change throughput and vertices."""
+        of, world = self.model.accelerator, self.model.world
+        if not of.has_panes:
+            limits = np.full(len(origin), FAR * world.size, np.float32)
+            return nearest_in_world(of, self.at, origin, direction, limits)
+        rays = nearest_past_panes(of, world, self.at, self.seed, vertex, ends.path, origin, direction)
+        ends.throughput[:] *= rays.shares[:, :3]
+        turned = np.flatnonzero(rays.shares[:, 3])
+        ends.position[turned], ends.lift[turned] = origin[turned], 0.0
+        ends.face[turned], ends.density[turned] = 0, -1.0  # as a mirror
+        return rays.distance, rays.face
 
     def join_lights(self, vertex: int, ends: PathEnds, rays: Shadows, total: np.ndarray) -> None:
         """Add next-event estimates of path vertices to `total` (rows, 3 G): one area light and one delta light each.
@@ -90,7 +101,7 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
            ending: InKnownLight = WHOLE, lift: np.ndarray | None = None):  # fmt: skip
     """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
-    path (n,) int64: path numbers, in sets of 2^m (see strata) that begin at one point. position [m] and normal (n, 3)
+    path (n,) int64: path numbers, in sets of 2^m (stratified()) that begin at one point. position [m] and normal (n, 3)
     float64 of the starts; lift: see starts(). `light_sampling` False finds emissive faces by hits only. An estimate
     depends on its own path alone; the mean of a set has no noise of delta lights at its start.
     """
@@ -115,7 +126,8 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
 def add_unblocked(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
     """Add the values of those of the first n rays that are not blocked to their rows of `total` (rows, 3 G)."""
     if n:
-        blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
+        lines = rays.origin[:n], rays.direction[:n], rays.limit[:n]
+        blocked = occluded_in_world(model.accelerator, at, *lines, rays.value[:n])
         add_lit(rays.row, rays.value, rays.lamp, blocked, total)
 
 
@@ -135,14 +147,14 @@ def last_kernels_first(model: Model) -> None:
 def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
     """Write origin [m] and direction (n, 3) of the next ray of each path; update throughput and density."""
     for k in range(len(ends.path)):
-        u = strata.uniform(seed, ends.path[k], vertex, SCATTER_U, m)
-        v = strata.uniform(seed, ends.path[k], vertex, SCATTER_V, m)
+        u = random_numbers.stratified(seed, ends.path[k], vertex, SCATTER_U, m)
+        v = random_numbers.stratified(seed, ends.path[k], vertex, SCATTER_V, m)
         f = ends.face[k]
         if f < 0:
             x, y, z = lambertian.sample(u, v)
             x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
         else:
-            part = strata.uniform(seed, ends.path[k], vertex, SCATTER_PART, m)
+            part = random_numbers.stratified(seed, ends.path[k], vertex, SCATTER_PART, m)
             i, n, t = row(ends.arrival, k), row(ends.normal, k), row(ends.tangent, k)
             (x, y, z), weight, p = surface.sampled(bsdfs, f, i, n, t, u, v, part)
             ends.density[k] = p

@@ -12,7 +12,7 @@ import numpy as np
 
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.gather.path_tracer import gather
-from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.lamps import sum_of_lamps
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.scene.types import Scene
@@ -51,7 +51,7 @@ class Gatherer:
         """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].
 
         per_lamp: light per lamp follows, in 3 G more columns.
-        Paths come in sets of 2^m, see strata.py; stream: a `Stream` of independent paths.
+        Paths come in sets of 2^m, see random_numbers.py; stream: a `Stream` of independent paths.
         """
         path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
         *start, lift = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals, self._lift))

@@ -43,9 +43,8 @@ from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.scene.pose import to_world_at
 
 STAGE = "gathering at these poses"
-MORE = 1.3  # growth of rounds from one result to the next
 COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
-MOST = 47  # rounds until the last result: twice those that noise is sized for
+LAST_ROUND = 47  # rounds until the last result: twice those that noise is sized for
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
 FAR_OFF, SURE = 0.15, 5.0  # or a vertex of a mobile is so far off, by so many standard errors: in gallery the mean is
@@ -88,7 +87,7 @@ class PoseGather:
         cost = np.where(mobile, 1.0, COST)
         relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
         state, smoothed = ReferenceState.empty(len(self.rows), channels=6), self._paths.smoothed
-        rounds, least = static_gather.ROUNDS, least_set(lights.delta)
+        rounds, least = static_gather.STATIC_ROUNDS, least_set(lights.delta)
         self._rounds = Rounds(self._paths.traced, _steadier, relative, state, rounds, smoothed, cost, least, smaller=4)
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), 0.0  # rounds of the last result
@@ -97,13 +96,13 @@ class PoseGather:
     @property
     def enough(self) -> bool:
         """Whether gathering has ended. True without receivers or without light, where the noise is nan."""
-        return not self.left > static_gather.ENOUGH or self._seen >= MOST or not len(self.rows)
+        return not self.left > static_gather.ENOUGH or self._seen >= LAST_ROUND or not len(self.rows)
 
     @property
     def fraction(self) -> float:
         """Fraction of the paths needed, 0 .. 1."""
         by_noise = min((static_gather.ENOUGH / self._least) ** 2, 1.0) if self._least > 0 else 1.0
-        return max(by_noise, self._seen / MOST)
+        return max(by_noise, self._seen / LAST_ROUND)
 
     def gather(self, static: Callable[[], Static | None], new: Callable[[], None]) -> None:
         """Gather until it is enough, with a pause every 10 ms; may be broken off and begun again.
@@ -113,7 +112,7 @@ class PoseGather:
         while not self.enough:
             r = self._rounds
             # noise after denoising is understated with fewer than 4 rounds
-            if r.state.rounds >= 4 and r.done > MORE * self._seen:
+            if r.state.rounds >= 4 and r.done > 1.3 * self._seen:
                 self._seen = r.done
                 self._result(static())
                 if r.smaller:

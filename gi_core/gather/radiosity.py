@@ -4,7 +4,8 @@ A receiver's light is direct light plus the mean, over its bounces, of what the 
 traced once and kept. Light at them is that of the receivers themselves, iterated until it stands (Jacobi; Cohen and
 Wallace 1993). So an iteration costs no rays, and hundreds of receivers around each hit average the noise away.
 Direct light comes by shadow rays to points chosen among candidates (`lights/candidates.py`), and by bounces that hit
-lamps or sky.
+lamps or sky. Faces reflect the direct light of delta lights as measured on the faces themselves (`face_light.py`),
+because shadows of these lights are sharp.
 
 Paths come in pairs of sets; each pair has twice as many paths as the last, because large sets are better stratified.
 The differences within pairs give the noise.
@@ -13,36 +14,41 @@ The differences within pairs give the noise.
 from __future__ import annotations
 
 import copy
+import math
 import time
-from collections.abc import Callable
 from typing import cast
 
 import numpy as np
 
+from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
-from gi_core.base.pace import STEP, Pace
-from gi_core.base.pause import pause
+from gi_core.base.pause import STEP, Pace, pause
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import dot, row
+from gi_core.gather.bright_faces import BOUNCES_PER_BRIGHT, add_reflected
 from gi_core.gather.denoise import DENOISE_GRAIN
-from gi_core.gather.path_ends import BLACK, BounceHits, KeptHits, arrive, starts
+from gi_core.gather.face_light import FaceLight, face_light
+from gi_core.gather.path_ends import BLACK, BounceHits, Bright, KeptHits, arrive, starts
 from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
-from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
-from gi_core.lights.candidates import Candidates, candidates, join_lamps
-from gi_core.lights.mix import sum_of_lamps
+from gi_core.geometry.error import REC709, luminance, relative_noise, small_sample_bias
+from gi_core.lights.candidates import (
+    PATHS_PER_SHADOW,
+    Candidates,
+    candidates,
+    join_lamps,
+    rays_to_candidates,
+    sets_by_chance,
+)
+from gi_core.lights.lamps import sum_of_lamps
 from gi_core.lights.next_event import picks
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR
-from gi_core.rays.all_objects import nearest_in_world
+from gi_core.rays.all_objects import PASSAGE, nearest_in_world, nearest_past_panes, occluded_in_world
 
-SMALLEST, PAIRS = 3, 4  # log2 of the paths of the first sets; 240 paths in all: then error is bias
-FIRST_SECONDS = 1e-5  # per path, before measurements
-LEAST, MOST = 1 << 8, 1 << 16  # paths per step
+SMALLEST, PAIRS = 3, 6  # log2 of the paths of the first sets; 1,008 paths in all: then error is bias
 MOST_HITS = 1 << 26  # 256 MB: scenes of more than 280,000 receivers have fewer paths
-HITS_PER_STEP = 1 << 21  # times columns of light: 10 ms
-SET = 1 << 40  # stride of set numbers, above the number of receivers
 CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
-CONVERGED, MOST_ITERATIONS = 0.002, 40  # relative change at which light stands; albedos of 0.9 need 40
 
 
 class Radiosity:
@@ -56,10 +62,11 @@ class Radiosity:
         self._starts = positions, normals, model.lifts
         self.weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
         self._lights = model.lights
+        self._on_faces: FaceLight | None = None
         shape = len(positions), self._lights.channels
         self._direct = self._direct_variance = np.zeros(shape)
         self._variance, self._lamp_variance = np.zeros(positions.shape), np.zeros(shape)
-        self._pace = Pace(FIRST_SECONDS, LEAST, MOST)
+        self._pace = Pace(1e-5, 1 << 8, 1 << 16)
         pairs = MOST_HITS // max(len(self._lit), 1) // (2 << SMALLEST) + 1
         self._most_pairs = max(min(pairs.bit_length() - 1, PAIRS), 1)
         self._hits: list[np.ndarray] = []  # of pairs: (2, k, 2^m) int32 of k lit receivers, as KeptHits
@@ -91,21 +98,23 @@ class Radiosity:
             return float("inf")
         return relative_noise(luminance(self.standard_error) / small_sample_bias(2), self.mean, self.weights)
 
-    def add_pair(self, scale: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Gather the next pair, with a pause every 10 ms. One that is broken off is gathered again.
-
-        scale(E): factors (3 G,) of light E (n, 3 G) [W/m2] at hits.
-        """
+    def add_pair(self) -> None:
+        """Gather the next pair, with a pause every 10 ms. One that is broken off is gathered again."""
+        if self._on_faces is None:
+            self._on_faces = face_light(self._model, self._seed, self.weights)
         number = len(self._hits)
         m = SMALLEST + number
         halves, hits = np.zeros((2, *self.per_lamp.shape)), np.empty((2, len(self._lit), 1 << m), np.int32)
         for half in range(2):
             self._trace(2 * number + half, m, halves[half], hits[half])
-        self._take_in(halves, [*self._hits, hits], scale)
+        self._take_in(halves, [*self._hits, hits])
 
     def _trace(self, number: int, m: int, direct: np.ndarray, hits: np.ndarray) -> None:
-        """Trace set `number` of 2^m paths; write its direct light (n, 3 G) and its hits (k, 2^m)."""
-        on_lamps, first = candidates(self._seed ^ (number << 20), 1 << m, self._lights.area, CANDIDATE_SETS), 0
+        """Trace set `number` of 2^m paths; write its hits (k, 2^m) and the light (n, 3 G) that needs none of them."""
+        seed, bright, first = self._seed ^ (number << 20), self._on_faces.bright.lights, 0
+        to_bright = PATHS_PER_SHADOW * max((1 << m) // BOUNCES_PER_BRIGHT, 1)
+        of_sets = (1 << m, self._lights.area), (to_bright, bright)
+        on_lamps = tuple(candidates(seed, *of_set, CANDIDATE_SETS) for of_set in of_sets)
         while first < len(self._lit):
             began, end = time.perf_counter(), min(first + max(1, self._pace.fit(STEP) >> m), len(self._lit))
             self._gather(first, end, number, m, on_lamps, direct, hits)
@@ -113,7 +122,7 @@ class Radiosity:
             first = end
             pause()
 
-    def _take_in(self, halves: np.ndarray, pairs: list[np.ndarray], scale: Callable) -> None:
+    def _take_in(self, halves: np.ndarray, pairs: list[np.ndarray]) -> None:
         """Take in the last of pairs of hits; all results change after the last pause."""
         paths = np.array([2 * hits.shape[2] for hits in pairs])
         shares = paths / paths.sum()
@@ -122,7 +131,7 @@ class Radiosity:
         pause()
         direct_variance = a * a * self._direct_variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
         pause()
-        E, sets = self._iterated(pairs, shares, direct, scale)
+        E, sets = self._iterated(pairs, shares, direct)
         lamp_variance, variance = direct_variance, sum_of_lamps(direct_variance)
         for share, (one, other) in zip(shares, sets, strict=True):
             apart = np.zeros_like(E)
@@ -142,30 +151,30 @@ class Radiosity:
         self._hits, self.is_complete = [], True
 
     def _iterated(
-        self, pairs: list[np.ndarray], shares: np.ndarray, direct: np.ndarray, scale: Callable
+        self, pairs: list[np.ndarray], shares: np.ndarray, direct: np.ndarray
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Iterate light at hits; return light (n, 3 G), and the bounced light (2, k, 3 G) of the sets of each pair."""
         E = np.where((self.per_lamp > 0).any(axis=1)[:, None], self.per_lamp, direct)
-        for _ in range(MOST_ITERATIONS):
-            reflected = self._reflected(E * scale(E))
+        for _ in range(40):  # albedos of 0.9 need 40
+            reflected = self._reflected(E)
             pause()
             sets = [np.stack([self._mean_of(half, reflected) for half in hits]) for hits in pairs]
             before, E = E, direct.copy()
             for share, (one, other) in zip(shares, sets, strict=True):
                 E[self._lit] += 0.5 * share * (one + other)
                 pause()
-            if self.weights @ np.abs(E - before).sum(axis=1) <= CONVERGED * (self.weights @ E.sum(axis=1)):
+            if self.weights @ np.abs(E - before).sum(axis=1) <= 0.002 * (self.weights @ E.sum(axis=1)):
                 break
         return E, sets
 
     def _reflected(self, E: np.ndarray) -> np.ndarray:
         """Return the light (2 F, 3 G) float32 [W/m2] that the fronts and backs of F static faces reflect."""
         s, world = self._model.surfaces, self._model.world
-        faces = int(world.first_face[1])
+        faces, by_delta = int(world.first_face[1]), self._on_faces
         out = np.empty((faces, 2, E.shape[1]), np.float32)
 
         def work(_, first, last):
-            _reflect(world, s.corner_front, s.corner_back, E, first, last, out)
+            _reflect(world, s.corner_front, s.corner_back, E, by_delta.receivers, by_delta.reflected, first, last, out)
 
         run_ranges(work, faces, self._model.threads, DENOISE_GRAIN)
         return out.reshape(2 * faces, -1)
@@ -173,7 +182,7 @@ class Radiosity:
     def _mean_of(self, hits: np.ndarray, reflected: np.ndarray) -> np.ndarray:
         """Return the mean light (k, 3 G) of hits (k, P)."""
         out = np.empty((len(hits), reflected.shape[1]))
-        at_once = max(HITS_PER_STEP // (hits.shape[1] * reflected.shape[1]), 1)
+        at_once = max((1 << 21) // (hits.shape[1] * reflected.shape[1]), 1)  # 10 ms
         for k in range(0, len(hits), at_once):
             part, to = hits[k : k + at_once], out[k : k + at_once]
 
@@ -185,7 +194,14 @@ class Radiosity:
         return out
 
     def _gather(
-        self, start: int, end: int, number: int, m: int, on_lamps: Candidates, direct: np.ndarray, hits: np.ndarray
+        self,
+        start: int,
+        end: int,
+        number: int,
+        m: int,
+        on_lamps: tuple[Candidates, Candidates],
+        direct: np.ndarray,
+        hits: np.ndarray,
     ) -> None:
         """Write direct light and hits of set `number` of 2^m paths at lit receivers start .. end - 1."""
 
@@ -198,32 +214,56 @@ class Radiosity:
 
         run_ranges(work, end - start, self._model.threads, max(1, BLOCK >> (m + 2)))
 
-    def _block(self, rows: np.ndarray, number: int, m: int, on_lamps: Candidates, hits: np.ndarray) -> np.ndarray:
+    def _block(
+        self, rows: np.ndarray, number: int, m: int, on_lamps: tuple[Candidates, Candidates], hits: np.ndarray
+    ) -> np.ndarray:
         model, lights, world = self._model, self._lights, self._model.world
         n, count, at, far = len(rows), len(rows) << m, model.static, float(np.float32(FAR * world.size))
         start, total = [a[rows] for a in self._starts], np.zeros((n, lights.channels))
-        path = (number * SET + rows[:, None] << m) + np.arange(1 << m)
+        path = (number * (1 << 40) + rows[:, None] << m) + np.arange(1 << m)  # 2^40: above any number of receivers
         pick = picks(self._seed, m, 0, path, lights.delta)
         ends = starts(rows, np.arange(n), *start)
-        rays = join_lamps(world.bsdfs, on_lamps, pick, 1 << m, ends, lights, far)
+        rays = join_lamps(world.bsdfs, on_lamps[0], pick, 1 << m, ends, lights, far)
         add_unblocked(model, at, rays, len(rays.row), total)
+        bright, of_bright = self._on_faces.bright, self._on_faces.of_bright
+        if len(bright.face):
+            rays = rays_to_candidates(on_lamps[1], sets_by_chance(on_lamps[1], ends.path), 1 << m, ends, bright.lights)
+            blocked = occluded_in_world(model.accelerator, at, rays.origin, rays.direction, rays.limit, rays.value)
+            add_reflected(rays, blocked, of_bright / bright.lights.radiance[:, :1] / math.pi, total)
         each = (np.repeat(a, 1 << m, axis=0) for a in start)
         ends = starts(path.reshape(-1), np.repeat(np.arange(n), 1 << m), *each)
         origin, direction = np.empty((2, count, 3), np.float32)
         scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
-        limits = np.full(count, far, np.float32)
-        distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        bounces = BounceHits(1 << m, np.arange(n + 1) << m, start[1], at.rotation[0], direction, distance, face)
+        of, frame = model.accelerator, (1 << m, np.arange(n + 1) << m, start[1], at.rotation[0], direction)
         hits[:] = -1
-        arrive(world, at, lights.area, lights.sky, bounces, KeptHits(hits), total)
+        ending = KeptHits(hits, Bright(bright.lights.of_face, bright.lights.density), of_bright)
+        if of.has_panes:
+            rays = nearest_past_panes(of, world, at, self._seed, 0, ends.path, origin, direction)
+            bounces = BounceHits(*frame, rays.distance, rays.face).past_panes(rays.shares)
+            arrive(world, at, lights.area, lights.sky, bounces, ending, total)
+            _absorb(self._seed, ends.path, rays.shares, hits)
+            return total
+        limits = np.full(count, far, np.float32)
+        met = BounceHits(*frame, *nearest_in_world(of, at, origin, direction, limits))
+        arrive(world, at, lights.area, lights.sky, met, ending, total)
         return total
 
 
 @kernel
-def _reflect(world, front, back, E, first, last, out):
+def _absorb(seed, path, shares, hits):
+    """Drop hits (n,) by chance: a kept hit has no factor of its own for the panes on its way, shares (n, 4)."""
+    for k in range(len(hits)):
+        left = dot(REC709, row(shares, k))
+        if random_numbers.independent(seed, path[k], 0, PASSAGE + 1) >= left:
+            hits[k] = -1
+
+
+@kernel
+def _reflect(world, front, back, E, direct, reflected, first, last, out):
     """Write the light that faces first .. last - 1 reflect: rho times the mean E (n, 3 G) of their lit corners.
 
-    A corner inside another part is black, and does not count (see BLACK).
+    A corner inside another part is black, and does not count (see BLACK). direct, reflected: see FaceLight, in place
+    of corners' light by delta lights.
     """
     for f in range(first, last):
         for side in range(2):
@@ -245,9 +285,11 @@ def _reflect(world, front, back, E, first, last, out):
                 if total > BLACK * brightest:
                     lit += 1
                     for c in range(E.shape[1]):
-                        out[f, side, c] += E[corners[k], c]
+                        out[f, side, c] += E[corners[k], c] - (direct[corners[k], c] if len(direct) > 0 else 0.0)
             for c in range(E.shape[1]):
                 out[f, side, c] *= world.bsdfs.albedo[f, c % 3] / max(lit, 1)
+                if len(direct) > 0:
+                    out[f, side, c] += reflected[2 * f + side, c]
 
 
 @kernel

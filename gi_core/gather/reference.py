@@ -5,7 +5,7 @@ distributes paths by need, can be stopped at any time, and continues from its st
 
 A pilot of a few paths per point estimates the variance of each point. The paths per round follow from the pilot alone,
 in proportions that minimise the total error, and the pilot does not enter the mean. The number of paths is thus
-independent of their values, and means are unbiased. The paths of a point in one round are one set of strata.py.
+independent of their values, and means are unbiased. The paths of a point in one round are one set of random_numbers.py.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
-from gi_core.base.pace import STEP, Pace
+from gi_core.base.pause import STEP, Pace
 from gi_core.base.random_numbers import Stream
 from gi_core.gather.point_gather import PATHS_PER_POINT, Gatherer
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
@@ -27,13 +27,11 @@ from gi_core.scene.types import Pose, Scene
 
 # Independent paths of the pilot: of all points together, then the bounds per point. Light by way of a mirror may come
 # on one path in fifty; eight paths missed it (docs/decisions/gathered-light.md).
-PILOT, FEWEST, MOST = 1 << 18, 8, 64
+PILOT, FEWEST_PILOT, MOST_PILOT = 1 << 18, 8, 64
 AIM = 0.01  # relative l1 error for which sets are sized, assuming independent paths ...
 ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
 FLOOR = 0.1  # of the mean deviation: least deviation of a point, since a pilot's paths may all miss
 EVEN_SET = 4  # log2 of the paths per point and round without weights
-FIRST_SECONDS = 1e-5  # per path, before measurements
-SMALLEST_STEP = 1 << 6  # paths
 LARGEST_SQUARE = 1e60  # squared irradiance of the strongest lamps in a scene file
 PATHS_AT_ONCE = 1 << 16  # where nothing waits
 
@@ -59,7 +57,7 @@ class ReferenceState(NamedTuple):
         if tuple(a.shape for a in self) != shapes or not all(map(may_be_light, (self.mean, self.squares))):
             return False
         m, never = self.log2_set.astype(np.int64), self.sets == 0
-        sizes = ((m >= -1) & (m <= strata.LARGEST_SET) & (never | (m >= 0))).all()
+        sizes = ((m >= -1) & (m <= random_numbers.LARGEST_SET) & (never | (m >= 0))).all()
         piloted = np.isnan(self.pilot) | ((self.pilot >= 0) & (self.pilot < LARGEST_SQUARE))
         return bool(
             sizes
@@ -140,7 +138,7 @@ class Rounds:
         self._weights, self._rounds, self.state = weights, rounds, state
         self._least, self.smaller = least, smaller
         self._cost = np.ones(len(state.sets)) if cost is None else cost
-        self._pace = Pace(FIRST_SECONDS, SMALLEST_STEP, PATHS_AT_ONCE)
+        self._pace = Pace(1e-5, 1 << 6, PATHS_AT_ONCE)
         self._parts: list[np.ndarray] = []  # estimates of the first paths of a set that takes several steps
 
     def step(self, paths: int | None = None, end: int | None = None) -> None:
@@ -160,7 +158,7 @@ class Rounds:
         return self.state.rounds / (1 << self.smaller)
 
     def enlarge(self, times: int) -> None:
-        """Begin anew: sets have 2^times as many paths; `smaller` falls by `times`."""
+        """Clear all sums, and give each set 2^times as many paths; `smaller` falls by `times`."""
         s = self.state
         self.smaller -= times
         s.log2_set[:] = -1
@@ -171,7 +169,7 @@ class Rounds:
         """Trace paths of total cost `paths`, or of one point; return the rows and the paths of each."""
         s = self.state
         if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
-            pilot = min(max(PILOT // len(s.sets), FEWEST), MOST)
+            pilot = min(max(PILOT // len(s.sets), FEWEST_PILOT), MOST_PILOT)
             rows = self._affordable(rows, paths / pilot)
             light = self._pilot(self.paths(rows, 0, pilot, 0, Stream.PILOT))
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
@@ -254,7 +252,7 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
     share = np.maximum(weights * scatter, 1e-300) ** (2 / 3)
     needed = (np.sqrt(2 / np.pi) * (weights * scatter / np.sqrt(share)).sum() / (AIM * light)) ** 2 * share
     m = np.round(np.log2(np.maximum(needed / rounds, 1)))
-    return np.minimum(m, strata.LARGEST_SET).astype(np.int8)
+    return np.minimum(m, random_numbers.LARGEST_SET).astype(np.int8)
 
 
 @kernel

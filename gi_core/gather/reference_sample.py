@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
-from gi_core.geometry.error import luminance, relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.error import local_deviation, luminance, relative_error
+from gi_core.geometry.receivers import Receivers
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
 
@@ -31,6 +32,7 @@ class ReferenceSample(NamedTuple):
     irradiance: np.ndarray  # (n, 3) float64 [W/m2]
     noise: float  # of the reference, relative l1
     fraction: float  # 0 .. 1 of the paths that are needed
+    deviation: np.ndarray | float = 0.0  # (n,) float64 [W/m2], standard error of the reference's luminance
 
     def squared_error(self, E: np.ndarray) -> float:
         """Return the squared relative l1 error of irradiance E (R, 3) less that of the reference's noise.
@@ -43,6 +45,11 @@ class ReferenceSample(NamedTuple):
     def error(self, E: np.ndarray) -> float:
         """Return the relative l1 error of irradiance E (R, 3) without the reference's noise."""
         return math.sqrt(max(self.squared_error(E), 0.0))
+
+    def local_deviation(self, E: np.ndarray, receivers: Receivers, reach: float) -> tuple[float, float]:
+        """Return median and 90th percentile of the local deviation of irradiance E (R, 3) within `reach` [m]."""
+        places = receivers.positions[self.rows], receivers.normals[self.rows], self.weights
+        return local_deviation(E[self.rows], self.irradiance, places, reach, self.deviation)
 
     def relative_total(self, E: np.ndarray) -> float:
         """Return the total of irradiance E (R, 3) over that of the reference; 1 where the reference is black."""
@@ -94,4 +101,7 @@ def gather_sample(
     points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.receivers_at(poses)))
     rounds = ReferenceRounds(model.scene, points, normals, seed, weights, poses, model=model, levels=levels)
     for reached in gather_until(rounds, weights, noise, most_paths):
-        yield ReferenceSample(rows, weights, reached.state.mean, reached.noise, reached.fraction)
+        s = reached.state
+        yield ReferenceSample(
+            rows, weights, s.mean, reached.noise, reached.fraction, luminance(s.standard_error[:, :3])
+        )

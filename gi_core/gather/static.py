@@ -4,6 +4,10 @@ Phase 1 is radiosity by kept bounces (`radiosity.py`). Its noise is low within s
 interpolated. Whole paths at a sample of receivers measure its error. Phase 2 traces whole paths at all receivers in
 rounds (`reference.py`), without bias. It begins when phase 1 has more bias than noise, or little noise, and its light
 is used once it has less noise than phase 1 has error. Both are denoised in proportion to their noise (`denoise.py`).
+
+The sun outside a house may be a thousand times brighter than a room. Noise relative to all light would be that outside,
+and a room would stay mottled while its scene counts as done. So noise is relative to the light of each place that is
+brighter than the median in view. Places that are white in the picture count less.
 """
 
 from __future__ import annotations
@@ -17,27 +21,78 @@ import numpy as np
 
 from gi_core.base.pause import Progress, pause
 from gi_core.base.random_numbers import Stream, seed_of
+from gi_core.files.completion.camera_view import picture_rays
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.radiosity import Radiosity
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
-from gi_core.gather.view_level import visual_shares
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
-from gi_core.lights.mix import sum_of_lamps
+from gi_core.lights.lamps import sum_of_lamps
 from gi_core.model import Model
+from gi_core.rays.accelerator import FAR, LIFT
+
+GRID = (32, 20)  # rays through the picture
+BACKS = 4  # of one-sided faces, which the camera sees through
+WHITE = 8.0  # times the median in view, which is drawn mid-grey
+
+
+def visual_shares(model: Model, E: np.ndarray, areas: np.ndarray) -> np.ndarray:
+    """Return shares (n,) by which noise of receivers of luminance E (n,) [W/m2] counts: 1 up to the level, less above.
+
+    n: all receivers, or those of the static part, which come first. areas (n,) [m2]: find a level without a camera.
+    """
+    level = _median_in_view(model, E)
+    if not level > 0.0:
+        lit = E > 0.0
+        level = _median(E[lit], areas[lit])
+    if not level > 0.0:
+        return np.ones(len(E))
+    return (level / np.maximum(E, level)) * (WHITE * level / np.maximum(E, WHITE * level))
+
+
+def _median_in_view(model: Model, E: np.ndarray) -> float:
+    """Return the median luminance [W/m2] of static faces in the view of the scene's camera; 0: nothing is seen."""
+    scene, s = model.scene, model.surfaces
+    if scene.camera is None:
+        return 0.0
+    way = picture_rays([scene.camera], scene.up, *GRID)[0].astype(np.float32)
+    origin = np.repeat(np.array(scene.camera.position, np.float32)[None], len(way), axis=0)
+    parts, far = [], FAR * model.world.size + float(np.linalg.norm(origin[0]))
+    for _ in range(BACKS):
+        distance, face = model.accelerator.opaque.nearest(0, origin, way, np.full(len(way), far, np.float32))
+        hit = face >= 0
+        origin, way, distance, face = origin[hit], way[hit], distance[hit], face[hit]
+        front = (s.normals[face] * way).sum(axis=1) < 0
+        parts.append(E[s.corner_front[face[front]]].mean(axis=1))
+        back = ~front & s.two_sided[face]
+        parts.append(E[s.corner_back[face[back]]].mean(axis=1))
+        on = ~front & ~back
+        past = distance[on] + LIFT * np.maximum(
+            model.world.reach[face[on]], np.abs(origin[on]).max(axis=1, initial=0.0)
+        )
+        origin, way = origin[on] + past[:, None] * way[on], way[on]
+    seen = np.concatenate(parts)
+    return float(np.median(seen)) if len(seen) else 0.0
+
+
+def _median(values: np.ndarray, weights: np.ndarray) -> float:
+    """Return the weighted median; 0 of nothing."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])]) if len(order) and total[-1] > 0 else 0.0
+
 
 STAGE = "gathering"
+ALL_PATHS = 1 << 30  # paths per receiver of phase 1: as many as there are, before phase 2
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
-ROUNDS = 32  # until 1 % noise; the first noise is known after two
+STATIC_ROUNDS = 32  # until 1 % noise; the first noise is known after two
 EVIDENT = 100  # paths per receiver from which errors above the noise are bias; of 16, few paths may miss bright places
 FIRST_PHASE = 0.15  # of the time, roughly
 SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1 ...
-CLEAR = 1.0  # ... by paths of so many times its noise: their squares are subtracted, ...
-SAMPLE_ROUNDS, SURE_ROUNDS = 1024, 8  # ... in many small rounds: noise is sure, and known soon
-ROUGH = 0.5  # true errors of early light are 0.3 to 0.55 of its noise before denoising in office, living_room, cornell
-POOLED = 8  # means over neighbours by which pilots and squared errors of whole paths are pooled
+CLEAR = 1.0  # ... by paths of so many times its noise: their squares are subtracted
+ROUGH, INTERPOLATED = (0.5, 0.01)  # of noise before denoising, and of light: the two parts of the error of early light
 GROUPS = 8  # of receivers whose paths are alike in noise
 
 
@@ -105,6 +160,7 @@ class StaticGather:
         self._near = model.adjacency
         self.state, self.noise = state, float("inf")
         self.estimate: Estimate | None = None
+        self._is_rough = False  # its error is that of early light
         self._first_phase = self._fraction = 0.0  # fractions done
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
@@ -176,7 +232,7 @@ class StaticGather:
             sound &= bool(((sample.rows >= 0) & (sample.rows < n)).all())
         if not sound:
             return False
-        self.estimate, self.state, self._sample = light, state, sample
+        self.estimate, self.state, self._sample, self._is_rough = light, state, sample, sample is None
         self.noise, self._first_phase, self._fraction, self._left = numbers.tolist()
         if len(weights):
             self._weigh(weights)
@@ -211,7 +267,7 @@ class StaticGather:
         paths = (ENOUGH / self._left) ** 2
         if self.state is not None and len(sets := self.state.sets):
             measured = math.isfinite(self._left)
-            paths = float(sets.mean()) / (self.state.rounds / paths if measured else ROUNDS)
+            paths = float(sets.mean()) / (self.state.rounds / paths if measured else STATIC_ROUNDS)
         now = FIRST_PHASE * self._first_phase + (1 - FIRST_PHASE) * min(paths, 1.0)
         self._fraction = max(self._fraction, now)
         return self._fraction
@@ -226,28 +282,26 @@ class StaticGather:
         """Gather until it is enough, with a pause every 10 ms; may be broken off and begun again, with the same result.
 
         photons() returns the photons' current light, or None. new: called where `estimate` is new.
-        early: ends before so many paths per receiver have been exceeded, and before whole paths.
+        early: ends once phase 1 has so many paths per receiver, before whole paths; ALL_PATHS: at its end.
         """
         if not self.enough:
             self._weigh_by(photons)
             self._iterate_bounces(photons, new, early)
             if early == math.inf:
+                self._measure_early(new)
                 self._whole_paths(new)
 
     def _iterate_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None], early: float) -> None:
         f = self._radiosity
         noise_of_paths = np.inf if self.state is None else self._noise_of_paths(self.state)
         theirs = photons()
-        if theirs is None or not min(noise_of_paths, f.noise) > LOW * ENOUGH:
+        if theirs is None or self._first_phase == 1.0 or not min(noise_of_paths, f.noise) > LOW * ENOUGH:
             return
-
-        def scale(E: np.ndarray) -> np.ndarray:
-            return self._factors(E, theirs.irradiance)
 
         biased = False
         while not biased and f.noise > LOW * ENOUGH and not f.is_complete and f.paths < early:
             theirs = photons()
-            f.add_pair(scale)
+            f.add_pair()
             done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
             self._first_phase = max(self._first_phase, done)
             pause(self.progress() if early == math.inf else None)
@@ -256,16 +310,25 @@ class StaticGather:
                 guide = theirs.irradiance if theirs.noise < f.noise else None
                 light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 pause()
-                is_rough = early < math.inf and f.noise > LOW * ENOUGH
-                self._take_over(new, Source.RADIOSITY, *light, self._as_rough if is_rough else self._measure, guide)
+                self._is_rough = early < math.inf or self.is_measured
+                error = self._as_rough if self._is_rough else self._measure
+                self._take_over(new, Source.RADIOSITY, *light, error, guide)
             measured = self._sample is not None and f.paths >= EVIDENT  # else the light before has less noise
             biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
-        if early == math.inf:
+        if early >= ALL_PATHS:
             f.end()
 
     def _as_rough(self, E: np.ndarray, noise: float) -> float:
-        """Return the error of early light, which does not wait to be measured: ROUGH of the noise before denoising."""
-        return ROUGH * self._radiosity.noise
+        """Return the error of light, as far as it is known without more paths at the sample."""
+        return max(math.hypot(ROUGH * self._radiosity.noise, INTERPOLATED), self.error_of(E))
+
+    def _measure_early(self, new: Callable[[], None]) -> None:
+        """Measure the error of early light, where it still has a rough one."""
+        light = self.estimate
+        if self._is_rough and light is not None and light.source is Source.RADIOSITY:
+            self.estimate = light._replace(error=self._measure(light.irradiance, light.noise))
+            self._is_rough = False
+            new()
 
     def _measure(self, E: np.ndarray, noise: float) -> float:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample."""
@@ -275,7 +338,8 @@ class StaticGather:
         s = self._sample
         if self._sampled is None:
             points, seed = (a[s.rows] for a in self._points), seed_of(Stream.ERROR_SAMPLE, self._seed)
-            more = {"model": self._model, "mobiles": False, "rounds": SAMPLE_ROUNDS, "state": s.state}
+            # Noise of many small rounds is sure, and known soon.
+            more = {"model": self._model, "mobiles": False, "rounds": 1024, "state": s.state}
             self._sampled = ReferenceRounds(self._model.scene, *points, seed, s.times, **more)
             self._sample = s = s._replace(state=self._sampled.state)
         # Of point lights on a convex body radiosity has no noise, but whole paths do: they pick a light each.
@@ -283,7 +347,7 @@ class StaticGather:
         while True:
             if s.state.rounds != looked_at:
                 looked_at = s.state.rounds
-                noise_now = math.inf if looked_at < SURE_ROUNDS else s.state.noise(s.times)
+                noise_now = math.inf if looked_at < 8 else s.state.noise(s.times)
                 if not noise_now > CLEAR * max(s.error(E), noise, ENOUGH):
                     break
             self._sampled.step()
@@ -294,7 +358,7 @@ class StaticGather:
     def _whole_paths(self, new: Callable[[], None]) -> None:
         rounds = ReferenceRounds(
             self._model.scene, *self._points, self._seed, self._paid, model=self._model, state=self.state,
-            mobiles=False, rounds=ROUNDS, per_lamp=True, smoothed=self._pooled_pilots,
+            mobiles=False, rounds=STATIC_ROUNDS, per_lamp=True, smoothed=self._pooled_pilots,
         )  # fmt: skip
         looked_at, self._first_phase = 1, 1.0
         while not self.enough:
@@ -314,7 +378,7 @@ class StaticGather:
     def _pooled(self, values: np.ndarray) -> np.ndarray:
         """Return means (n, k) over the surroundings of each receiver."""
         everywhere = np.ones(len(values), bool)
-        for _ in range(POOLED):
+        for _ in range(8):
             values = averaged(self._near, values, everywhere, self._model.threads)
         return values
 
@@ -333,14 +397,6 @@ class StaticGather:
             return math.inf
         squares = luminance(state.standard_error[:, :3])[:, None] ** 2
         return relative_noise(np.sqrt(self._pooled(squares)[:, 0]), state.mean[:, :3], self.weights)
-
-    def _factors(self, E: np.ndarray, photons: np.ndarray) -> np.ndarray:
-        """Return the factors (3 G,) that give light E (n, 3 G) the total of the photons' (n, 3) by channel.
-
-        Their total is unbiased: interpolation between vertices loses light at every reflection.
-        """
-        mine, theirs = self._areas @ sum_of_lamps(E), self._areas @ photons
-        return np.tile(np.divide(theirs, mine, out=np.ones(3), where=mine > 0), self._channels // 3)
 
     def _take_over(
         self, new: Callable[[], None], source: Source, per_lamp: np.ndarray, standard_error: np.ndarray,

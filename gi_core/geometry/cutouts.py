@@ -1,14 +1,13 @@
 """Alpha cutouts: surfaces with holes from a texture's transparency, such as leaves, fences and grilles.
 
-Pictures show the holes per texel. Light transport uses whole triangles: fully transparent ones are removed, all others
-block light entirely. Shadows are therefore as accurate as the mesh is fine.
+Rays pass the holes texel by texel (`gi_core/rays/holes.py`). Fully transparent triangles are removed.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from gi_core.geometry.paint import rows_of
+from gi_core.geometry.mesh_parts import rows_of
 from gi_core.scene.types import Mesh, Texture
 
 HALF = 128  # threshold of `Texture.cover`: the surface exists from this byte on

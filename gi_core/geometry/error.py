@@ -1,22 +1,20 @@
 """Measures of error, defined once: every number that the project quotes comes from here.
 
 Truth T is `reference.py` or a closed form at `evaluation_points()`. All measures are of luminance and weigh each
-receiver by the area that it stands for. Noise has two measures. `error_parts` compares with the estimator's limit at
-very many photons. `noise_from_subset` compares with the first photons of the same solution.
+receiver by the area that it stands for. Noise is the error against the estimator's limit at very many photons, bias
+that of the limit against T; `noise_from_subset` compares with the first photons of the same solution instead.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from gi_core.geometry.receivers import Receivers
-
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear RGB
+CLOUD_REACH, PLACES = 0.1, 500  # clouds are looked for within so much of the scene's size around so many places
 DARK = 0.02  # of mean irradiance: the least that a signed error is relative to
 
 
@@ -25,14 +23,6 @@ class Error(NamedTuple):
 
     l1: float  # sum(w |E - T|) / sum(w T): the report's measure, well defined in shadows
     l2: float  # sqrt(sum(w (E - T)^2) / sum(w T^2)): the same with squares, strict on single spots
-
-
-class Parts(NamedTuple):
-    """The error of an estimate taken apart; as absolute errors, noise and bias need not add up to total."""
-
-    noise: Error  # estimate against its own limit at very many photons
-    bias: Error  # that limit against truth
-    total: Error  # estimate against truth
 
 
 def luminance(rgb: np.ndarray) -> np.ndarray:
@@ -52,18 +42,6 @@ def relative_error(E: np.ndarray, T: np.ndarray, weights: np.ndarray, rows=slice
         return Error(float("nan"), float("nan"))
     off = np.abs(e - t)
     return Error(float((w * off).sum()) / light, float(np.sqrt((w * off * off).sum() / light2)))
-
-
-def error_parts(E: np.ndarray, limit: np.ndarray, T: np.ndarray, weights: np.ndarray, rows=slice(None)) -> Parts:
-    """Return noise, bias and total of E; `limit` is the same estimator at very many photons.
-
-    Noise is relative to the limit, bias and total to the truth.
-    """
-    return Parts(
-        relative_error(E, limit, weights, rows),
-        relative_error(limit, T, weights, rows),
-        relative_error(E, T, weights, rows),
-    )
 
 
 def small_sample_bias(samples):
@@ -110,24 +88,31 @@ def noise_from_subset(
 
 
 def local_deviation(
-    E: np.ndarray, T: np.ndarray, receivers: Receivers, reach: float, rows: np.ndarray
-) -> np.ndarray:  # fmt: skip
-    """Return the standard deviation (k,) of luminance E / T around each of rows (k,): the clouds that an eye sees.
+    E: np.ndarray, T: np.ndarray, receivers: tuple[np.ndarray, ...], reach: float,
+    deviation: np.ndarray | float = 0.0,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the standard deviation of luminance E / T around places, median and 90th percentile: clouds.
 
-    E, T (n, 3): of the receivers, which count by area within `reach` [m] and half a radian of normals; those darker
-    than 5 % of the mean do not. nan where fewer than five count. The mean around a place is no error here.
+    E, T (n, 3); receivers: positions (n, 3) [m], normals (n, 3) and weights (n,). PLACES of them by weight have those
+    around them within `reach` [m] and half a radian of normals; those darker than 5 % of the mean do not count. nan
+    where nowhere five count. The mean around a place is no error here, nor is the noise of T: deviation (n,) of its
+    luminance.
     """
-    p, N, areas = (a[: len(T)] for a in receivers[:3])
-    e, t = luminance(E), luminance(T)
-    lit = np.flatnonzero((t > 0.05 * (areas @ t) / areas.sum()) & (areas > 0))
-    at, ratio, w = np.hstack([p / reach, 2 * N])[lit], e[lit] / t[lit], areas[lit]
-    out = np.full(len(rows), math.nan)
-    for k, row in enumerate(rows):
-        near = ((at - np.hstack([p[row] / reach, 2 * N[row]])) ** 2).sum(axis=1) <= 1
+    p, N, weights = receivers[:3]
+    e, t, noise = luminance(E), luminance(T), np.broadcast_to(deviation, len(T))
+    lit = np.flatnonzero((t > 0.05 * (weights @ t) / weights.sum()) & (weights > 0))
+    if not len(lit):
+        return math.nan, math.nan
+    at, w = np.hstack([p / reach, 2 * N])[lit], weights[lit]
+    ratio, squares = e[lit] / t[lit], (noise[lit] / t[lit]) ** 2
+    out = []
+    for k in np.random.default_rng(0).choice(len(lit), PLACES, p=w / w.sum()):
+        near = ((at - at[k]) ** 2).sum(axis=1) <= 1
         if near.sum() >= 5:
-            mean = np.average(ratio[near], weights=w[near])
-            out[k] = math.sqrt(np.average((ratio[near] - mean) ** 2, weights=w[near]))
-    return out
+            share = w[near] / w[near].sum()
+            spread = share @ (ratio[near] - share @ ratio[near]) ** 2 / (1 - share @ share)
+            out.append(math.sqrt(max(spread - share @ squares[near], 0.0)))
+    return tuple(np.quantile(out, [0.5, 0.9]).tolist()) if out else (math.nan, math.nan)
 
 
 def bias_left(total: float, *noises: float) -> float:

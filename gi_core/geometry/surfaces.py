@@ -19,8 +19,6 @@ from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Gloss, Mesh, Paint, Scene
 
-MOST_SCALE_UNDER_GLOSS = 2.0  # of paint under gloss: where facets add more than the base has, its texture does not show
-
 
 class Surfaces(NamedTuple):
     """Faces of all objects; per-face arrays are in global face order."""
@@ -42,6 +40,8 @@ class Surfaces(NamedTuple):
     lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha of gloss; nan: diffuse; alpha -1 - k: table k
     tables: Tables  # of materials with a model of reflection
     tangent: np.ndarray  # (F, 3) float64 unit, object space, of anisotropic models; (0, 3) without tables
+    pane: np.ndarray  # (F,) int32 into `panes`, -1: opaque
+    panes: np.ndarray  # (K, 4) float64: internal transmittance red, green, blue; index of refraction
 
     @property
     def objects(self) -> int:
@@ -65,7 +65,10 @@ def flatten(
     means_before = {} if before is None else _means_of(*before)
     rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
-    sided = np.array([m.two_sided for m in scene.materials], bool)
+    sided = np.array([m.two_sided or m.pane is not None for m in scene.materials], bool)
+    glass = np.cumsum([m.pane is not None for m in scene.materials]) - 1
+    pane_of = np.array([k if m.pane else -1 for k, m in zip(glass, scene.materials, strict=True)], np.int32)
+    rho[pane_of >= 0] = 0.0
     lobes = np.array([lobe_of(m.gloss) for m in scene.materials], np.float64).reshape(-1, 5)
     tables = tables_of(scene)
     for k, (m, table) in enumerate(tables.items()):
@@ -89,18 +92,21 @@ def flatten(
         if tabulated.any():
             reflectance, paint = reflectance.copy(), _without(paint, tabulated, rho[mesh.face_material])
             reflectance[tabulated] = rho[mesh.face_material][tabulated]
+        pane = pane_of[mesh.face_material]
+        if (pane >= 0).any():
+            reflectance = np.where((pane >= 0)[:, None], 0.0, reflectance)
         if (lobe[:, 4] >= 0).any():
             textured, reflectance = reflectance, base_albedo(lobe, reflectance)
             paint = _repainted(paint, textured, reflectance)
         paints.append(paint)
         sides = two_sided, front, back, built.patch + patch_count
         along = _tangents(normals, grain[mesh.face_material]) if tables else np.zeros((0, 3))
-        parts.append((normals, areas, reflectance, Le[mesh.face_material], *sides, lobe, along))
+        parts.append((normals, areas, reflectance, Le[mesh.face_material], *sides, lobe, along, pane))
         # Probes are receivers too, without faces: the last ones of the static part.
         receivers.append(_with_probes(built.receivers, scene) if mesh is scene.static else built.receivers)
         receiver_count += len(receivers[-1].positions)
         patch_count += int(built.patch.max(initial=-1)) + 1
-    normals, areas, reflectance, emission, two_sided, front, back, patch, lobe, tangent = (
+    normals, areas, reflectance, emission, two_sided, front, back, patch, lobe, tangent, pane = (
         np.concatenate(c) for c in zip(*parts, strict=True)
     )
     surfaces = Surfaces(
@@ -121,6 +127,8 @@ def flatten(
         lobe=np.ascontiguousarray(lobe, np.float64),
         tables=join(list(tables.values())),
         tangent=tangent,
+        pane=pane.astype(np.int32),
+        panes=np.array([(*m.pane.transmittance, m.pane.ior) for m in scene.materials if m.pane]).reshape(-1, 4),
     )
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
 
@@ -148,11 +156,12 @@ def tables_of(scene: Scene) -> dict[int, Table]:
 
 def _repainted(paint: Paint | None, mean: np.ndarray, wanted: np.ndarray) -> Paint | None:
     """Return paint of mean colours `wanted` (F, 3) in place of `mean`: scaled, or plain where most is added to it."""
+    most_scale_under_gloss = 2.0  # of paint: where facets add more than the base has, its texture does not show
     if paint is None:
         return None
-    paint = _without(paint, wanted.max(axis=1) > MOST_SCALE_UNDER_GLOSS * mean.max(axis=1), wanted)
-    scale = np.clip(wanted / np.maximum(mean, 1e-12), 0, MOST_SCALE_UNDER_GLOSS)
-    scale[wanted.max(axis=1) > MOST_SCALE_UNDER_GLOSS * mean.max(axis=1)] = 1.0
+    paint = _without(paint, wanted.max(axis=1) > most_scale_under_gloss * mean.max(axis=1), wanted)
+    scale = np.clip(wanted / np.maximum(mean, 1e-12), 0, most_scale_under_gloss)
+    scale[wanted.max(axis=1) > most_scale_under_gloss * mean.max(axis=1)] = 1.0
     return paint._replace(corner_colour=paint.corner_colour * scale[:, None].astype(np.float32))
 
 
@@ -205,3 +214,28 @@ def face_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 def _offsets(counts: list[int]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+INWARD = 1e-2  # of the offset to the mean centroid of a receiver's faces: well inside a cell, far from the wall
+EVALUATION_LIFT = 1e-3  # of the mean distance to those centroids: a tenth of INWARD, so edge points stay near the wall
+
+
+def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and normals, both (R, 3) float64.
+
+    A vertex on an edge lies in the plane of the neighbouring wall, which blocks every ray. Each receiver therefore
+    moves by INWARD of the offset to the mean centroid of its faces, and is lifted along its normal. On a convex surface
+    the centroids lie below the tangent plane: there the offset is projected on that plane. Centroids are computed from
+    receivers, so `receivers` may be at any poses. Receivers without faces (probes) do not move.
+    """
+    P, N, n = receivers.positions, receivers.normals, len(receivers.positions)
+    front, back = surfaces.corner_front, surfaces.corner_back
+    sides = front, back[(back >= 0).all(axis=1)]
+    rows = np.concatenate([corners.T.reshape(-1) for corners in sides])
+    step = np.concatenate([np.tile(P[corners].mean(axis=1), (3, 1)) for corners in sides]) - P[rows]
+    count = np.maximum(np.bincount(rows, minlength=n), 1)
+    way = np.stack([np.bincount(rows, each, n) for each in step.T], axis=1) / count[:, None]
+    distance = np.bincount(rows, np.sqrt((step * step).sum(axis=1)), n) / count
+    below = np.minimum((way * N).sum(axis=1), 0)
+    way -= below[:, None] * N
+    return P + INWARD * way + (EVALUATION_LIFT * distance)[:, None] * N, N.copy()

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.vectors import cross, dot, every, greatest, length
-from gi_core.geometry.paint import each_layer
+from gi_core.geometry.mesh_parts import each_layer
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.errors import SceneError
@@ -123,7 +123,6 @@ def _last(rows, face, mine, origin) -> np.ndarray:
     return np.where(before >= begin, rows[np.maximum(before, 0)], origin[face[rows]])
 
 
-SLIVER = 0.6  # of the longest edge: lower faces are cut across, not into triangles of their own shape
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
@@ -136,19 +135,20 @@ class Cuts(NamedTuple):
     place: np.ndarray  # (k,) share of the edge before the new corner
 
 
-class _Faces(NamedTuple):
+class Faces(NamedTuple):
     """Faces, each a piece of a face of the mesh; or faces with the middles of their edges as three more corners."""
 
     source: np.ndarray  # (n,) int64, face of the mesh
     corners: np.ndarray  # (n, 3) int64, vertices
     normals: np.ndarray | None  # (n, 3, 3) at corners
     weights: np.ndarray | None  # (n, 3, 3) of the source's corners, sums of powers of two: exact
+    ids: np.ndarray | None = None  # (n, 3, k) int64, of corners, for each of k uses
 
-    def rows(self, rows) -> _Faces:
-        return _Faces(*(None if c is None else c[rows] for c in self))
+    def rows(self, rows) -> Faces:
+        return Faces(*(None if c is None else c[rows] for c in self))
 
-    def triangle(self, slots) -> _Faces:
-        return _Faces(self.source, *(None if c is None else c[:, slots] for c in self[1:]))
+    def triangle(self, slots) -> Faces:
+        return Faces(self.source, *(None if c is None else c[:, slots] for c in self[1:]))
 
 
 def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thinnest: float = 0.0) -> Mesh:
@@ -165,13 +165,12 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     if not max_edge > 0:
         raise SceneError(f"max_edge must be a length > 0, got {max_edge}")
     uniform = longest is None and thinnest == 0
-    # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
-    if uniform and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
-        raise _too_many(max_edge)
+    if uniform:
+        check_edge(mesh, max_edge)
     points, faces = _welded(mesh)
     sliver = _slivers(points[faces.corners], max_edge) if uniform else np.zeros(len(faces.source), bool)
     # The height is that of the source: an edge keeps its answer while its faces are cut.
-    asks = _heights(mesh.vertices[mesh.faces]) >= thinnest if thinnest > 0 else None
+    asks = heights(mesh.vertices[mesh.faces]) >= thinnest if thinnest > 0 else None
     slivers = faces.rows(sliver)
     ends = points[slivers.corners]
     points, faces = _halved(points, faces.rows(~sliver), asks, max_edge, longest)
@@ -180,13 +179,20 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     return _as_mesh(mesh, points, faces)
 
 
+def check_edge(mesh: Mesh, max_edge: float) -> None:
+    """Raise SceneError before the work if edges up to max_edge [m] must make more than MOST_FACES triangles."""
+    # No triangle is larger than half the square of its longest edge.
+    if face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
+        raise _too_many(max_edge)
+
+
 def cut_edges(mesh: Mesh, cuts: Cuts) -> tuple[Mesh, np.ndarray]:
     """Return the mesh with new corners on edges, and the rows of the pieces.
 
     All faces at an edge are cut. An edge gets one corner, the first where several are asked for.
     """
     points, faces = _welded(mesh)
-    low, high = _ends(faces)
+    low, high = edge_ends(faces)
     key = low * len(points) + high
     row = np.full(len(mesh.faces), -1)
     row[faces.source] = np.arange(len(faces.source))
@@ -194,22 +200,22 @@ def cut_edges(mesh: Mesh, cuts: Cuts) -> tuple[Mesh, np.ndarray]:
     a, b = (faces.corners[row[asked.face], k] for k in (asked.start, asked.end))
     edges, first = np.unique(np.minimum(a, b) * len(points) + np.maximum(a, b), return_index=True)
     shares = np.where(a < b, asked.place, 1 - asked.place)[first]
-    points, whole, cut = _split(points, faces, key, np.isin(key, edges), shares)
+    points, whole, cut = split_edges(points, faces, key, np.isin(key, edges), shares)
     pieces = np.arange(len(whole.source), len(whole.source) + len(cut.source))
-    return _as_mesh(mesh, points, _joined([whole, cut])), pieces
+    return _as_mesh(mesh, points, join_faces([whole, cut])), pieces
 
 
-def _welded(mesh: Mesh) -> tuple[np.ndarray, _Faces]:
+def _welded(mesh: Mesh) -> tuple[np.ndarray, Faces]:
     """Return the vertices (V, 3), none twice at a place, and the faces; a face smaller than the weld is dropped."""
     place = weld(mesh.vertices)
     points = mesh.vertices[np.unique(place, return_index=True)[1]]
     corners = place[mesh.faces]
     weights = None if mesh.paint is None and mesh.finish is None else np.broadcast_to(np.eye(3), (len(corners), 3, 3))
-    faces = _Faces(np.arange(len(corners)), corners, mesh.corner_normals, weights)
+    faces = Faces(np.arange(len(corners)), corners, mesh.corner_normals, weights)
     return points, faces.rows(every(corners != corners[:, [2, 0, 1]]))
 
 
-def _as_mesh(mesh: Mesh, points: np.ndarray, faces: _Faces) -> Mesh:
+def _as_mesh(mesh: Mesh, points: np.ndarray, faces: Faces) -> Mesh:
     """Return the mesh of pieces of the faces of a mesh."""
     source = faces.source
     return Mesh(
@@ -225,38 +231,41 @@ def _as_mesh(mesh: Mesh, points: np.ndarray, faces: _Faces) -> Mesh:
 
 def _slivers(p: np.ndarray, max_edge: float) -> np.ndarray:
     """Return which triangles (F, 3, 3) are low and have a long edge. (F,) bool."""
-    return (_heights(p) < SLIVER * max_edge) & _too_long(p, np.roll(p, -1, axis=1), max_edge, None).any(axis=1)
+    # Lower faces than 0.6 of the longest edge are cut across, not into triangles of their own shape.
+    return (heights(p) < 0.6 * max_edge) & _too_long(p, np.roll(p, -1, axis=1), max_edge, None).any(axis=1)
 
 
-def _halved(points, faces: _Faces, asks, max_edge: float, longest) -> tuple[np.ndarray, _Faces]:
+def _halved(points, faces: Faces, asks, max_edge: float, longest) -> tuple[np.ndarray, Faces]:
     """Return vertices and faces after all long edges are halved; asks (F,): sources whose edges count; None: all."""
     done = []
     while True:
-        low, high = _ends(faces)
+        low, high = edge_ends(faces)
         long = _too_long(points[low], points[high], max_edge, longest)
         key = low * len(points) + high
         if asks is not None:
             long[long] = np.isin(key[long], key[long & asks[faces.source][:, None]])
         if not long.any():
-            return points, _joined([*done, faces])
+            return points, join_faces([*done, faces])
         # An edge that is short now stays: a face without a long edge is finished for good.
-        points, whole, faces = _split(points, faces, key, long)
+        points, whole, faces = split_edges(points, faces, key, long)
         done.append(whole)
         if sum(len(d.source) for d in done) + len(faces.source) > MOST_FACES:
             raise _too_many(max_edge)
 
 
-def _ends(faces: _Faces) -> tuple[np.ndarray, np.ndarray]:
+def edge_ends(faces: Faces) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices low and high (n, 3) of the edges; edge k runs from corner k to corner k + 1."""
     following = faces.corners[:, [1, 2, 0]]
     return np.minimum(faces.corners, following), np.maximum(faces.corners, following)
 
 
-def _split(points, faces: _Faces, key: np.ndarray, long: np.ndarray, shares=0.5) -> tuple[np.ndarray, _Faces, _Faces]:
+def split_edges(
+    points, faces: Faces, key: np.ndarray, long: np.ndarray, shares=0.5, ids: np.ndarray | None = None
+) -> tuple[np.ndarray, Faces, Faces]:
     """Cut the edges long (n, 3) bool: return vertices, faces without such an edge, and the pieces of the others.
 
     key (n, 3): low * V + high of the ends of each edge. shares: 0.5, or (k,) by ascending key: the share of the edge
-    from its lower end to the cut.
+    from its lower end to the cut. ids (n, 3, k): of the new corners of faces that have ids, by edge.
     """
     pattern = long @ np.array([1, 2, 4])
     unique, index = np.unique(key[long], return_inverse=True)
@@ -267,11 +276,14 @@ def _split(points, faces: _Faces, key: np.ndarray, long: np.ndarray, shares=0.5)
     share[long] = np.where(faces.corners[long] == low[index], shares[index, 0], 1 - shares[index, 0])
     points = np.concatenate([points, (1 - shares) * points[low] + shares * points[high]])
     split = np.flatnonzero(pattern)
-    cut = _cut(_with_middles(faces.rows(split), middle[split], share[split]), pattern[split], points)
+    slots = _with_middles(faces.rows(split), middle[split], share[split])
+    if ids is not None:
+        slots = slots._replace(ids=np.concatenate([slots.ids, ids[split]], axis=1))
+    cut = _cut(slots, pattern[split], points)
     return points, faces.rows(pattern == 0), cut
 
 
-def _with_slivers(points, faces: _Faces, slivers: _Faces, ends, max_edge: float) -> tuple[np.ndarray, _Faces]:
+def _with_slivers(points, faces: Faces, slivers: Faces, ends, max_edge: float) -> tuple[np.ndarray, Faces]:
     """Return vertices and faces with the slivers, corners at ends (S, 3, 3), cut across and added."""
     cut = cut_across(ends, lambda a, b: _too_long(a, b, max_edge, None), MOST_FACES - len(faces.source))
     if cut is None:
@@ -282,14 +294,14 @@ def _with_slivers(points, faces: _Faces, slivers: _Faces, ends, max_edge: float)
         normals = mixed / np.maximum(length(mixed)[..., None], 1e-12)
     corners = len(points) + np.arange(3 * n).reshape(n, 3)
     weights = None if slivers.weights is None else cut.weights
-    faces = _joined([faces, _Faces(slivers.source[cut.source], corners, normals, weights)])
+    faces = join_faces([faces, Faces(slivers.source[cut.source], corners, normals, weights)])
     # Neighbours cut the same edges at places that are equal to the bit.
     points, same = np.unique(np.concatenate([points, cut.points.reshape(-1, 3)]), axis=0, return_inverse=True)
     return points, faces._replace(corners=same.reshape(-1)[faces.corners])
 
 
-def _joined(parts: list[_Faces]) -> _Faces:
-    return _Faces(*(None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)))
+def join_faces(parts: list[Faces]) -> Faces:
+    return Faces(*(None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)))
 
 
 def _painted(paint: Paint, source: np.ndarray, weights: np.ndarray) -> Paint:
@@ -308,7 +320,7 @@ def _too_many(max_edge: float) -> SceneError:
     )
 
 
-def _heights(p: np.ndarray) -> np.ndarray:
+def heights(p: np.ndarray) -> np.ndarray:
     """Return the least height [m] of triangles (F, 3, 3). (F,)."""
     d = p - p[:, [2, 0, 1]]
     longest = greatest(length(d))
@@ -324,7 +336,7 @@ def _too_long(a, b, max_edge, longest) -> np.ndarray:
     return long
 
 
-def _with_middles(faces: _Faces, middle: np.ndarray, share: np.ndarray) -> _Faces:
+def _with_middles(faces: Faces, middle: np.ndarray, share: np.ndarray) -> Faces:
     """Return faces with six slots: their corners, then a place on each edge, vertices middle (F, 3).
 
     share (F, 3): of the edge up to that place.
@@ -337,7 +349,7 @@ def _with_middles(faces: _Faces, middle: np.ndarray, share: np.ndarray) -> _Face
         n = np.concatenate([n, between], axis=1)
     if w is not None:
         w = np.concatenate([w, (1 - share) * w + share * np.roll(w, -1, axis=1)], axis=1)
-    return _Faces(faces.source, np.concatenate([faces.corners, middle], axis=1), n, w)
+    return Faces(faces.source, np.concatenate([faces.corners, middle], axis=1), n, w, faces.ids)
 
 
 def _rotated(triangles, turns: int):
@@ -353,11 +365,10 @@ TEMPLATES = {
 }
 # Two edges split: a corner triangle and a quad, cut along the shorter of its diagonals (03 and 15 turned).
 TWO = {0b110: 0, 0b101: 1, 0b011: 2}  # pattern -> turns that bring the unsplit edge to slot 01
-TIP = [(4, 2, 5)]
 DIAGONALS = ([(0, 1, 4), (0, 4, 5)], [(0, 1, 5), (1, 4, 5)])
 
 
-def _cut(slots: _Faces, pattern: np.ndarray, points: np.ndarray) -> _Faces:
+def _cut(slots: Faces, pattern: np.ndarray, points: np.ndarray) -> Faces:
     """Return the pieces of faces with six slots, by the pattern (F,) of their long edges."""
     parts = []
 
@@ -374,7 +385,7 @@ def _cut(slots: _Faces, pattern: np.ndarray, points: np.ndarray) -> _Faces:
         first = points[corner[:, a]] - points[corner[:, d]]
         second = points[corner[:, b]] - points[corner[:, e]]
         shorter = dot(first, first) <= dot(second, second)
-        emit(rows, _rotated(TIP, turns))
+        emit(rows, _rotated([(4, 2, 5)], turns))
         emit(rows[shorter], _rotated(DIAGONALS[0], turns))
         emit(rows[~shorter], _rotated(DIAGONALS[1], turns))
-    return _joined(parts)
+    return join_faces(parts)

@@ -163,9 +163,6 @@ def _double(a):
 
 MOST_REFLECTANCE = 0.98  # paths in a closed room of reflectance 1 would never end
 WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below
-TEXTURE_SAMPLES = 1_500_000  # over all triangles, within FINENESS: a tenth of a second on two cores
-FINENESS = 16, 64  # samples along the longest edge of a triangle: the error of the mean is half a percent, or a tenth
-MOST_TAPS = 8  # samples along a pixel's footprint where a surface is seen at a grazing angle
 REFLECTANCE = np.minimum(LINEAR, MOST_REFLECTANCE)
 
 
@@ -186,14 +183,14 @@ def mean_colours(paint: Paint, most: float = MOST_REFLECTANCE) -> np.ndarray:
 def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarray) -> np.ndarray:
     """Return the colour (n, 3) of pixels centred at uv (n, 2), with extents `across` and `along` (n, 2) in uv.
 
-    Trilinear, with up to MOST_TAPS samples along the longer side of the footprint.
+    Trilinear, with up to eight samples along the longer side of the footprint.
     """
     chain = levels(texture)
     h, w = chain[0].shape[:2]
     x, y = (np.sqrt((a[:, 0] * w) ** 2 + (a[:, 1] * h) ** 2) for a in (across, along))
     longer, shorter = np.maximum(x, y), np.maximum(np.minimum(x, y), 1e-6)
     axis = np.where((x >= y)[:, None], across, along)
-    taps = np.clip(np.ceil(longer / shorter), 1, MOST_TAPS).astype(np.int64)
+    taps = np.clip(np.ceil(longer / shorter), 1, 8).astype(np.int64)
     lod = np.clip(np.log2(np.maximum(longer / taps, 1e-6)), 0, len(chain) - 1)
     level = np.minimum(lod.astype(np.int64), len(chain) - 1)
     out = np.empty((len(uv), 3))
@@ -217,7 +214,9 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray, most: float) ->
     uv = _finite(uv)
     edges = (uv - np.roll(uv, 1, axis=1)) * [w, h]
     longest = np.sqrt((edges * edges).sum(axis=2)).max(axis=1)  # texels
-    fineness = np.clip(np.sqrt(TEXTURE_SAMPLES / len(uv)), *FINENESS)
+    # 1,500,000 samples over all triangles take a tenth of a second on two cores. 16 along the longest edge of one have
+    # half a percent of error of the mean, 64 a tenth.
+    fineness = np.clip(np.sqrt(1_500_000 / len(uv)), 16, 64)
     last = len(chain) - 1
     if "clamp" in texture.wrap:
         # 32 texels: least size of clamped mipmaps, whose edges would blur into the image

@@ -21,9 +21,7 @@ from gi_core.photons.flux_sums import IntersectionLog, Sums
 from gi_core.photons.paths import Segments, take
 from gi_core.rays.accelerator import Transforms
 
-CROSSINGS = 4  # crossings per segment in the first record
 SEGMENT_GRAIN = 256  # segments per thread
-PHOTONS_AT_ONCE = 8192  # photons taken in at a time
 FLUX_SHIFT = 12  # bits of flux left out of moments ...
 DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26 rays in 63 bits
 RAY = 8  # numbers of a ray, see _weigh()
@@ -83,7 +81,7 @@ class GlossDiscs:
 
         def find(segments: Segments) -> Crossings:
             ready = lines(segments, at.rotation[o], at.position[o], model, self.radius)
-            room = CROSSINGS * segments.size
+            room = 4 * segments.size  # 4 crossings per segment in the first record
             while True:
                 log = IntersectionLog.of(room)
                 search.accumulate(ready, 1, Sums.zeros(count, model.emitters.lamps.channels)._replace(log=log))
@@ -119,7 +117,7 @@ class Intake:
 
     def end_of_part(self, count: int) -> int:
         """Return the end of the next part of the first `count` photons."""
-        return min(self.photons + PHOTONS_AT_ONCE, count)
+        return min(self.photons + 8192, count)
 
 
 class Arrivals(NamedTuple):

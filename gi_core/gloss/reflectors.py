@@ -24,7 +24,6 @@ from gi_core.rays.accelerator import GAP, Transforms
 from gi_core.rays.all_objects import nearest_in_world
 
 MOST_PLANES = 64  # candidates per scene, the largest first
-FLAT = 1e-4  # of the scene size: departure from a plane
 MOST_PROBES = 6  # of the static part, at most
 PROBE_POINTS, PROBE_RAYS = 2048, 4  # of the pilot's hits at most, and rays from each
 OMITTED_INSIDE = 0.6  # of the box of a part's faces: what is nearer to its place is left out. A ball hides up to 0.58
@@ -45,6 +44,7 @@ class Probe(NamedTuple):
     centre: np.ndarray  # (3,) float64 [m] in the object's space
     half: np.ndarray  # (3,) float64 [m], half of the box that it leaves out, 0: none
     seen: float  # share of the rays of its faces that it serves
+    scene_size: float  # [m]
 
 
 class Reflector(NamedTuple):
@@ -63,7 +63,7 @@ def reflectors(model: Model) -> tuple[tuple[Reflector, ...], ...]:
     lobes, of_face = sharp_faces(s)
     if not lobes:
         return ((),) * s.objects
-    size = max(float(np.ptp(v, axis=0).max()) for v in s.vertices if len(v))
+    size = model.scene_size
     planes, plane_of = _all_planes(s, of_face, size)
     probes: list[Probe] = []
     probe_of, omitted = np.full(len(of_face), -1), []
@@ -71,7 +71,7 @@ def reflectors(model: Model) -> tuple[tuple[Reflector, ...], ...]:
         faces = np.flatnonzero(of_face[s.face_range(o)] >= 0) + int(s.first_face[o])
         for place in places(model, o, faces, size) if len(faces) else ():
             probe_of[place.faces] = len(probes)
-            probes.append(Probe(len(probes), place.centre, place.half, place.seen))
+            probes.append(Probe(len(probes), place.centre, place.half, place.seen, size))
             omitted.append(place.omitted)
     kind = group_of((of_face, plane_of, probe_of, _sets(omitted, len(of_face))))
     out: list[list[Reflector]] = [[] for _ in range(s.objects)]
@@ -130,6 +130,7 @@ def _all_planes(s: Surfaces, of_face: np.ndarray, size: float) -> tuple[list[Pla
 
 def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Return area, global faces and equation of the large flat sharp parts of an object, as a floor of tiles."""
+    flat = 1e-4  # of the scene size: departure from a plane
     faces = np.flatnonzero(of_face[s.face_range(o)] >= 0) + int(s.first_face[o])
     if not len(faces):
         return []
@@ -146,10 +147,10 @@ def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple
     np.maximum.at(high, patch, heights.max(axis=1))
     planes, count, plane_of = np.zeros((n, 4)), 0, np.full(n, -1)
     for p in np.argsort(-area):
-        if length[p] < 0.99 or high[p] - low[p] > FLAT * size:
+        if length[p] < 0.99 or high[p] - low[p] > flat * size:
             continue
         height, earlier = (low[p] + high[p]) / 2, planes[:count]
-        same = (earlier[:, :3] @ normal[p] > 1 - 1e-6) & (np.abs(earlier[:, 3] - height) < FLAT * size)
+        same = (earlier[:, :3] @ normal[p] > 1 - 1e-6) & (np.abs(earlier[:, 3] - height) < flat * size)
         plane_of[p] = np.argmax(same) if same.any() else count
         planes[plane_of[p]] = planes[plane_of[p]] if same.any() else (*normal[p], height)
         count += not same.any()

@@ -19,7 +19,6 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 
 MOST_NOISE = 2.0  # of cells: GGX of alpha 0.153; narrower lobes are also narrower than a cell
-LOBE_DRAWS = 4096  # rays that measure a lobe: its noise factor within 2 %
 TAPS = 16  # rays per pixel in place of a lobe, each with a blurred look into the reflection
 COSINES = 17  # of the albedo, in the cosine of the view
 
@@ -96,8 +95,8 @@ def _taps(lobe: np.ndarray, tables: Tables) -> np.ndarray:
 
 
 def _drawn(lobe: np.ndarray, tables: Tables, cosine: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return draw_lobe() of LOBE_DRAWS random rays for one view."""
-    return _rays(lobe, tables, cosine, np.random.default_rng(0).random((LOBE_DRAWS, 3)))
+    """Return draw_lobe() of 4,096 random rays, a noise factor within 2 %, for one view."""
+    return _rays(lobe, tables, cosine, np.random.default_rng(0).random((4096, 3)))
 
 
 def _rays(lobe: np.ndarray, tables: Tables, cosine: float, numbers: np.ndarray):

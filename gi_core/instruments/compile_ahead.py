@@ -22,14 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.base.jit import cache_folder
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
-from gi_core.display import vertex_light
+from gi_core.display import fine_points, vertex_light
 from gi_core.display.first_look import first_looks
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
@@ -44,24 +44,25 @@ from gi_core.gather.path_tracer import last_kernels_first
 from gi_core.gather.reference import ReferenceRounds, take_in
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import footprints, lookup
-from gi_core.gloss.highlights import arriving, highlights
 from gi_core.gloss.light import gloss_radiance
-from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
+from gi_core.gloss.lobe_rays import LobeViews, arriving, draw_lobe, gloss_alone, highlights
 from gi_core.instruments import child
 from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.structures import checked
 from gi_core.retrace.cuts import current_segments
-from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
+from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, Pane, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver, edited_solver
 
 FROM_BEHIND, BESIDE_LOOK, RAYS, OF = "--from-behind", "--beside-look", "--rays", "--surfaces"
-SURFACES = DIFFUSE, GLOSS, TABLES = "diffuse", "gloss", "tables"
+OPAQUE = DIFFUSE, GLOSS, TABLES = "diffuse", "gloss", "tables"
+GLAZED = "-panes"
+SURFACES = *OPAQUE, *(kind + GLAZED for kind in OPAQUE)
 STAMP = "complete"
 STEPS = 40  # of light at rest: each of its kernels has run by then
-PHOTONS = 1 << 14  # of the recorded solve: enough for direct light and for subsets
 # Bytes of compiled kernels that a kind adds to the cache folder: the end of the progress bar.
-CODE = {DIFFUSE: 8.2e6, GLOSS: 3.6e6, TABLES: 4.0e6}
+CODE = {DIFFUSE: 11.1e6, GLOSS: 3.6e6, TABLES: 4.0e6}
+CODE |= {DIFFUSE + GLAZED: 2.4e6, GLOSS + GLAZED: 6.0e6, TABLES + GLAZED: 6.4e6}
 # Upright at a corner of the floor: mobile and floor shorten regions of each other.
 TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
 
@@ -86,9 +87,10 @@ def _code_size() -> int:
 
 def surfaces_of(scene: Scene) -> str:
     """Return the kind of surfaces, one of SURFACES, that the kernels for a scene must know."""
+    glazed = GLAZED if any(m.pane for m in scene.materials) else ""
     if any(m.brdf for m in scene.materials):
-        return TABLES
-    return GLOSS if any(m.gloss for m in scene.materials) else DIFFUSE
+        return TABLES + glazed
+    return (GLOSS if any(m.gloss for m in scene.materials) else DIFFUSE) + glazed
 
 
 def _stamp(rays: str | None, surfaces: str) -> Path:
@@ -130,7 +132,7 @@ def _parts(rays: str | None, surfaces: str = DIFFUSE) -> list[tuple[str, Callabl
     parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
     parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
     parts += [("loading", _prepare)]
-    if surfaces != DIFFUSE:
+    if not surfaces.startswith(DIFFUSE):
         parts += [("gloss", lambda: _shine(tiny()))]
     return [*parts, ("reference", functools.partial(_gather, scene, rays))]
 
@@ -165,8 +167,9 @@ def record(scene: Scene, rays: str | None) -> Solver:
     is compiled, so a new one needs no line here.
     """
     model = Model(scene, rays=rays)
-    next(first_looks(scene, model, np.ones((len(model.emitters.lamps.names), 3)), 0))
-    solver = Solver(scene, photons=PHOTONS, radius=0.3, light="best", rays=rays)
+    next(first_looks(scene, model, np.ones((len(model.emitters.lamps.names), 3)), 1.0, 0))
+    # 2^14 photons are enough for direct light and for subsets.
+    solver = Solver(scene, photons=1 << 14, radius=0.3, light="best", rays=rays)
     _live(solver)
     other = edited_solver(solver, replace(scene, static=scene.static._replace(paint=None)))
     _live(other)
@@ -197,6 +200,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
     solver.solve()
     _see_texture()
     vertex_light.compile_kernels()
+    fine_points.compile_kernels()
     return solver
 
 
@@ -269,10 +273,15 @@ def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:
             DIFFUSE: Material("floor"),
             GLOSS: Material("floor", gloss=Gloss()),
             TABLES: Material("floor", brdf=(lobe("ward", {"ax": 0.4, "ay": 0.4}),)),  # cells carry it
-        }[surfaces],
+        }[surfaces.removesuffix(GLAZED)],
         Material("lamp", emission=(1.0, 1.0, 1.0)),
         Material("leaf", two_sided=True),
     )
+    if surfaces.endswith(GLAZED):
+        corner = np.array([[-1, -1, 0.5], [-0.8, -1, 0.5], [-1, -0.8, 0.5]])
+        faces = np.concatenate([faces, np.array([[8, 9, 10]], np.int32)])
+        static = Mesh(np.concatenate([vertices, corner]), faces, np.array([0, 0, 1, 1, 3], np.int32))
+        materials = *materials, Material("glass").as_pane(Pane())
     return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
 
 
@@ -307,7 +316,7 @@ def _smooth() -> None:
 def _light_backwards(scene: Scene, rays: str | None) -> None:
     """Compile the kernels of a first look's light, from the last one on: its process begins with the first one."""
     neighbours(np.zeros((0, 3)), 0)  # that process needs these two before this one can help with the others
-    strata.uniform(0, 0, 0, 0, 0)
+    random_numbers.stratified(0, 0, 0, 0, 0)
     plain = replace(scene, static=scene.static._replace(paint=None))
     model = Model(plain, rays=rays)  # its kernels come from that process
     none = np.zeros((0, 3))

@@ -36,7 +36,6 @@ LEAVES = {
     "grid3d": (0.0625, 0.125, 0.25, 0.5, 1, 2),
 }  # fmt: skip
 SLOW = 100  # times fewer rays for `none`
-TIMING_SEED = 0  # of the rays
 REPEATS = 5  # of a measurement; the least time counts
 
 
@@ -72,13 +71,14 @@ def rays_of(model: Model, camera: Camera, n: int) -> dict[str, Rays]:
 
     Photons find the lit side of walls, where the camera may stand outside.
     """
-    rng, far = np.random.default_rng(TIMING_SEED), np.float32(4 * model.world.size)
+    timing_seed = 0  # of the rays
+    rng, far = np.random.default_rng(timing_seed), np.float32(4 * model.world.size)
     columns = math.isqrt(n)
     d = picture_rays([camera], model.scene.up, columns, columns)[0].astype(np.float32)
     o = np.broadcast_to(np.asarray(camera.position, np.float64) - model.origins[0], d.shape).astype(np.float32)
     limits = np.full(n, far)
     primary = Rays(o, d, limits[: len(d)], False)
-    o, d = emit(model.emitters, TIMING_SEED, 0, n)[:2]
+    o, d = emit(model.emitters, timing_seed, 0, n)[:2]
     distance, face = model.accelerator.nearest(0, o + 1e-5 * far * d, d, limits)
     hit = face >= 0
     normal = model.surfaces.normals[face[hit]]
@@ -86,7 +86,7 @@ def rays_of(model: Model, camera: Camera, n: int) -> dict[str, Rays]:
     start = (o[hit] + distance[hit, None] * d[hit] - 1e-5 * model.world.size * toward * normal).astype(np.float32)
     on = unit(rng.normal(size=start.shape))
     on *= -np.sign((on * toward * normal).sum(axis=1))[:, None]
-    lamp = emit(model.emitters, TIMING_SEED, n, len(start))[0].astype(np.float64) - start
+    lamp = emit(model.emitters, timing_seed, n, len(start))[0].astype(np.float64) - start
     length = np.sqrt((lamp * lamp).sum(axis=1))
     return {
         "primary": primary,

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base import random_numbers
-from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import inlined, kernel
+from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.vec import cross, difference, dot, largest, row, weighted
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.photometric import density, panels, tables_of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ class LightPoints(NamedTuple):
     reach: np.ndarray  # (P,) float64 [m], largest coordinate of the light; inf: `place` is a direction
     value: np.ndarray  # (P, 3) float64: irradiance over that of strength_of()
     lamp: np.ndarray  # (P,) int64
+    spread: np.ndarray  # (P,) float64 [m2], squared radius of a disc of the area that a point on a face stands for
 
     @property
     def distant(self) -> np.ndarray:
@@ -38,8 +40,10 @@ class LightPoints(NamedTuple):
         return np.isinf(self.reach)
 
 
-def light_points(lights: Lights, arriving: np.ndarray, seed: int) -> LightPoints | None:
-    """Return points on all lights of a scene; None where there are too many delta lights.
+def light_points(
+    lights: Lights, arriving: np.ndarray, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY)
+) -> LightPoints | None:
+    """Return points on the lights of some kinds; None where there are too many delta lights.
 
     arriving: of `Emitters`.
     """
@@ -48,23 +52,23 @@ def light_points(lights: Lights, arriving: np.ndarray, seed: int) -> LightPoints
     seed = random_numbers.seed_of(random_numbers.Stream.LIGHT_POINTS, seed)
     area, delta, sky = lights.area, lights.delta, lights.sky
     reach = np.where(delta.distant, np.inf, np.abs(delta.place).max(axis=1, initial=0.0))
-    parts = [(DELTA, np.arange(len(delta.kind)), delta.place, reach, delta.value, delta.lamp)]
+    none = np.zeros(len(delta.kind))
+    parts = [(DELTA, np.arange(len(delta.kind)), delta.place, reach, delta.value, delta.lamp, none)]
     share = np.diff(area.cdf, prepend=0.0)
-    lamps = np.unique(area.lamp[share > 0])
+    lamps = np.unique(area.lamp[share > 0]) if FACE in kinds else ()
     count = max(LIGHT_POINTS // max(len(lamps), 1), 8)  # 8 points per lamp with area lights at least
     for lamp in lamps:
         rows = np.flatnonzero((area.lamp == lamp) & (share > 0))
         face, place, each = _on_faces(seed ^ int(lamp), count, area, rows, share[rows])
         reach, lamp_of = np.abs(area.corners[face]).max(axis=1), np.full(count, lamp)
-        parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of))
-    if sky.radiance.any():
+        parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of, each / math.pi))
+    if SKY in kinds and sky.radiance.any():
         count = SKY_DIRECTIONS if arriving[sky.lamp] < 1.0 else LIGHT_POINTS
         value, lamp_of = np.tile(sky.radiance * (2 * math.pi / count), (count, 1)), np.full(count, sky.lamp)
         towards, reach = _to_sky(seed, count, sky.up), np.full(count, np.inf)
-        parts.append((SKY, np.zeros(count, np.int64), towards, reach, value, lamp_of))
-    kinds = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
-    index, place, reach, value, lamp = (np.concatenate(a) for a in list(zip(*parts, strict=True))[1:])
-    return LightPoints(kinds, index, place, reach, value, lamp)
+        parts.append((SKY, np.zeros(count, np.int64), towards, reach, value, lamp_of, np.zeros(count)))
+    kind = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
+    return LightPoints(kind, *(np.concatenate(a) for a in list(zip(*parts, strict=True))[1:]))
 
 
 def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: np.ndarray):
@@ -99,7 +103,11 @@ def way_to(place, distant, far, start):
 
 @inlined
 def strength_of(points, area, delta, j, far, position, normal, to_point):
-    """Return the irradiance of point j over its value, without shadow; to_point: of way_to()."""
+    """Return the irradiance of point j over its value, without shadow; to_point: of way_to().
+
+    Nearer to a point on a face than the radius of a disc of the area that it stands for, light stays as there: it
+    would have no bound.
+    """
     kind, e, way, d = points.kind[j], points.index[j], (to_point[0], to_point[1], to_point[2]), to_point[3]
     if kind == DELTA:
         return arrived(delta.kind[e], delta.parameters[e], delta.tables, position, normal, far)[0]
@@ -110,4 +118,4 @@ def strength_of(points, area, delta, j, far, position, normal, to_point):
     at_light = -dot(way, axis)
     if area.table[e] >= 0:
         at_light = math.pi * density(area.tables, area.table[e], axis, row(area.c0, e), -way[0], -way[1], -way[2])
-    return cosine * max(at_light, 0.0) / (d * d)
+    return cosine * max(at_light, 0.0) / max(d * d, points.spread[j])

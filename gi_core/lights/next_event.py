@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, largest, row
 from gi_core.bsdf import lambertian, surface
@@ -21,8 +21,7 @@ from gi_core.lights.light_sampling import DeltaLights
 from gi_core.lights.photometric import density
 from gi_core.rays.accelerator import GAP
 
-MOST_EXACT = 16  # delta lights for which sets of paths are enlarged
-LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
+LIGHT_U, LIGHT_V, SMALL_PICK = range(3)  # dimensions of random_numbers.stratified() at each path vertex
 
 
 class LampPoints(NamedTuple):
@@ -70,8 +69,8 @@ def points_on_lamps(seed: int, m: int, vertex: int, path: np.ndarray, lights: Ar
 def _draw_points(seed, m, vertex, path, lights, face, point, density):
     for k in range(face.shape[0]):
         for j in range(face.shape[1]):
-            u = strata.uniform(seed, path[k, j], vertex, LIGHT_U, m)
-            v = strata.uniform(seed, path[k, j], vertex, LIGHT_V, m)
+            u = random_numbers.stratified(seed, path[k, j], vertex, LIGHT_U, m)
+            v = random_numbers.stratified(seed, path[k, j], vertex, LIGHT_V, m)
             face[k, j], density[k, j], p = point_on_lamp(lights, u, v)
             point[k, j, 0], point[k, j, 1], point[k, j, 2] = p
 
@@ -89,14 +88,14 @@ def picks(seed: int, m: int, vertex: int, path: np.ndarray, lights: DeltaLights)
 def least_set(lights: DeltaLights) -> int:
     """Return log2 of the paths of a set that sample every delta light at their start; 0 for many lights."""
     lamps = len(lights.kind)
-    return max(lamps - 1, 0).bit_length() if lamps <= MOST_EXACT else 0
+    return max(lamps - 1, 0).bit_length() if lamps <= 16 else 0  # sets of more would be long
 
 
 @kernel
 def _pick(seed, m, vertex, path, out):
     for k in range(out.shape[0]):
         for j in range(out.shape[1]):
-            out[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
+            out[k, j] = random_numbers.stratified(seed, path[k, j], vertex, SMALL_PICK, m)
 
 
 @kernel

@@ -4,6 +4,9 @@ Sums are kept per lamp: red, green and blue of lamp g are columns 3 g .. 3 g + 2
 Each thread adds to its own array and marks the chunks of receivers that it touches. A frame of few photons touches few
 chunks; only those are summed, cleared and read out.
 
+Sums are stored for photon subsets: the first 4,096, 8,192, ... photons, and all. A subset is a valid smaller solution.
+A drag uses the largest one whose frame fits the time; at rest all photons are used.
+
 Background segments that leave lamps have columns of their own, behind those of all others. So bounced light alone costs
 no second search.
 """
@@ -17,7 +20,29 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.photons.paths import Segments
-from gi_core.photons.subsets import SubsetStore
+
+LOWEST = 4096  # photons: the noise of fewer is too high to be useful
+
+
+def next_level(photons: int) -> int:
+    """Return the smallest level (4,096, 8,192, ...) above a number of photons."""
+    level = LOWEST
+    while level <= photons:
+        level *= 2
+    return level
+
+
+def is_level(photons: int) -> bool:
+    return photons >= LOWEST and photons & (photons - 1) == 0
+
+
+class SubsetStore(dict):
+    """Results by photon subset: all levels, and the count stored last."""
+
+    def __setitem__(self, photons: int, kept) -> None:
+        for n in [n for n in self if not is_level(n) and n != photons]:
+            del self[n]
+        super().__setitem__(photons, kept)
 
 
 class BackgroundSums:
@@ -43,7 +68,7 @@ class BackgroundSums:
 
     def apart(self, segments: Segments) -> Segments:
         """Return background segments with the columns that they add to."""
-        direct = np.where(segments.bounce == 0, self.channels // 3, 0).astype(np.uint8)
+        direct = np.where(segments.direct, self.channels // 3, 0).astype(np.uint8)
         return segments._replace(lamp=segments.lamp + direct)
 
     def store(self, photons: int) -> None:

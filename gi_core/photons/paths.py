@@ -25,6 +25,9 @@ class PathVertices(NamedTuple):
     side: np.ndarray  # (n,) int32, 2 face + (1 on the back), NONE in free space
     flux: np.ndarray  # (n, 3) int32, of the segment that leaves this vertex; 0 at the last vertex of a path
     lamp: np.ndarray  # (N,) uint8, lamp of each photon
+    direct: (
+        np.ndarray
+    )  # (N,) uint8, segments of each photon until its first reflection: 1, and 1 per pane that it passes
 
 
 class Segments(NamedTuple):
@@ -46,6 +49,7 @@ class Segments(NamedTuple):
     photon: np.ndarray  # (S,) int64
     bounce: np.ndarray  # (S,) int32, 0 for the segment that leaves the light
     lamp: np.ndarray  # (S,) uint8, lamp of the photon
+    direct: np.ndarray  # (S,) bool, straight from the lamp
 
     @property
     def size(self) -> int:
@@ -74,13 +78,13 @@ class PathStore:
         self._position = np.empty((0, 3), np.float32)
         self._side = np.empty(0, np.int32)
         self._flux = np.empty((0, 3), np.int32)
-        self._lamp = np.empty(0, np.uint8)
+        self._lamp, self._direct = np.empty((2, 0), np.uint8)
         self.photons = 0
 
     def copied(self) -> PathStore:
         """Return a copy; both share the memory of their present paths, which stay as they are."""
         other, photons = PathStore(), self.photons
-        other._offsets, other._position, other._side, other._flux, other._lamp = self.subset(photons)
+        other._offsets, other._position, other._side, other._flux, other._lamp, other._direct = self.subset(photons)
         other.photons = photons
         return other
 
@@ -89,7 +93,7 @@ class PathStore:
         photons = np.cumsum([self.photons, *(len(p.offsets) - 1 for p in parts)])
         starts = np.cumsum([int(self._offsets[self.photons]), *(len(p.side) for p in parts)])
         self._offsets = grown(self._offsets, int(photons[-1]) + 1)
-        self._lamp = grown(self._lamp, int(photons[-1]))
+        self._lamp, self._direct = (grown(a, int(photons[-1])) for a in (self._lamp, self._direct))
         self._position, self._side, self._flux = (
             grown(a, int(starts[-1])) for a in (self._position, self._side, self._flux)
         )
@@ -98,6 +102,7 @@ class PathStore:
             for k in range(first, last):
                 self._offsets[photons[k] + 1 : photons[k + 1] + 1] = parts[k].offsets[1:] + starts[k]
                 self._lamp[photons[k] : photons[k + 1]] = parts[k].lamp
+                self._direct[photons[k] : photons[k + 1]] = parts[k].direct
                 rows = slice(starts[k], starts[k + 1])
                 self._position[rows], self._side[rows], self._flux[rows] = parts[k][1:4]
 
@@ -109,14 +114,14 @@ class PathStore:
         if self.photons and photons >= len(self._offsets):
             n = int(1.05 * photons * int(self._offsets[self.photons]) / self.photons)
             self._offsets = grown(self._offsets, photons + 1)
-            self._lamp = grown(self._lamp, photons)
+            self._lamp, self._direct = grown(self._lamp, photons), grown(self._direct, photons)
             self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
 
     def subset(self, photons: int) -> PathVertices:
         """Return views of the paths of the first `photons` photons."""
         n = int(self._offsets[photons])
         vertices = self._position[:n], self._side[:n], self._flux[:n]
-        return PathVertices(self._offsets[: photons + 1], *vertices, self._lamp[:photons])
+        return PathVertices(self._offsets[: photons + 1], *vertices, self._lamp[:photons], self._direct[:photons])
 
     @property
     def room(self) -> int:
@@ -148,12 +153,13 @@ def empty_segments(n: int) -> Segments:
         photon=np.empty(n, np.int64),
         bounce=np.empty(n, np.int32),
         lamp=np.empty(n, np.uint8),
+        direct=np.empty(n, bool),
     )
 
 
 def bounced(segments: Segments) -> Segments:
-    """Return the segments that leave a surface, not a lamp."""
-    return take(segments, segments.bounce > 0)
+    """Return the segments that surfaces have reflected."""
+    return take(segments, ~segments.direct)
 
 
 def take(segments: Segments, rows) -> Segments:
@@ -169,9 +175,9 @@ def concatenate(parts: list[Segments]) -> Segments:
 
 
 @kernel
-def _write(offsets, position, side, flux, lamp, photon, k, row, out):
+def _write(offsets, position, side, flux, lamp, direct, photon, k, row, out):
     """Write the whole background segment that leaves vertex k of a photon to a row."""
-    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce, lamps = out
+    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce, lamps, straight = out
     for c in range(3):
         origin[row, c] = position[k, c]
         end[row, c] = position[k + 1, c]
@@ -186,29 +192,29 @@ def _write(offsets, position, side, flux, lamp, photon, k, row, out):
     cut_side[row] = NONE
     photons[row] = photon
     bounce[row] = k - offsets[photon]
-    lamps[row] = lamp[photon]
+    lamps[row], straight[row] = lamp[photon], bounce[row] < direct[photon]
 
 
 @kernel
-def _write_photons(offsets, position, side, flux, lamp, first, last, out):
+def _write_photons(offsets, position, side, flux, lamp, direct, first, last, out):
     row = 0
     for i in range(first, last):
         for k in range(offsets[i], offsets[i + 1] - 1):
-            _write(offsets, position, side, flux, lamp, i, k, row, out)
+            _write(offsets, position, side, flux, lamp, direct, i, k, row, out)
             row += 1
 
 
 @kernel
-def _write_rows(offsets, position, side, flux, lamp, photons, rows, first, last, out):
+def _write_rows(offsets, position, side, flux, lamp, direct, photons, rows, first, last, out):
     for j in range(first, last):
-        _write(offsets, position, side, flux, lamp, photons[j], rows[j], j, out)
+        _write(offsets, position, side, flux, lamp, direct, photons[j], rows[j], j, out)
 
 
 @kernel
-def _write_behind(offsets, position, side, flux, lamp, photons, vertices, rows, first, last, out):
+def _write_behind(offsets, position, side, flux, lamp, direct, photons, vertices, rows, first, last, out):
     for j in range(first, last):
         for k in range(vertices[j], offsets[photons[j] + 1] - 1):
-            _write(offsets, position, side, flux, lamp, photons[j], k, rows[j] + k - vertices[j], out)
+            _write(offsets, position, side, flux, lamp, direct, photons[j], k, rows[j] + k - vertices[j], out)
 
 
 def segments_of(paths: PathVertices, first: int, last: int) -> Segments:

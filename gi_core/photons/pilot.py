@@ -6,15 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.vectors import box, central_box
 from gi_core.geometry.receivers import NONE
+from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.emission import Emitters
 from gi_core.photons.paths import PathStore, PathVertices
 from gi_core.photons.trace import trace_background
 from gi_core.rays.accelerator import Accelerator, Transforms
 from gi_core.rays.two_level import World
 
-PHOTONS, PART = 4096, 64  # and photons per part
-ENOUGH_VERTICES = 1 << 20  # end the pilot: paths in white rooms are long
+PHOTONS = 4096
+FEWEST_HITS = 100  # that say where light is
 SEED = 0x5EED  # never a seed of the solution: the pilot must be independent of it
 
 
@@ -33,11 +35,34 @@ class Pilot(NamedTuple):
         return self.paths.side[self.paths.offsets[:-1] + 1]
 
 
+class LitPart(NamedTuple):
+    """Hits of a pilot on surfaces that are no lamps, and the box of the central ones; a sky may be a mesh."""
+
+    low: np.ndarray  # (3,) [m]
+    high: np.ndarray
+    hits: np.ndarray  # (n, 3) float64 [m]
+    normals: np.ndarray  # (n, 3) float64 unit, of the side that was hit
+
+
+def lit_part(pilot: Pilot, s: Surfaces) -> LitPart:
+    """Return the lit part of the static part. If hits are few, the box is that of all such surfaces, else of all."""
+    dark = s.emission.max(axis=1, initial=0.0) == 0
+    rows = dark[pilot.side >> 1]
+    hits = pilot.hits[rows]
+    if len(hits) >= FEWEST_HITS:
+        return LitPart(*central_box(hits), hits, pilot.normals[rows])
+    points = s.vertices[0][s.faces[0][dark[s.face_range(0)]]].reshape(-1, 3)
+    points = points if len(points) else s.vertices[0]
+    low, high = box(points) if len(points) else (np.zeros(3), np.ones(3))
+    return LitPart(low, high, hits, pilot.normals[rows])
+
+
 def pilot(accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters) -> Pilot:
     """Trace a pilot; without lights it has photons and no hits."""
     store = PathStore()
-    while store.photons < PHOTONS and len(store.subset(store.photons).side) < ENOUGH_VERTICES:
-        store.append([trace_background(accelerator, world, static, emitters, SEED, store.photons, PART)[0]], 1)
+    # Paths in white rooms are long.
+    while store.photons < PHOTONS and len(store.subset(store.photons).side) < (1 << 20):
+        store.append([trace_background(accelerator, world, static, emitters, SEED, store.photons, 64)[0]], 1)
     paths = store.subset(store.photons)
     if not len(emitters.kind):
         return Pilot(PHOTONS, paths, np.zeros((0, 3)), np.zeros(0, np.int32), np.zeros((0, 3)))

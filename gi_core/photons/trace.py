@@ -19,6 +19,7 @@ from gi_core.geometry.receivers import NONE
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown
 from gi_core.rays.accelerator import Accelerator, Transforms, line
+from gi_core.rays.panes import chosen, pane_at
 from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import World, landing, mobile_cut, static_end, turned_normal
 
@@ -84,18 +85,22 @@ class PhotonRays(NamedTuple):
     side: np.ndarray  # (n,) int32, side that the ray leaves, NONE in free space
     flux: np.ndarray  # (n, 3) int32
     lamp: np.ndarray  # (n,) uint8
+    direct: np.ndarray  # (n,) bool, no surface has reflected it
 
 
 @inlined
 def _scatter(seed, world, at, photon, vertex, start, end, side, flux, lamp, fates):
-    """Scatter a photon at a side: return whether it survives, its new direction and flux (three int32).
+    """Scatter a photon at a side: return whether it survives, its direction, flux (three int32), whether it went on.
 
-    It arrives along the line from `start` to its static end `end`. `fates` (3, 3 G) gets the absorbed rest. The
-    survival probability at a diffuse face is the largest channel of rho, so no channel grows.
+    A photon goes straight on through a pane. It arrives along the line from `start` to its static end `end`. `fates`
+    (3, 3 G) gets the absorbed rest. The survival probability at a diffuse face is the largest channel of rho, so no
+    channel grows.
     """
-    goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    goes_on, dx, dy, dz, passes = False, np.float32(0.0), np.float32(0.0), np.float32(0.0), False
     fate, a, b, c = _fate(side, vertex), np.int32(0), np.int32(0), np.int32(0)
-    if fate == _ABSORBED and surface.is_glossy(world.bsdfs, side >> 1):
+    if fate == _ABSORBED and pane_at(world.panes, side >> 1) >= 0:
+        goes_on, dx, dy, dz, a, b, c, passes = _meet_pane(seed, world, at, photon, vertex, start, end, side, flux)
+    elif fate == _ABSORBED and surface.is_glossy(world.bsdfs, side >> 1):
         goes_on, dx, dy, dz, a, b, c = _scatter_glossy(seed, world, at, photon, vertex, start, end, side, flux)
     elif fate == _ABSORBED:
         f, rho = side >> 1, world.bsdfs.reflectance
@@ -116,7 +121,23 @@ def _scatter(seed, world, at, photon, vertex, start, end, side, flux, lamp, fate
     fates[fate, 3 * lamp] += flux[0] - a
     fates[fate, 3 * lamp + 1] += flux[1] - b
     fates[fate, 3 * lamp + 2] += flux[2] - c
-    return goes_on, dx, dy, dz, (a, b, c)
+    return goes_on, dx, dy, dz, (a, b, c), passes
+
+
+@inlined
+def _meet_pane(seed, world, at, photon, vertex, start, end, side, flux):
+    """Let a photon pass a pane or mirror it: results as of _scatter(), in a row."""
+    f = side >> 1
+    n = turned_normal(world, at, f)
+    dx, dy, dz, _ = line(start[0], start[1], start[2], end[0], end[1], end[2])  # as in _scatter_glossy()
+    towards, kinds = dx * n[0] + dy * n[1] + dz * n[2], world.panes.kinds
+    u = random_numbers.independent(seed, photon, vertex, 0)
+    passes, factor = chosen(kinds, pane_at(world.panes, f), min(abs(towards), 1.0), u)
+    if not passes:
+        turn = 2.0 * towards
+        dx, dy, dz = np.float32(dx - turn * n[0]), np.float32(dy - turn * n[1]), np.float32(dz - turn * n[2])
+    a, b, c = attenuate(flux[0], factor[0], 1.0), attenuate(flux[1], factor[1], 1.0), attenuate(flux[2], factor[2], 1.0)
+    return a + b + c > 0, dx, dy, dz, np.int32(a), np.int32(b), np.int32(c), passes
 
 
 @inlined
@@ -162,7 +183,8 @@ def emitted_rays(
         origin, direction, flux, side, lamp = (a[rows] for a in emitted)
     for g in range(emitters.lamps.count):
         fates.emitted[3 * g : 3 * g + 3] += flux[lamp == g].sum(axis=0, dtype=np.int64)
-    return PhotonRays(photon, np.zeros(len(photon), np.int32), origin, direction, side, flux, lamp)
+    straight = np.ones(len(photon), bool)
+    return PhotonRays(photon, np.zeros(len(photon), np.int32), origin, direction, side, flux, lamp, straight)
 
 
 def trace_background(
@@ -175,16 +197,17 @@ def trace_background(
     room = USUAL * count
     vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
     if not len(emitters.kind):
-        return PathVertices(offsets, *(a[:0] for a in vertices), np.zeros(count, np.uint8)), fates
+        return PathVertices(offsets, *(a[:0] for a in vertices), *np.zeros((2, count), np.uint8)), fates
     rays, done, row = emitted_rays(emitters, seed, first, among, fates, rows), 0, 0
-    out = PathVertices(offsets, *vertices, rays.lamp)
+    own = rays.lamp, np.ones(count, np.uint8)
+    out = PathVertices(offsets, *vertices, *own)
     ray, sums = new_ray(), np.zeros((3, len(fates.emitted)), np.int64)
     while done < count:
         done, row = _trace_paths(accelerator.scenes, ray, world, static, seed, rays, done, out, row, sums)
         if done < count:
-            out = PathVertices(offsets, *(grown(a, 2 * len(a)) for a in out[1:-1]), rays.lamp)
+            out = PathVertices(offsets, *(grown(a, 2 * len(a)) for a in out[1:4]), *own)
     add_to(fates, sums)
-    return PathVertices(offsets, *(a[: offsets[count]] for a in out[1:-1]), rays.lamp), fates
+    return PathVertices(offsets, *(a[: offsets[count]] for a in out[1:4]), *own), fates
 
 
 @kernel
@@ -212,9 +235,11 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, out, row, fates):
             start = x, y, z
             x, y, z, own = static_end(scenes, ray, world, at, x, y, z, dx, dy, dz, own)
             vertex += 1
-            goes_on, dx, dy, dz, q = _scatter(
+            goes_on, dx, dy, dz, q, passes = _scatter(
                 seed, world, at, photon, vertex, start, (x, y, z), own, q, rays.lamp[k], fates
             )
+            if passes and goes_on and vertex == out.direct[k]:
+                out.direct[k] += 1
         out.offsets[k + 1] = row
     return len(rays.photon), row
 
@@ -233,7 +258,7 @@ def reflected(
     hit = np.empty((n, 3), np.float32)
     on = PhotonRays(
         np.empty(n, np.int64), np.empty(n, np.int32), *np.empty((2, n, 3), np.float32), np.empty(n, np.int32),
-        np.empty((n, 3), np.int32), np.empty(n, np.uint8),
+        np.empty((n, 3), np.int32), np.empty(n, np.uint8), np.empty(n, bool),
     )  # fmt: skip
     count = _reflect(world, at, seed, kept_prefixes, cut, hit, on, sums)
     add_to(fates, sums)
@@ -253,9 +278,9 @@ def _reflect(world, at, seed, kept_prefixes, cut, hit, on, fates):
         q = kept_prefixes.flux[k, 0], kept_prefixes.flux[k, 1], kept_prefixes.flux[k, 2]
         vertex, lamp = np.int64(kept_prefixes.bounce[k] + 1), kept_prefixes.lamp[k]
         photon = kept_prefixes.photon[k]
-        goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, start, end, side, q, lamp, fates)
+        goes_on, dx, dy, dz, q, passes = _scatter(seed, world, at, photon, vertex, start, end, side, q, lamp, fates)
         if goes_on:
-            on.lamp[n] = lamp
+            on.lamp[n], on.direct[n] = lamp, kept_prefixes.direct[k] and passes
             on.photon[n], on.bounce[n], on.side[n] = kept_prefixes.photon[k], vertex, side
             on.origin[n, 0], on.origin[n, 1], on.origin[n, 2] = x, y, z
             on.direction[n, 0], on.direction[n, 1], on.direction[n, 2] = dx, dy, dz
@@ -290,14 +315,16 @@ def _follow(scenes, ray, world, at, seed, rays, done, out, row, fates):
         ox, oy, oz = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
         dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
         q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
-        goes_on = True
+        goes_on, direct = True, rays.direct[k]
         while goes_on:
             if row == len(out.low):
                 _wait(rays, k, vertex, (ox, oy, oz), (dx, dy, dz), side, q)
+                rays.direct[k] = direct
                 return k, row
             x, y, z, end_side = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side)
             cut, cut_side = mobile_cut(scenes, ray, world, at, ox, oy, oz, x, y, z, side)
             out.photon[row], out.bounce[row], out.lamp[row] = photon, vertex, rays.lamp[k]
+            out.direct[row] = direct
             out.origin[row, 0], out.origin[row, 1], out.origin[row, 2] = ox, oy, oz
             out.end[row, 0], out.end[row, 1], out.end[row, 2] = x, y, z
             out.flux[row, 0], out.flux[row, 1], out.flux[row, 2] = q[0], q[1], q[2]
@@ -313,5 +340,8 @@ def _follow(scenes, ray, world, at, seed, rays, done, out, row, fates):
             row += 1
             vertex += 1
             ox, oy, oz = x, y, z
-            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, start, end, side, q, rays.lamp[k], fates)
+            goes_on, dx, dy, dz, q, passes = _scatter(
+                seed, world, at, photon, vertex, start, end, side, q, rays.lamp[k], fates
+            )
+            direct = direct and passes
     return len(rays.photon), row

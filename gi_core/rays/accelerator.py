@@ -5,6 +5,7 @@ A mobile's structure never changes: rays are transformed into its object space.
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import box, dot
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.rays import holes, panes
 from gi_core.rays.structures import DEFAULT, STRUCTURES, any_hit, nearest_hit, new_ray
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Pose
@@ -48,11 +50,22 @@ class Accelerator:
         self.first_face = surfaces.first_face
         self.threads, self.rays = threads, rays
         meshes = list(zip(surfaces.vertices, surfaces.faces, strict=True))
-        self.scenes = STRUCTURES[rays].build(meshes)  # for kernels: all objects
+        self.has_panes = bool((surfaces.pane >= 0).any())
+        build = (panes if self.has_panes else holes).build
+        self.scenes = build(STRUCTURES[rays], meshes, surfaces)  # for kernels: all objects
         low, high = bounding_boxes(surfaces)
         pad = CUT_PAD * np.linalg.norm(high - low, axis=1).max()
         self.boxes = np.stack([low - pad, high + pad], axis=1)  # (objects, 2, 3), grown, in object space
         self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
+
+    @property
+    def opaque(self) -> Accelerator:
+        """The same objects without their panes."""
+        if not self.has_panes:
+            return self
+        other = copy.copy(self)
+        other.scenes, other.has_panes = self.scenes.opaque, False
+        return other
 
     def nearest(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray):
         """Return distance (n,) float32 and global face (n,) int32, -1 for none, in object o's space.

@@ -22,12 +22,10 @@ from gi_core.rays.triangles import (
     triangles_of,
 )
 
-LEAF = 4  # triangles that may share a leaf
-MOST_PER_LEAF = 15  # triangles of a leaf: its word has 4 bits for them
+LEAF = 4  # triangles that may share a leaf, at most 15: its word has 4 bits for them
 BINS = 16
 LEAST_EXTENT = 1e-30  # [m] of centres that are binned: float32 has no inverse of less than 3e-39
 DEEPEST = 40  # nodes below this depth are halved by count: 24 levels more hold 16 million leaves
-STEP_COST = 1.0  # of entering a node, in triangle tests
 WIDER = np.float32(1 + 1e-6)  # twice the bound of 3 float32 roundings, 3.6e-7
 CHILD = 24  # int32 words of a node from here on: its children
 
@@ -192,7 +190,7 @@ def _split(boxes, order, a, b, depth, leaf, bins):
         area = _half_area(left[BINS - 1])
     if axis < 0:
         return -1 if b - a <= leaf else a + (b - a) // 2
-    if b - a <= leaf and (b - a - STEP_COST) * area <= best:
+    if b - a <= leaf and (b - a - 1.0) * area <= best:  # entering a node costs one triangle test
         return -1
     i, j = a, b - 1
     while i <= j:

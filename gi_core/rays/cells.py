@@ -28,7 +28,7 @@ from gi_core.rays.triangles import (
 MOST_LISTED = 16  # entries per triangle of all cells and undivided nodes: nothing is divided after that
 REPEATED = 1.8  # entries of a node's children per entry of the node: with more of them it is not divided
 BINS = 16  # of a node, per axis, between planes whose costs are compared
-HALVED, BY_COST = 0, 1  # a binary node is divided at the middle of its longest axis, or at the plane of the least cost
+HALVED, BY_COST = range(2)  # the plane of a binary node: the middle of its longest axis, or that of the least cost
 
 
 class Cells(NamedTuple):

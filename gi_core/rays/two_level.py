@@ -29,6 +29,7 @@ from gi_core.rays.accelerator import (
     passes_box,
     point_on_line,
 )
+from gi_core.rays.panes import NoPanes, Panes, left_side, panes_of
 from gi_core.rays.structures import nearest_hit
 
 
@@ -39,6 +40,7 @@ class World(NamedTuple):
     height: np.ndarray  # (F,) float64 [m], of the face's plane over the origin, along its normal
     reach: np.ndarray  # (F,) float64 [m], largest coordinate of the face's corners, object space
     bsdfs: Bsdfs  # its type chooses the kernels' reflection models
+    panes: Panes | NoPanes  # their type chooses too
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
     first_face: np.ndarray  # (objects + 1,) int64
@@ -87,8 +89,9 @@ def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
     if side >= 0:
         f = side >> 1
         lift = lift_off(world, f, (ox, oy, oz))
-        lift = lift if side & 1 == 0 else -lift
         x, y, z = turned_normal(world, at, f)
+        side = left_side(world.panes, side, dx * x + dy * y + dz * z)
+        lift = lift if side & 1 == 0 else -lift
         lx, ly, lz = np.float32(ox + lift * x), np.float32(oy + lift * y), np.float32(oz + lift * z)
     far = np.float32(FAR * world.size)
     distance, face = nearest_hit(scenes, 0, ray, lx, ly, lz, dx, dy, dz, far)
@@ -122,7 +125,8 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
         if side >= 0 and world.face_object[side >> 1] == o:
             n, f = world.normals, side >> 1
             lift = lift_off(world, f, (ox, oy, oz))
-            lift = lift if side & 1 == 0 else -lift
+            left = left_side(world.panes, side, dx * n[f, 0] + dy * n[f, 1] + dz * n[f, 2])
+            lift = lift if left & 1 == 0 else -lift
             fx, fy, fz = (
                 np.float32(lx + lift * n[f, 0]),
                 np.float32(ly + lift * n[f, 1]),
@@ -160,6 +164,7 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray
         (surfaces.normals * corners[:, 0]).sum(axis=1),
         np.abs(corners).max(axis=(1, 2), initial=0.0),
         build_bsdfs(surfaces.reflectance, surfaces.lobe, surfaces.tables, surfaces.tangent),
+        panes_of(surfaces),
         surfaces.two_sided,
         accelerator.face_object,
         surfaces.first_face,

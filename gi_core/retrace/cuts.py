@@ -60,9 +60,9 @@ class RemovedSuffixes(NamedTuple):
         return self._replace(photon=self.photon[rows], vertex=self.vertex[rows], low=self.low[rows])
 
     def bounced(self) -> RemovedSuffixes:
-        """Return the suffixes without the segments that leave lamps."""
-        first = self.bounce == 0
-        vertex, low = self.vertex + first, np.where(first, np.float32(-1.0), self.low)
+        """Return the suffixes without direct segments."""
+        bounced = self.paths.offsets[self.photon] + self.paths.direct[self.photon]
+        vertex, low = np.maximum(self.vertex, bounced), np.where(self.vertex < bounced, np.float32(-1.0), self.low)
         left = vertex < self.paths.offsets[self.photon + 1] - 1
         return self._replace(vertex=vertex, low=low).of(left)
 
@@ -109,10 +109,11 @@ class PoseChange(NamedTuple):
     direct: bool = True  # segments that leave lamps count
 
     def bounced(self) -> PoseChange:
-        """Return the change without the segments that leave lamps, apart from kept prefixes."""
+        """Return the change without direct segments, apart from kept prefixes."""
         removed, near = self.removed_suffixes.bounced(), tuple(bounced(s) for s in self.near_mobiles)
+        new, boxes = bounced(self.new_suffixes), bounced(self.near_boxes)
         return self._replace(
-            removed_suffixes=removed, near_mobiles=near, near_boxes=bounced(self.near_boxes), direct=False
+            removed_suffixes=removed, new_suffixes=new, near_mobiles=near, near_boxes=boxes, direct=False
         )
 
     @property

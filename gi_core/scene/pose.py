@@ -73,6 +73,16 @@ def axis_angle(axis, degrees: float) -> tuple[float, float, float, float]:
     return (float(np.cos(half)), float(a[0] * s), float(a[1] * s), float(a[2] * s))
 
 
+def least_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) of least angle that carries unit vector a (3,) to b (3,)."""
+    cosine, axis = float(a @ b), np.cross(a, b)
+    if cosine < -1 + 1e-9:  # half a turn, about any axis
+        across = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+        return 2 * np.outer(across, across) / (across @ across) - np.eye(3)
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + K + K @ K / (1 + cosine)
+
+
 def quaternion_of(R: np.ndarray) -> tuple[float, float, float, float]:
     """Return the unit quaternion, w >= 0, of a (3, 3) rotation matrix."""
     R = np.asarray(R, np.float64)

@@ -13,6 +13,7 @@ from gi_core.scene.errors import SceneError, shown
 
 TINIEST, BIGGEST = 1e-15, 1e15  # float32 holds their squares
 BELOW_ONE = float(np.nextafter(1, 0))
+MOST_IOR = 10.0
 
 
 class Rule(NamedTuple):
@@ -67,14 +68,11 @@ TEXT = Rule("a text", lambda value: isinstance(value, str))
 FLAG = Rule("true or false", lambda value: isinstance(value, bool | np.bool_), bool)
 FILE = Rule("the name of a file", lambda value: isinstance(value, str | PathLike))
 NUMBER = Rule("a finite number", is_number, float)
-LENGTH = Rule(
-    f"a finite number > 0, from {TINIEST:g} to {BIGGEST:g}",
-    lambda value: is_number(value, TINIEST),
-    float,
-)
+LENGTH = Rule(f"a finite number > 0, from {TINIEST:g} to {BIGGEST:g}", lambda value: is_number(value, TINIEST), float)
 PLACE = Rule(f"three finite numbers of at most {BIGGEST:g}", lambda value: is_array(value, (3,)))
 DIRECTION = Rule(f"three numbers that are not all 0, the largest {TINIEST:g} to {BIGGEST:g}", is_direction)
 STRENGTH = Rule(f"three numbers >= 0 and <= {BIGGEST:g}", lambda value: is_array(value, (3,), 0))
+INDEX = Rule(f"a number from 1 to {MOST_IOR:g}", lambda value: is_number(value, 1, MOST_IOR), float)
 SHARE = Rule("a number from 0 to 1", lambda value: is_number(value, 0, 1), float)
 SHARES = Rule("three numbers from 0 to 1", lambda value: is_array(value, (3,), 0, 1))
 REFLECTANCE = Rule("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))

@@ -33,6 +33,13 @@ class Gloss(NamedTuple):
     f90: float = 1.0  # reflected share of grazing light, in [0, 1]
 
 
+class Pane(NamedTuple):
+    """Thin clear glass, in place of reflectance and gloss: light goes straight on or is reflected as by a mirror."""
+
+    transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)  # internal, one way along the normal, each in [0, 1]
+    ior: float = 1.5  # index of refraction, >= 1
+
+
 class VariedFinish(NamedTuple):
     """Gloss by the textures of `Mesh.finish`. The end of loading replaces it by materials with gloss.
 
@@ -59,6 +66,11 @@ class Material(NamedTuple):
     scaled: bool = False  # a model that reflects more light than arrives is darkened there; False: it is refused
     grain: tuple[float, float, float] = (1.0, 0.0, 0.0)  # tangent of anisotropic models, in the object's space
     varied: VariedFinish | None = None  # while a file is loaded: reflectance is the base colour
+    pane: Pane | None = None  # None: opaque
+
+    def as_pane(self, pane: Pane) -> Material:
+        """Return a pane of this name."""
+        return Material(self.name, (0.0, 0.0, 0.0), two_sided=True, pane=pane)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -191,6 +203,17 @@ class SkyLight(NamedTuple):
     radiance: tuple[float, float, float]  # L [W/m2/sr]; a horizontal plane in the open gets pi L
 
 
+class Daylight(NamedTuple):
+    """A clear sky by place, date and hour, of which `gi_core.lights.daylight` makes a sun and a sky."""
+
+    place: tuple[float, float]  # latitude and longitude [degrees], north and east positive
+    date: str  # as "2026-03-21"
+    hour: float  # of the clock, 0 to 24
+    utc_offset: float  # hours that the clock is ahead of UTC
+    turbidity: float = 3.0  # of Linke
+    north: tuple[float, float, float] | None = None  # not along `up`; None: that of gi_core.base.vectors.frame_of
+
+
 PlacedLight = PointLight | SpotLight | PhotometricLight
 Light = PlacedLight | DirectionalLight | SkyLight
 
@@ -255,6 +278,7 @@ class Scene:
     notes: tuple[str, ...] = field(default=())  # one line per change or assumption of loading
     light_scenes: tuple[LightScene, ...] = ()
     files: tuple[tuple[str, ...], ...] = ()  # absolute paths: a file that was named, and those that it names
+    daylight: Daylight | None = None  # of which the lights "sun" and "sky" are
 
     def __repr__(self) -> str:
         lamps = len(self.lights) + sum(any(m.emission) for m in self.materials)

@@ -15,6 +15,7 @@ from gi_core.scene.rules import (
     BIGGEST,
     DIRECTION,
     FLAG,
+    INDEX,
     LENGTH,
     NUMBER,
     PLACE,
@@ -31,6 +32,7 @@ from gi_core.scene.rules import (
 )
 from gi_core.scene.types import (
     Camera,
+    Daylight,
     Defaults,
     DirectionalLight,
     Gloss,
@@ -38,6 +40,7 @@ from gi_core.scene.types import (
     LampLevel,
     Material,
     Mesh,
+    Pane,
     PhotometricLight,
     PointLight,
     Probe,
@@ -62,7 +65,7 @@ UNIT = 1.001  # of a component of a unit vector, with rounding
 EXTENTS = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 LEVEL = Rule("a number >= 0", lambda value: is_number(value, 0), float)
 DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
-CLOSEST, ALONG = 1e-3, 1e-6  # degrees between angles of a table; sine between C0 and the axis
+CLOSEST = 1e-3  # degrees between angles of a table
 GAMMAS = Rule("two or more degrees that increase, from 0 to 180", lambda values: _increase(values, 180))
 PLANES = Rule(
     "degrees that increase, from 0 at first to 360 at last",
@@ -74,10 +77,11 @@ SIZE = Rule(
 )
 FIELDS: dict[type, dict[str, Rule]] = {
     Gloss: {"f0": SHARES, "alpha": SHARE, "f90": SHARE},
+    Pane: {"transmittance": SHARES, "ior": INDEX},
     Material: {
         "reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG, "scaled": FLAG, "grain": DIRECTION,
         "brdf": Rule("a tuple of lobes, see gi_core.bsdf.models", is_brdf),
-        "varied": Rule("None: gi_core.files.gloss_classes makes materials of it", lambda value: value is None),
+        "varied": Rule("None: gi_core.files.formats.classes makes materials of it", lambda value: value is None),
     },
     PointLight: {"position": PLACE, "flux": STRENGTH},
     SpotLight: {
@@ -93,7 +97,10 @@ FIELDS: dict[type, dict[str, Rule]] = {
     Probe: {"position": PLACE, "normal": DIRECTION},
     Camera: {"position": PLACE, "target": PLACE, "vertical_fov_degrees": NUMBER},
     Defaults: {"estimator": TEXT, "exposure": NUMBER, "radius": LENGTH, "scene_size": LENGTH},
-    Scene: {"up": DIRECTION, "units": one_of(("radiometric", "photometric"))},
+    Scene: {
+        "up": DIRECTION, "units": one_of(("radiometric", "photometric")),
+        "daylight": Rule("None or a Daylight", lambda value: value is None or isinstance(value, Daylight)),
+    },
 }  # fmt: skip
 
 
@@ -115,8 +122,12 @@ def check_scene(scene: Scene) -> None:
     title = TEXT.check("the name of a scene", scene.name)
     _check_fields(title, scene)
     for material in scene.materials:
-        if material.gloss is not None:
-            _check_fields(f"{_named(title, 'material', material)}: gloss", material.gloss)
+        for name in ("gloss", "pane"):
+            if (part := getattr(material, name)) is not None:
+                _check_fields(f"{_named(title, 'material', material)}: {name}", part)
+        if material.pane is not None and (max(material.emission) > 0 or material.gloss or material.brdf):
+            where = _named(title, "material", material)
+            raise SceneError(f"{where}: a pane has no emission, gloss or brdf; remove them, or the pane")
     for kind, records in (("material", scene.materials), ("light", scene.lights), ("probe", scene.probes)):
         for record in records:
             _check_fields(_named(title, kind, record), record)
@@ -188,7 +199,7 @@ def _check_photometric(where: str, light: PhotometricLight) -> None:
             f"got {_found(light.intensity)}"
         )
     axis, c0 = (v / np.abs(v).max() for v in (np.array(light.direction, float), np.array(light.c0, float)))
-    if np.abs(np.cross(axis, c0)).max() < ALONG:
+    if np.abs(np.cross(axis, c0)).max() < 1e-6:
         raise SceneError(f"{where}: c0 must not lie along direction, got {shown(light.c0)} for both")
 
 

@@ -1,7 +1,5 @@
 """`bake`: light in the vertices of a GLB file, read back by the program's own reader and by trimesh."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct
@@ -50,8 +48,7 @@ def solved(scene: Scene, settings: Settings = SETTINGS) -> Shot:
 
 
 def glb_of(shot: Shot, exposure: float | None = None) -> bytes:
-    shot.expose()
-    return baked(shot.solver, shot.meshes, shot.solver.irradiance, shot.camera, exposure, shot.gains, shot.exposure).glb
+    return baked(shot, exposure).glb
 
 
 def described(glb: bytes) -> dict:

@@ -1,7 +1,5 @@
 """`bench`: its numbers and its table."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -58,18 +56,13 @@ def test_step_option_sets_the_distance_per_frame(measured, monkeypatch):
     assert "one step of 0.2 % of the scene size" in "\n".join(command.table(n))
 
 
-def test_artifact_control_is_switched_off_and_shown(measured, capsys):
+def test_the_table_has_frame_stages_and_control(measured):
     n, _ = measured("--no-control")
-    assert n["control"] is False
-    assert "without artifact control" in "\n".join(command.table(n))
+    text = "\n".join(command.table(n))
+    assert n["control"] is False and "without artifact control" in text
     assert make_solver(open_scene(Settings()), Settings(photons=10, control=False)).setting.control is False
-
-
-def test_table_has_frame_and_stages(measured):
-    text = "\n".join(command.table(measured("--no-control")[0]))
-    assert "GI frame" in text and "same bits     yes" in text
-    assert "  estimate    " in text
-    busy = "\n".join(command.table({**measured("--no-control")[0], "load": 7.0}))
+    assert "GI frame" in text and "same bits     yes" in text and "  estimate    " in text
+    busy = "\n".join(command.table({**n, "load": 7.0}))
     assert "7.0 threads ran or waited" in busy and "CPU" in busy
 
 

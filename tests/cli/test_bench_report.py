@@ -1,12 +1,10 @@
 """`gi-viewer bench --tables`: measurements and tables; times are not tested."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.bench import ray_tables, report
+from app.measure.bench import report
 from app.measure.bench.report import Times, crossover, markdown
 from gi_core.discs.search import PRETESTS, SEARCHES
 from gi_core.instruments.timing import (
@@ -22,8 +20,7 @@ from gi_core.instruments.timing import (
 )
 from gi_core.model import Model
 from gi_core.scene.types import Camera, Material, PointLight, Scene
-from gi_core.solver import Solver
-from tests.support.scene_builders import floor, grey, merge, quad
+from tests.support.scene_builders import floor, grey, merge, quad, solve
 
 
 def two_parts() -> Scene:
@@ -35,8 +32,7 @@ def two_parts() -> Scene:
 
 def test_parts_add_up_to_the_whole():
     scene = two_parts()
-    solver = Solver(scene, "impact_count", photons=2000)
-    solver.solve()
+    solver = solve(scene, "impact_count", photons=2000)
     over = photon_lines(solver, 2000, 0.2)
     sets = (None, (scene.materials[0].name,), ("leaf",))
     for search in SEARCHES:
@@ -91,7 +87,7 @@ def test_structures_of_rays_have_a_table_at_their_best_leaf_sizes():
     cost = {name: dict.fromkeys(KINDS, Cost(us * 1e-6, 10.0, 5.0)) for name, us in (("a", 4.0), ("b", 2.0), ("e", 1.0))}
     rows = [(Structure("embree", 0, None, 0.1, 0), cost["e"])]
     rows += [(Structure("bvh", leaf, None, 0.02, 3_000_000), cost[k]) for leaf, k in ((1, "a"), (4, "b"))]
-    text = ray_tables.section({"cornell": rows})
+    text = report.partitionings({"cornell": rows})
     assert "| bvh | 4 | 20 | 3 | 2 | 2 | 2 | 2, 2, 2 | 10.0 | 5.0 |" in text
     assert "bvh, us per random ray over leaf sizes: 4 at 1, 2 at 4" in text and text.count("embree") == 1
 

@@ -1,7 +1,5 @@
 """The chart: measurement, resumption, drawing; its errors and shares are correct."""
 
-from __future__ import annotations
-
 import csv
 import math
 import shutil
@@ -13,10 +11,8 @@ import pytest
 
 from app import __main__ as cli
 from app.measure.chart import measure, page
-from app.measure.chart import run as chart_run
 from app.measure.chart.figure import draw, front, styles
-from app.measure.chart.measure import AtCases, Measurer, Walk, errors, flicker, make_walk, rival_light
-from app.measure.chart.run import rival_choices
+from app.measure.chart.measure import AtCases, Measurer, Walk, errors, flicker, make_walk, rival_choices, rival_light
 from app.measure.chart.settings import (
     FULL,
     REPORT,
@@ -124,7 +120,7 @@ def test_tuned_choice_is_plotted_beside_the_best_others(measured, tmp_path, monk
     walk = run._walk()
     run.quick = False
     monkeypatch.setattr(run, "_walk", lambda: walk)
-    monkeypatch.setattr(chart_run, "rival_choices", lambda counts: iter(()))
+    monkeypatch.setattr(measure, "rival_choices", lambda counts: iter(()))
     run.measure()
     rows = run.results.rows
     [row] = [r for r in rows if r["curve"] == TUNED]
@@ -183,13 +179,13 @@ def test_nearness_compares_with_settings_at_most_as_slow():
     assert slow == pytest.approx({"all": 2.0, "affected": 2.0, "mobile": 0.5}), "slow against slow"
 
 
-def run_of(out) -> chart_run.Run:
+def run_of(out) -> measure.Run:
     class Silent:
         def __call__(self, *_):
             pass
 
     settings = replace(SMALL, photons=None)
-    return chart_run.Run(open_scene(settings), settings, True, 3, 60, out, Silent())
+    return measure.Run(open_scene(settings), settings, True, 3, 60, out, Silent())
 
 
 def test_missing_matplotlib_gets_one_sentence(tmp_path, monkeypatch, capsys):
@@ -204,7 +200,7 @@ def test_interrupt_prints_how_to_resume(tmp_path, capsys, monkeypatch):
     def interrupted(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(chart_run.Run, "measure", interrupted)
+    monkeypatch.setattr(measure.Run, "measure", interrupted)
     assert command(tmp_path) == 130
     assert "stopped; 0 settings are in" in (said := capsys.readouterr().err) and "goes on from there" in said
 
@@ -278,7 +274,7 @@ def test_rows_of_other_levels_are_not_used(tmp_path):
     old = {k: v for k, v in UNDER.items() if k != "lamps"}
     Results(tmp_path, old, ("photons",)).add({"photons": 8})
     assert Results(tmp_path, UNDER, ("photons",)).has({"photons": 8})
-    dimmed = UNDER | {"lamps": chart_run.lamps_of(Settings(lamps=(LampLevel("lamp", 0.25),)))}
+    dimmed = UNDER | {"lamps": measure.lamps_of(Settings(lamps=(LampLevel("lamp", 0.25),)))}
     assert dimmed["lamps"] == "lamp 0.25, 0.25, 0.25"
     assert not Results(tmp_path, dimmed, ("photons",)).has({"photons": 8})
 

@@ -1,7 +1,5 @@
 """Output of commands: paths, info, Ctrl+C, progress bar, names of any alphabet."""
 
-from __future__ import annotations
-
 import io
 import sys
 import types
@@ -121,7 +119,7 @@ def test_info_lists_materials_of_one_name_by_object():
     """A grey floor and a red box, each of a file that calls its material "Material"."""
     from app.measure.scene_info import material_lines
     from gi_core.model import Model
-    from gi_core.scene import Material, Mobile, Scene
+    from gi_core.scene import Mobile
     from tests.support.scene_builders import box, quad
 
     red = Mobile("chair", box((0, 0, 0), (1, 1, 1))._replace(face_material=np.ones(12, np.int32)))
@@ -137,7 +135,7 @@ def test_info_lists_materials_of_one_name_by_object():
 def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
     from dataclasses import replace
 
-    from gi_core.scene import PointLight, Scene
+    from gi_core.scene import PointLight
     from tests.support.scene_builders import grey, quad
 
     floor = quad((-1, 0, -1), (0, 0, 2), (2, 0, 0), (4, 4))
@@ -235,7 +233,8 @@ def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
 
 
 def test_atlas_is_written_to_out_with_the_rays_asked_for(capsys, tmp_path, monkeypatch):
-    from app.measure.atlas import command, row
+    from app.measure import atlas
+    from app.measure.atlas import row
 
     used = []
     monkeypatch.setattr(row, "Solver", lambda scene, rays, **_: used.append(rays) or types.SimpleNamespace(solve=list))
@@ -244,8 +243,8 @@ def test_atlas_is_written_to_out_with_the_rays_asked_for(capsys, tmp_path, monke
         row.solved(None, 10)
         yield row.AtlasRow("a", "a", "0", 0.0, row.Number(0.0))
 
-    monkeypatch.setattr(command.atlas, "__defaults__", ({"Chapter": (rows,)}, None))
-    monkeypatch.setattr(command, "compile_kernels", lambda bar, rays: used.append(rays))
+    monkeypatch.setattr(atlas.atlas, "__defaults__", ({"Chapter": (rows,)}, None))
+    monkeypatch.setattr(atlas, "compile_kernels", lambda bar, rays: used.append(rays))
     for words in ([], ["--rays", "octree"]):
         assert cli.main(["atlas", "--out", str(tmp_path), *words]) == 0
         assert str(tmp_path / "index.html") in capsys.readouterr().out

@@ -1,7 +1,5 @@
 """Frames, references, baked light by several processes, one killed half way: the same files; who may enter them."""
 
-from __future__ import annotations
-
 import functools
 import os
 import signal
@@ -21,8 +19,8 @@ from app import __main__ as cli
 from app.cli import cluster
 from app.cli.cluster import Crew, Machines
 from app.commands import bake, reference, render
+from app.measure.chart.measure import Run
 from app.measure.chart.page import _processes
-from app.measure.chart.run import Run
 from app.rest import reference_store
 from app.rest.scheduler import gather
 from app.session.film import restore

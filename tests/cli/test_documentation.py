@@ -1,20 +1,18 @@
 """The documentation is correct: examples run, tables are complete, quoted messages are the program's."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re
 import shlex
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gi_core.files.find import shipped_scenes
+from gi_core.files.formats.shapes import OF_ROOM, SHAPES
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
-from tests.support.document_examples import ROOT, blocks, bring, commands, enter, prose, run, work_through
+from tests.support.document_examples import ROOT, bring, commands, enter, prose, run, work_through
 
 DOCUMENTS = [
     "docs/your-own-room.md",
@@ -90,12 +88,14 @@ FORMAT = ROOT / "docs" / "scene-format.md"
 UNKNOWN = {  # section: a scene with an unknown key in that table, so that the error lists all known ones
     "At the top of the file": "____ = 1",
     "[static]": "static = { ____ = 1 }",
+    "[[shape]]": "shape = [{ type = 'box', ____ = 1 }]",
     "[[mobile]]": "mobile = [{ ____ = 1 }]",
     "[mobile.path]": 'mobile = [{ name = "m", mesh = "room.obj", path = { ____ = 1 } }]',
     'type = "point"': 'light = [{ type = "point", ____ = 1 }]',
     'type = "spot"': 'light = [{ type = "spot", ____ = 1 }]',
     'type = "directional"': 'light = [{ type = "directional", ____ = 1 }]',
     'type = "sky"': 'light = [{ type = "sky", ____ = 1 }]',
+    "[daylight]": "daylight = { ____ = 1 }",
     "[materials.NAME]": "materials.wall = { ____ = 1 }",
     "[camera]": "camera = { ____ = 1 }",
     "[[probe]]": "probe = [{ ____ = 1 }]",
@@ -130,6 +130,12 @@ def test_table_has_exactly_the_keys_of_the_program(title, monkeypatch, tmp_path)
     assert sorted(rows) == known[1].split(", ")
 
 
+def test_each_type_of_shape_has_its_keys():
+    rows = dict(re.findall(r"^\| `\"(\w+)\"` \| (.*) \|$", section(FORMAT, "[[shape]]"), re.MULTILINE))
+    keys = {kind: {*schema} | ({*OF_ROOM} if kind == "room" else set()) for kind, (_, schema) in SHAPES.items()}
+    assert {kind: {*re.findall(r"`(\w+)`", row)} for kind, row in rows.items()} == keys
+
+
 def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
     """Those of the document, and further ones that only this test needs."""
     monkeypatch.chdir(tmp_path)
@@ -152,8 +158,8 @@ def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
 
 def test_numbers_in_the_text_are_those_of_the_program():
     from gi_core import defaults
-    from gi_core.files import load
-    from gi_core.files.completion import completion, refinement
+    from gi_core.files import completion, load
+    from gi_core.files.completion import refinement
     from gi_core.files.formats import mesh_file
     from gi_core.geometry import receivers
 
@@ -227,7 +233,3 @@ def test_a_broken_example_is_noticed(text, monkeypatch, tmp_path):
     monkeypatch.setattr("tests.cli.test_documentation.ROOT", tmp_path)
     with pytest.raises((Exception, pytest.fail.Exception)):
         work_through("a.md", monkeypatch, tmp_path)
-
-
-def test_blocks_are_found():
-    assert np.isin(["python", "toml", "sh"], [b.language for d in DOCUMENTS for b in blocks(ROOT / d)]).all()

@@ -3,8 +3,6 @@
 The room has 500 receivers; nothing else makes a command small but its own numbers (`tests.support.small_scale`).
 """
 
-from __future__ import annotations
-
 import argparse
 import shlex
 from collections.abc import Iterator

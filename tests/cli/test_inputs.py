@@ -1,7 +1,5 @@
 """Files of a scene as commands leave them, and what commands say about the scene that they read."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

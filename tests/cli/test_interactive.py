@@ -1,7 +1,5 @@
 """Python and notebooks: linear pictures as arrays, short reprs, the notebook of the documentation."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 
@@ -19,6 +17,7 @@ from gi_core.scene import Camera, Pose
 from gi_core.solver import Solver
 from tests.cli.test_render import card, checkered_room, shot_of
 from tests.support.document_examples import ROOT
+from tests.support.scene_builders import solve
 from tests.support.viewer_support import room
 
 FAST = {"photons": 4000, "radius": 0.06, "light": "photons"}
@@ -26,9 +25,7 @@ FAST = {"photons": 4000, "radius": 0.06, "light": "photons"}
 
 @pytest.fixture(scope="module")
 def solver() -> Solver:
-    solver = Solver(room(), photons=4000, radius=0.06)
-    solver.solve()
-    return solver
+    return solve(room(), photons=4000, radius=0.06)
 
 
 def test_render_returns_linear_radiance():
@@ -85,11 +82,11 @@ def test_reprs_are_short(solver):
 
 
 def test_show_opens_the_window_with_the_scene(monkeypatch):
-    from app.window import run, window
+    from app.window import viewer, window
 
     asked = []
     monkeypatch.setattr(window, "why_no_window", lambda: None)
-    monkeypatch.setattr(run, "run", lambda settings, open_with: asked.append((settings, open_with)) or 0)
+    monkeypatch.setattr(viewer, "run", lambda settings, open_with: asked.append((settings, open_with)) or 0)
     scene = replace(room(), name="mine")
     assert app.show(scene, **FAST) == 0
     ((settings, open_with),) = asked

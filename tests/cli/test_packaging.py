@@ -1,7 +1,5 @@
 """The wheel is complete: it renders in an empty folder; the README's commands are those of CI."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,21 +1,20 @@
 """Pictures without a window: vertex colours and ray casting."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from app.draw import raycast
 from app.draw.colour_map import sequential_colours
 from app.draw.draw_mesh import draw_meshes
-from app.draw.false_colour import Scale
+from app.draw.false_colour import Display, Scale
 from app.draw.shot import Shot
+from app.draw.shot import picture as picture_of
 from app.draw.tonemap import BACKGROUND, UNLIT, to_display
 from app.draw.vertex_colours import colours
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
+from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
@@ -209,16 +208,14 @@ def test_a_vertex_of_small_weight_hardly_counts():
     """A card of light 1 with a dark vertex in the middle: visible at equal weights, invisible at weight 0."""
     scene, settings = card(), replace(SMALL, exposure=0.0, size=(65, 65), show="irradiance")
     shot = shot_of(scene, settings, np.pi)
-    front, back = shot.colours(0)
-    middle = (shot.meshes[0].positions[:, :2] == 0).all(axis=1)
-    front = np.where(middle[:, None], np.float32(0), front)
-    weights = np.ones((len(front), 2), np.float32)
-    weights[middle] = 1e-3
-    at = shot.solver.model.transforms(shot.solver.poses)
-    given = shot.solver.model.accelerator, at, shot.meshes, [(front, back)], shot.camera, (65, 65), 0.0, "clip"
-    dipped, even = (raycast.picture(*given, textured=False, weights=w)[28, :, 0] for w in (None, [weights]))
+    (mesh,), drawn = shot.lit.meshes, shot.lit.drawn
+    (middle,) = set(mesh.front[(mesh.positions[:, :2] == 0).all(axis=1)])
+    E, weights = drawn.irradiance.copy(), np.ones(len(drawn.irradiance), np.float32)
+    E[middle], weights[middle] = 0.0, 1e-3
+    lit = [replace(shot.lit, drawn=Drawn(E, w)) for w in (None, weights)]
+    dipped, even = (picture_of(part, shot.view, Display(0.0, "clip"))[28, :, 0] for part in lit)
     inside = slice(24, 42)
-    assert middle.sum() == 1 and dipped[inside].min() < 180 and even[inside].min() > 250
+    assert dipped[inside].min() < 180 and even[inside].min() > 250
 
 
 def test_backs_of_one_sided_faces_are_culled_or_shown_unlit():

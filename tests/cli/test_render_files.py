@@ -1,6 +1,7 @@
-"""`render`: parameters in its files, frames along a path, and the path itself."""
+"""`render`: parameters in its files, frames along a path, and the path itself.
 
-from __future__ import annotations
+Warnings about complete light that differs from the request: once in the log, and by `render`.
+"""
 
 import functools
 import itertools
@@ -13,22 +14,25 @@ import pytest
 from PIL import Image
 
 from app import __main__ as cli
+from app.cli.progress import warnings_of
 from app.commands import render
 from app.commands.render import numbered
 from app.draw import motion
-from app.draw.picture_files import write_png
+from app.draw.picture_files import write_png, write_video
 from app.draw.tonemap import to_display
 from app.rest.scheduler import gather
+from app.session.log import Log
+from app.session.opening import Opened
+from app.session.session import Session
 from app.settings import Settings, make_solver
 from gi_core.scene import KeyFrames
+from gi_core.solver import Solver
 from tests.cli.test_render import checkered_room
 from tests.support.cli_support import one_line
+from tests.support.scene_builders import furnace_scene, solve
 from tests.support.viewer_support import room
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
-
-
-# Files ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -142,6 +146,20 @@ def test_films_have_every_frame_at_the_rate(suffix, tmp_path, room_instead_of_a_
     assert np.argmin(apart, axis=1).tolist() == [0, 1, 2, 3] and np.diag(apart).max() < 6
 
 
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+def test_pictures_of_a_film_are_written_one_by_one(suffix, tmp_path):
+    """Pillow kept all of them in memory until the last."""
+    random, written = np.random.default_rng(0), []
+
+    def pictures():
+        for _ in range(20):
+            yield random.integers(0, 256, (240, 320, 3), np.uint8)
+            written.append(sum(p.stat().st_size for p in tmp_path.iterdir()))
+
+    path = write_video(tmp_path / f"a{suffix}", pictures(), 20)
+    assert Image.open(path).n_frames == 20 and written[-1] > 0.7 * path.stat().st_size
+
+
 def test_a_stopped_film_leaves_no_file(tmp_path, room_instead_of_a_file, monkeypatch):
     def stop(self, *_):
         raise KeyboardInterrupt
@@ -154,21 +172,19 @@ def test_a_stopped_film_leaves_no_file(tmp_path, room_instead_of_a_file, monkeyp
     assert not list(tmp_path.iterdir())
 
 
+TAKES = "pixels takes %d GB of memory, more than 4; lower --size or --scale, or name a .png file"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ("--out a.mp4", "--out a.mp4 is a film: give --frames N, or name a .png file"),
         ("--out a.jpg", "--out must name a file of .png, .exr, .mp4, .gif, .webp, got a.jpg"),
-        *(
-            (
-                f"--out {f} --frames 400 --size 1000x1000",
-                f"--out {f} has at most 268 pictures of 1000x1000, got --frames 400; "
-                "name an .mp4 file, which has any number",
-            )
-            for f in ("a.gif", "a.webp")
-        ),
+        ("--out a.gif --frames 2 --size 9999x9999", f"--out a.gif of 9999x9999 {TAKES % 5}"),
+        ("--out a.exr --size 9999x9999", f"--out a.exr of 9999x9999 {TAKES % 7}"),
+        ("--out a.gif --frames 2 --rate 101", "--out a.gif has at most 100 pictures per second, got --rate 101"),
         ("--out a.webp --frames 2 --size 1x16384", "--out a.webp has at most 16383 pixels per side, got 16384"),
-        ("--size 16384x9 --scale 2", "a picture has at most 16384 pixels per side, got 32768; lower --scale"),
+        ("--out a.exr --size 16384x9 --scale 2", "--out a.exr has at most 16384 pixels per side, got 32768"),
     ],
 )
 def test_pictures_that_cannot_be_are_refused_before_the_work(words, message, capsys, tmp_path, monkeypatch):
@@ -177,7 +193,7 @@ def test_pictures_that_cannot_be_are_refused_before_the_work(words, message, cap
     assert one_line(capsys.readouterr().err) == f"gi-viewer: {message}\n"
 
 
-@pytest.mark.parametrize("module, suffix", [("OpenEXR", "exr"), ("av", "mp4")])
+@pytest.mark.parametrize("module, suffix", [("OpenEXR", "exr"), ("av", "mp4"), ("av", "gif")])
 def test_a_missing_library_is_named_before_the_work(module, suffix, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, module, None)
     assert cli.main(["render", "no such scene.glb", "--frames", "2", "--out", str(tmp_path / f"a.{suffix}")]) == 2
@@ -189,9 +205,6 @@ def test_scale_multiplies_the_size(tmp_path, monkeypatch, room_instead_of_a_file
     monkeypatch.chdir(tmp_path)
     assert cli.main("render --photons 1000 --size 40x30 --scale 4 --out a.png".split()) == 0
     assert Image.open("a.png").size == (160, 120)
-
-
-# Light ----------------------------------------------------------------------------------------------
 
 
 def ticking(step: float):
@@ -231,9 +244,6 @@ def test_numbered_names():
     assert str(numbered(render.Path("out") / "a.b.png", 12)).replace("\\", "/") == "out/a.b.0012.png"
 
 
-# Motion ---------------------------------------------------------------------------------------------
-
-
 def path_of(points) -> KeyFrames:
     points = np.array(points, float)
     return KeyFrames(np.arange(float(len(points))) ** 1.5, points, np.tile([1.0, 0, 0, 0], (len(points), 1)))
@@ -259,3 +269,41 @@ def test_a_mobile_without_a_path_goes_round_a_circle_at_its_height():
     p = np.array([poses["block"].position for poses in walk])
     np.testing.assert_allclose(p[:, 1], 0.3, atol=1e-9)
     assert np.ptp(np.hypot(p[:, 0] - 0.5, p[:, 2] - 0.5)) < 0.02
+
+
+def solved(reflectance: float, photons: int = 4_000) -> Solver:
+    return solve(furnace_scene(1.0, reflectance, 2), "impact_count", photons, threads=1)
+
+
+def test_memory_is_reported():
+    solver = solved(0.5)
+    assert warnings_of(solver) == {}
+    solver.frame.store.memory_full = True
+    assert warnings_of(solver) == {"memory": "memory holds no more than 4,000 of the 4,000 photons wanted"}
+
+
+def test_log_reports_truncated_light_once(monkeypatch):
+    monkeypatch.setattr("gi_core.base.memory.available", lambda: 0)
+    settings = Settings(estimator="impact_count", photons=8_000, radius=0.1, neighbours=50, exposure=0.0)
+    session = Session(settings, Log(), open_with=lambda settings: None)
+    session.adopt(Opened(settings, solved(0.5), None, (), None))
+    for radius in (0.1, 0.2):
+        session.want(replace(session.settings, radius=radius))
+        while session.refining:
+            session.tick(1 / 60)
+        session.log(f"radius {radius}")  # separates repeated lines, which the log would merge
+    session.close()
+    said = [e.text for e in session.log.entries if "memory holds" in e.text]
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_render_says_it(full, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    if full:
+        monkeypatch.setattr("gi_core.base.memory.available", lambda: 0)
+    settings = Settings(scene="bright", estimator="impact_count", photons=2_000, size=(16, 16))
+    monkeypatch.setattr(render, "open_scene", lambda s: furnace_scene(1.0, 0.5, 2))
+    render.render(settings, tmp_path / "a.png")
+    err = capsys.readouterr().err
+    assert err.count("memory holds") == full and err.count("\n") == full

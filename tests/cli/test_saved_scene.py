@@ -1,7 +1,5 @@
 """Saved scenes and copied commands open with the same settings and the same light, bit for bit."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil
@@ -9,6 +7,7 @@ import sys
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ import pytest
 from app import __main__ as cli
 from app.cli import saved_scene
 from app.cli.options import settings_of
+from app.session.reload import settings_for
 from app.settings import OPTIONS, LampLevel, MeasuringPlane, Pin, Settings, make_solver, open_scene
 from gi_core.files.edits import Insert, Light
 from gi_core.files.find import shipped_scenes
@@ -109,38 +109,47 @@ def test_a_lamp_has_several_spellings(value, lamp, tmp_path):
     assert found.lamps == (lamp,) and found.light_scenes == (("a", (lamp,)),)
 
 
-@pytest.mark.parametrize("isolines", [None, (), (100.0, 1000 / 3)])
-def test_isolines_are_saved(isolines, tmp_path):
-    here = saved_scene.with_view(replace(SETTINGS, isolines=isolines), {}, CAMERA)
+PINS = Pin("desk", (0.1, 0.2, 1 / 3), (0.0, 1.0, 0.0)), Pin('a "seat"', (0.0, 0.4, 0.0), (0.0, 0.0, -1.0), "pawn")
+PLANES = [MeasuringPlane((0.1, -0.2), (1 / 3, 0.5), 0.75, points) for points in (None, (7, 3))]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [*({"isolines": i} for i in (None, (), (100.0, 1000 / 3))), *({"pins": PINS, "plane": plane} for plane in PLANES)],
+)
+def test_isolines_and_read_outs_are_saved(changes, tmp_path):
+    here = saved_scene.with_view(replace(SETTINGS, **changes), {}, CAMERA)
     saved_scene.write(tmp_path / "a.toml", here)
     assert parsed(str(tmp_path / "a.toml")) == replace(here, document=str(tmp_path / "a.toml"))
-    assert parsed(*shlex.split(saved_scene.command_line(here))[1:]) == here
-
-
-def test_read_outs_are_saved(tmp_path):
-    pins = Pin("desk", (0.1, 0.2, 1 / 3), (0.0, 1.0, 0.0)), Pin('a "seat"', (0.0, 0.4, 0.0), (0.0, 0.0, -1.0), "pawn")
-    for points in (None, (7, 3)):
-        plane = MeasuringPlane((0.1, -0.2), (1 / 3, 0.5), 0.75, points)
-        here = saved_scene.with_view(replace(SETTINGS, pins=pins, plane=plane), {}, CAMERA)
-        saved_scene.write(tmp_path / "a.toml", here)
-        assert parsed(str(tmp_path / "a.toml")) == replace(here, document=str(tmp_path / "a.toml"))
-        assert parsed(*shlex.split(saved_scene.command_line(here))[1:]) == replace(here, pins=())
+    assert parsed(*shlex.split(saved_scene.command_line(here))[1:]) == replace(here, pins=())
 
 
 @pytest.mark.parametrize(
     "text, message",
     [
-        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 0]\nheight = 0.75", "[measuring_plane]: plane must be A0,B0"),
-        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]", "[measuring_plane]: height is missing; write height = ..."),
+        (
+            "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 0]\nheight = 0.75",
+            "a.toml: [measuring_plane]: high must be above low on both axes, got low [0.0, 0.0], high [1.0, 0.0]; "
+            "write high = [1.0, 1.0]",
+        ),
+        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]", "[measuring_plane]: height is missing; write height = 1.0"),
         (
             "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]\nheight = 1\npoints = [0, 2.5]",
-            "whole numbers M, N in 1 .. 100, got 0.0,0.0,1.0,1.0,1.0,0.0,2.5",
+            "a.toml: [measuring_plane]: points must be two whole numbers from 1 to 100, got [0, 2.5]; leave them out "
+            "for the grid of EN 12464-1",
         ),
+        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]\nheight = 1\npoints = [101, 4]", "got [101, 4]; leave"),
+        (
+            "[camera]\nposition = [0, 1]\ntarget = [0, 0, 0]",
+            "[camera]: position must be three finite numbers, got [0, 1",
+        ),
+        ("[camera]\nposition = [0, 1, 2]\ntarget = [0, 0, 0]\nfov = 180", "a.toml: [camera]: fov must be a number > 0"),
         ('[[pins]]\nname = "a"\nposition = [0, 0]\nnormal = [0, 1, 0]', "[[pins]] 1: position must be three finite"),
         ('[[pins]]\nname = "a"\nposition = [0, 0, 0]\nnormal = [0, 0, 0]', "normal must be three numbers that are not"),
-        ("[cameras.a]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40", "[cameras.a]: camera must be"),
+        ("[cameras.a]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40", "[cameras.a]: target must differ"),
         ("[cameras]\na = 1", "[cameras.a] must be a table of keys, got 1"),
         ('[[pins]]\nname = "a"\nplace = 1', "[[pins]] 1: unknown key 'place'"),
+        ('[[edits]]\nkind = "insert"\nname = "a"', "edit 1: an object has a file or a shape; write one of them"),
     ],
 )
 def test_bad_read_outs_are_refused_in_one_sentence(text, message, tmp_path):
@@ -150,29 +159,21 @@ def test_bad_read_outs_are_refused_in_one_sentence(text, message, tmp_path):
     assert message in str(refused.value) and "\n" not in str(refused.value)
 
 
-def test_another_scene_keeps_nothing_of_the_last_one():
-    """Light scenes, pins and the measuring plane belong to a scene."""
-    from types import SimpleNamespace
+def test_a_camera_without_fov_has_that_of_scene_files(tmp_path):
+    (tmp_path / "a.toml").write_text('scene = "cornell"\n[camera]\nposition = [0, 1, 2]\ntarget = [0, 0, 0]\n')
+    assert saved_scene.read(str(tmp_path / "a.toml")).camera == (0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 45.0)
 
-    from app.session.reload import settings_for
 
+def test_another_scene_has_its_own_light_scenes_and_read_outs(tmp_path):
+    """Light scenes, pins and the measuring plane belong to a scene: nothing of the last one is kept."""
     kept = (("evening", (LampLevel("lamp", 0.5),)),)
     plane, pin = MeasuringPlane((0, 0), (1, 1), 0.75), Pin("a", (0, 0, 0), (0, 1, 0))
-    now = SimpleNamespace(
-        settings=replace(SETTINGS, light_scenes=kept, pins=(pin,), plane=plane), requests=SimpleNamespace(filled={})
-    )
+    given = replace(SETTINGS, light_scenes=kept, pins=(pin,), plane=plane)
+    now = SimpleNamespace(settings=given, requests=SimpleNamespace(filled={}))
     other = settings_for(now, "tree", ())
     assert (other.light_scenes, other.pins, other.plane) == ((), (), None)
-
-
-def test_a_saved_scene_brings_its_own_light_scenes(tmp_path):
-    from types import SimpleNamespace
-
-    from app.session.reload import settings_for
-
-    kept = (("evening", (LampLevel("lamp", 0.5),)),)
-    saved_scene.write(tmp_path / "a.toml", replace(SETTINGS, light_scenes=kept))
-    now = SimpleNamespace(settings=SETTINGS, requests=SimpleNamespace(filled={}))
+    saved_scene.write(tmp_path / "a.toml", given)
+    now.settings = SETTINGS
     assert settings_for(now, str(tmp_path / "a.toml"), ()).light_scenes == kept
 
 
@@ -220,7 +221,7 @@ BAD = {
     'scene = "cornell"\n[lamps]\nbulb = [1, -1, 0]': "bulb must be three numbers >= 0, got [1, -1, 0]",
     'scene = "cornell"\n[lamps]\nbulb = {level = "a"}': "lamp 'bulb': level must be a number >= 0, got 'a'",
     'scene = "cornell"\n[lamps]\nbulb = {off = true}': "lamp 'bulb': unknown key 'off'; known here are",
-    'scene = "cornell"\n[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40': "camera must be x,y,z",
+    'scene = "cornell"\n[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40': "target must differ from",
     'scene = "/etc/passwd"': "lies outside the folder of the saved scene",
     'scene = "../room.glb"': "lies outside the folder of the saved scene",
     'scene = "cornell"\nmobiles = ["../x.glb"]': "lies outside the folder of the saved scene",

@@ -1,7 +1,5 @@
 """Text from files reaches the terminal as printable lines of its encoding; a closed pipe ends a command."""
 
-from __future__ import annotations
-
 import io
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Unwritable paths are refused before the work, in one sentence; kernels work without their folder."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Small files that ask for much end in one sentence, before the memory is taken; `studies/bombs.py` measures all."""
 
-from __future__ import annotations
-
 import tracemalloc
 from pathlib import Path
 
@@ -42,7 +40,7 @@ def test_a_bomb_is_refused_in_one_sentence(tmp_path, name):
     assert most < 400e6
 
 
-@pytest.mark.parametrize("what", ["nodes", "primitives", "numbers", "values in JSON", "bytes in files"])
+@pytest.mark.parametrize("what", ["nodes", "primitives", "triangles", "numbers", "values in JSON", "bytes in files"])
 def test_each_amount_is_bounded(tmp_path, monkeypatch, what):
     path = bombs.gltf(tmp_path, 30, list(range(30)), nodes=10, stored=True)
     monkeypatch.setitem(LIMITS, what, 9)

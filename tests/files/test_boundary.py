@@ -1,7 +1,5 @@
 """Boundary of a scene's files: its own folder and below; nothing outside, no device, unless the user allows it."""
 
-from __future__ import annotations
-
 import json
 import os
 

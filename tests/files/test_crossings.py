@@ -1,7 +1,5 @@
 """Edges that enter other parts get corners in front of them; all other meshes stay as they are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,14 +8,12 @@ from gi_core.files.completion.crossings import with_corners_at_crossings as cut
 from gi_core.files.edits import Insert, edited
 from gi_core.files.load import load_scene
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.receivers import weld
-from gi_core.geometry.surfaces import face_normals
+from gi_core.geometry.surfaces import evaluation_points, face_normals
 from gi_core.model import Model
 from gi_core.scene.types import Mesh, PointLight, Scene
-from gi_core.solver import Solver
 from tests.support.mesh_writers import write_obj, write_scene
-from tests.support.scene_builders import box, grey, lamp, merge, quad
+from tests.support.scene_builders import box, grey, lamp, merge, quad, solve
 
 POSTS = box((-0.55, -0.05, 0), (-0.45, 0.05, 0.6)), box((0.45, -0.05, 0), (0.55, 0.05, 0.6))
 RAIL = box((-0.5, -0.02, 0.3), (0.5, 0.02, 0.34))
@@ -167,8 +163,7 @@ def test_a_rail_is_as_bright_as_the_reference_says():
     points, normals = evaluation_points(model.surfaces, model.object_receivers)
     on_rail = (np.abs(points[:, 1]) < 0.03) & (np.abs(points[:, 0]) < 0.45) & (np.abs(points[:, 2] - 0.32) < 0.03)
     truth, _ = reference_irradiance(scene, points[on_rail], normals[on_rail], 400, 1, model=model)
-    solver = Solver(scene, photons=200_000, radius=0.03, light="photons")
-    solver.solve()
+    solver = solve(scene, photons=200_000, radius=0.03, light="photons")
     assert on_rail.sum() >= 4 and truth.min() > 0.1 * truth.max()
     areas = solver.receivers.areas[on_rail]
     assert areas @ solver.irradiance[on_rail] == pytest.approx(areas @ truth, rel=0.15)

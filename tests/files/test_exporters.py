@@ -1,7 +1,6 @@
 """What exporters write: extensions and old materials of glTF, morph targets, copies; odd OBJ; polygons of any shape."""
 
-from __future__ import annotations
-
+import base64
 import io
 import json
 import struct
@@ -146,6 +145,71 @@ def test_invisible_nodes_are_left_out(tmp_path):
     read = read_mesh_file(path)
     assert area(read) == pytest.approx(1)
     assert read.notes == ["left out 1 nodes that are invisible in the file, with all that hangs on them"]
+
+
+def placed(node: dict) -> np.ndarray:
+    """Return the matrix (4, 4) of a node, written by the specification alone."""
+    if "matrix" in node:
+        return np.reshape(node["matrix"], (4, 4)).T
+    x, y, z, w = node["rotation"]
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    out = np.eye(4)
+    out[:3, :3] = (np.eye(3) + 2 * w * cross + 2 * cross @ cross) * node["scale"]
+    out[:3, 3] = node["translation"]
+    return out
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_scenes_have_the_triangles_of_a_reader_of_the_tests(tmp_path, seed):
+    """Trees of nodes with morph weights, copies (EXT_mesh_gpu_instancing) and hidden branches (KHR_node_visibility)."""
+    random, arrays = np.random.default_rng(seed), [np.eye(3), np.random.default_rng(seed).normal(size=(3, 3))]
+    nodes: list[dict] = []
+
+    def motions(count):
+        turns = random.normal(size=(count, 4))
+        turns /= np.linalg.norm(turns, axis=1)[:, None]
+        return {"translation": random.normal(size=(count, 3)) * 5, "rotation": turns,
+                "scale": random.choice([-1, 1], (count, 3)) * random.uniform(0.5, 2, (count, 3))}  # fmt: skip
+
+    def node(depth):
+        number, one = len(nodes), {key: rows[0].tolist() for key, rows in motions(1).items()}
+        nodes.append(one if random.random() < 0.5 else {"matrix": placed(one).T.ravel().tolist()})
+        made, copies = nodes[number], motions(random.integers(1, 4)) if random.random() < 0.3 else {}
+        made |= {"mesh": 0, "extensions": {}}
+        if random.random() < 0.4:
+            made["weights"] = [float(random.normal())]
+        if copies:
+            first = len(arrays)
+            arrays.extend(copies.values())
+            names = {key.upper(): first + k for k, key in enumerate(copies)}
+            made["extensions"]["EXT_mesh_gpu_instancing"] = {"attributes": names}
+        if (is_hidden := depth > 0 and random.random() < 0.15) or random.random() < 0.2:
+            made["extensions"]["KHR_node_visibility"] = {"visible": not is_hidden}
+        below = [node(depth + 1) for _ in range(random.integers(0, 3) if depth < 3 else 0)]
+        made |= {"children": [k for k, _ in below]} if below else {}
+        weight = made.get("weights", [0.5])[0]
+        corners = np.c_[(arrays[0] + weight * arrays[1]).astype(np.float32), np.ones(3)]
+        each = [placed({key: rows[k] for key, rows in copies.items()}) for k in range(len(copies.get("scale", ())))]
+        shown = [corners @ copy.T for copy in each or [np.eye(4)]] + [c for _, more in below for c in more]
+        return number, [] if is_hidden else [c @ placed(made).T for c in shown]
+
+    roots = [node(0) for _ in range(2)]
+    expected = np.array([c[:, :3] for _, more in roots for c in more]).reshape(-1, 9)
+    data, views, accessors = b"", [], []
+    for k, rows in enumerate(arrays):
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": rows.astype(np.float32).nbytes})
+        accessors.append({"bufferView": k, "componentType": 5126, "count": len(rows), "type": f"VEC{rows.shape[1]}"})
+        data += rows.astype(np.float32).tobytes()
+    mesh = {"primitives": [{"attributes": {"POSITION": 0}, "targets": [{"POSITION": 1}]}], "weights": [0.5]}
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [k for k, _ in roots]}], "nodes": nodes,
+        "meshes": [mesh], "bufferViews": views, "accessors": accessors,
+        "buffers": [{"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()}],
+    }  # fmt: skip
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    read, middles = read_mesh_file(tmp_path / "a.gltf").mesh, expected.reshape(-1, 3, 3).mean(axis=1)
+    apart = np.linalg.norm(middles[:, None] - read.vertices[read.faces].mean(axis=1), axis=2)
+    assert apart.shape[0] == apart.shape[1] and max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-3
 
 
 def test_metal_that_varies_is_not_refused_by_rounding(tmp_path):

@@ -1,7 +1,5 @@
 """Scenes far from the origin of their coordinates, as surveys are: the same light, and the file's coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +10,13 @@ from app.draw.shot import Shot
 from app.measure.scene_info import info
 from app.session.picture import metadata_of
 from app.settings import Settings
-from gi_core.display.probes import probe_irradiance
 from gi_core.files.load import load_scene
+from gi_core.frames.frame import probe_irradiance
 from gi_core.gather.reference import reference_irradiance
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.types import Camera, Mobile, PointLight, Pose, Probe, Scene, SpotLight
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, coloured_room, grey
+from tests.support.scene_builders import box, coloured_room, grey, solve
 
 AWAY = [(1024.0, 0.0, 0.0), (500_000.0, -4_649_984.0, 256.0)]
 POSES = {"block": Pose((0.375, 0.625, 0.25), (0.8, 0.0, 0.0, 0.6))}
@@ -41,9 +39,7 @@ def moved(poses, away) -> dict[str, Pose]:
 
 
 def solved(scene: Scene, **settings) -> Solver:
-    solver = Solver(scene, photons=20_000, radius=0.1, **settings)
-    solver.solve()
-    return solver
+    return solve(scene, photons=20_000, radius=0.1, **settings)
 
 
 @pytest.mark.parametrize("away", AWAY)

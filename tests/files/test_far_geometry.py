@@ -1,7 +1,5 @@
 """Something far away in the file leaves the light of a room as it is: a stray triangle, a sky dome."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +11,7 @@ from gi_core.files.load import load_scene
 from gi_core.scene.origin import translated
 from gi_core.scene.types import Mesh, Mobile, PointLight, Pose
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, coloured_room, merge, sphere
+from tests.support.scene_builders import box, coloured_room, merge, solve, sphere
 
 AWAY = 448e3  # [m]
 FAR = {
@@ -44,8 +42,7 @@ def by_place(solver: Solver) -> dict[tuple, np.ndarray]:
 def test_light_stays_bit_for_bit(estimator, light):
     lit = []
     for scene in (room(), *(replace(room(), static=merge(room().static, mesh)) for mesh in FAR.values())):
-        solver = Solver(scene, photons=10_000, radius=0.1, estimator=estimator, light=light)
-        solver.solve()
+        solver = solve(scene, photons=10_000, radius=0.1, estimator=estimator, light=light)
         solver.move_all(POSES)
         assert solver.frame.changes.photons_cut > 100
         assert np.array_equal(solver.irradiance, solver.from_scratch())
@@ -89,8 +86,7 @@ def test_a_surveyed_room_with_a_triangle_at_the_origin_of_the_file():
     stray = FAR["stray"]._replace(vertices=FAR["stray"].vertices - AWAY)
     lit = []
     for scene, shift in ((replace(near, mobiles=()), 0.0), (replace(far, static=merge(far.static, stray)), away)):
-        solver = Solver(scene, photons=10_000, radius=0.1, estimator="impact_count", light="photons")
-        solver.solve()
+        solver = solve(scene, photons=10_000, radius=0.1, estimator="impact_count", light="photons")
         places = np.round(solver.receivers.positions - shift, 6).tolist()
         normals = np.round(solver.receivers.normals, 6).tolist()
         lit.append({(*p, *n): E for p, n, E in zip(places, normals, solver.irradiance, strict=True)})

@@ -1,7 +1,5 @@
 """Gloss in files: glTF metallic-roughness and its extensions, MTL, and [materials.NAME] of a scene file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -22,13 +20,6 @@ def gltf_material(tmp_path, pbr: dict, **extensions):
     write_glb(tmp_path / "a.glb", positions, np.array([0, 1, 2], np.uint32), material=material)
     scene = load_scene(tmp_path / "a.glb")
     return next(m for m in scene.materials if m.name == "m")
-
-
-def test_gltf_metal_has_its_base_colour_as_f0(tmp_path):
-    pbr = {"baseColorFactor": [0.9, 0.6, 0.2, 1], "metallicFactor": 1.0, "roughnessFactor": 0.4}
-    found = gltf_material(tmp_path, pbr)
-    assert found.gloss == Gloss(pytest.approx((0.9, 0.6, 0.2)), pytest.approx(0.16), 1.0)
-    assert found.reflectance == (0.0, 0.0, 0.0)
 
 
 def test_gltf_plastic_mixes_with_metal(tmp_path):

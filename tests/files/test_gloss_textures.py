@@ -1,7 +1,5 @@
 """Textures of gloss in glTF and MTL: triangles share materials of the means of their textures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,11 +1,11 @@
 """Damaged and malicious files: each becomes a scene or one sentence. Findings of the fuzzer stay here for ever.
 
-`studies/fuzz.py` searches for more. Some hundred of its mutations run here, and each former crash by name.
+`studies/fuzz.py` searches for more. Some hundred of its mutations run here, and each former crash by name. Files
+written by grammar load, or are refused in one sentence that names the file; `studies/grammar.py` runs more.
 """
 
-from __future__ import annotations
-
 import json
+import os
 import random
 import struct
 
@@ -22,7 +22,8 @@ from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from gi_core.scene.errors import SENTENCE, one_line
 from tests.support.fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings
-from tests.support.mesh_writers import BOX, BOX_FACES, SCENE, write_glb, write_obj, write_scene
+from tests.support.grammar.cases import KINDS, case, write
+from tests.support.mesh_writers import BOX_FACES, SCENE, write_obj, write_scene
 
 SEEDS = seeds()
 
@@ -75,9 +76,6 @@ def test_a_file_cut_short_anywhere(folder, data):
     path = folder / f"short.{kind}"
     path.write_bytes(whole[: data.draw(st.integers(0, len(whole)))])
     read(path)
-
-
-# -- found by fuzzing -----------------------------------------------------------------------------
 
 
 def test_brackets_nested_thousands_deep(tmp_path):
@@ -157,9 +155,6 @@ def test_trimesh_stays_silent(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-# -- counts that cost the file nothing ------------------------------------------------------------
-
-
 @pytest.mark.parametrize("count", [LIMITS["elements without data"] + 1, 1 << 40, 1 << 63, 10**30])
 def test_accessor_without_data_is_refused_before_allocation(tmp_path, count):
     document = {
@@ -201,14 +196,6 @@ def test_header_with_billions_of_elements(tmp_path, kind):
     assert most < 50e6
 
 
-def test_mesh_instanced_beyond_memory_is_refused(tmp_path, monkeypatch):
-    """A few kilobytes of JSON may stand for any number of triangles."""
-    monkeypatch.setitem(LIMITS, "triangles", 100)
-    nodes = [{"mesh": 0} for _ in range(9)]
-    write_glb(tmp_path / "a.glb", BOX, BOX_FACES, nodes=nodes)
-    assert "no more than 100 triangles" in read(tmp_path / "a.glb")
-
-
 def test_out_of_memory_is_one_sentence(tmp_path, monkeypatch):
     def full(*_):
         raise MemoryError
@@ -216,9 +203,6 @@ def test_out_of_memory_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr("gi_core.files.load.complete", full)
     with pytest.raises(SceneError, match="scene.toml: the scene does not fit into memory"):
         load_scene(write_scene(tmp_path))
-
-
-# -- names shown of a file ------------------------------------------------------------------------
 
 
 def test_sentences_and_notes_are_printable_lines(tmp_path):
@@ -248,3 +232,18 @@ def test_nothing_in_a_file_is_executed(tmp_path, monkeypatch):
     write_obj(tmp_path / "a.obj", before="mtllib $(touch x).mtl\nusemtl `touch x`\n")
     assert read(tmp_path / "a.obj") is None
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.obj"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", range(len(KINDS)), ids=KINDS)
+def test_files_by_grammar(tmp_path, kind):
+    for seed in range(kind, 24 * len(KINDS), len(KINDS)):
+        path = write(tmp_path / str(seed), seed)
+        try:
+            load_scene(path, max_edge=float("inf"))
+        except SceneError as error:
+            text = str(error)
+            assert path.name in text and text.isprintable() and len(text) <= SENTENCE, seed
+            # A valid file loads.
+            assert case(seed)[2] > 0, text

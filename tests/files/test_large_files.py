@@ -1,7 +1,5 @@
 """A mesh of a million triangles: it loads completely, and its light is correct."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

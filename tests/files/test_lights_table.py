@@ -1,15 +1,13 @@
 """Lights of scene files: panels, and values changed one by one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.lights_table import COSINE, GAMMAS, LIGHTS, PLANES, Luminaires, changed_light, read_light
 from gi_core.files.formats.toml_fields import Table
+from gi_core.files.formats.toml_file import COSINE, GAMMAS, LIGHTS, PLANES, Luminaires, changed_light, read_light
 from gi_core.lights.photometric import flux_of
 from gi_core.scene import PointLight, SkyLight, SpotLight
 from gi_core.scene.errors import SceneError

@@ -1,7 +1,5 @@
 """Odd values in files and in the arguments of load_scene: one sentence, or a scene that can be solved."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

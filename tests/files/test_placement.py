@@ -1,15 +1,13 @@
 """Scenes without a scene file: places of mobile, camera and lamp."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from app.settings import OPTIONS, Settings, open_scene
+from gi_core.files.completion import RADIANCE, complete
 from gi_core.files.completion.camera_view import in_frame, picture_rays
-from gi_core.files.completion.completion import RADIANCE, complete
 from gi_core.files.load import load_scene
 from gi_core.scene import Camera, Mesh, Mobile, Scene
 from gi_core.scene.pose import to_world

@@ -1,7 +1,5 @@
 """Bare meshes: a budget of receivers is spent on lit surfaces in view, none on sides without light."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -203,3 +201,22 @@ def test_a_scene_file_whose_edges_are_long_says_so(tmp_path):
     assert note.endswith(f"or --max-edge {wanted}, to split them")
     for scene in (load_scene(file, max_edge=float(wanted)), load_scene(file, max_edge=np.inf)):
         assert not any(n.startswith("edges up to ") for n in scene.notes)
+
+
+@pytest.mark.parametrize(
+    "far",
+    [
+        "v 448e3 0 0\nv 448001 0 0\nv 448e3 0 1\nusemtl wall\nf 13 14 15\n",
+        "v -25 -9 -25\nv 25 -9 -25\nv 0 -9 25\nusemtl wall\nf 13 14 15\n",
+    ],
+    ids=["stray triangle", "ground below"],
+)
+def test_what_light_does_not_reach_leaves_the_note_on_edges(far, tmp_path):
+    """The size was that of the box of all vertices: a stray triangle hid the note."""
+    write_room(tmp_path)
+    (tmp_path / "room.toml").write_text('[static]\nmesh = "room.obj"\n')
+    room, notes = (tmp_path / "room.obj").read_text(), []
+    for more in ("", far):
+        (tmp_path / "room.obj").write_text(room + more)
+        notes.append([n for n in load_scene(tmp_path / "room.toml").notes if n.startswith("edges up to ")])
+    assert notes[0] == notes[1] and "max_edge = 0.03" in notes[0][0]

@@ -1,15 +1,13 @@
 """Completion of files: mobiles, lamps and cameras added to mesh files and scene files."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from gi_core.files.completion.completion import SCALED
+from gi_core.files.completion import SCALED
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
-from gi_core.solver import Solver
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_obj, write_scene
+from tests.support.scene_builders import solve
 
 
 def test_missing_file():
@@ -135,8 +133,7 @@ def test_a_scaled_file_looks_the_same_with_its_own_lights_and_camera(tmp_path):
         file = tmp_path / f"{scale}.toml"
         file.write_text(f'[static]\nmesh = "room.glb"\nscale = {scale}\nmax_edge = {250 * scale}\n{lamp}')
         scenes.append(load_scene(file))
-        solver = Solver(scenes[-1], photons=20_000, radius=100 * scale)
-        solver.solve()
+        solver = solve(scenes[-1], photons=20_000, radius=100 * scale)
         means.append(solver.irradiance)
     large, small = scenes
     assert large.lights[0] == small.lights[0], "the scene file's own lamp is in metres"

@@ -1,7 +1,5 @@
 """Scene files: values read, and sentences about mistakes."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -55,6 +53,7 @@ def test_every_key_of_a_scene_file_is_read(tmp_path):
     assert mobile.mesh.vertices.max() == pytest.approx(0.1)
     np.testing.assert_allclose(rotation(mobile.pose) @ [1, 0, 0], [0, 1, 0], atol=1e-12)
     bulb, spot, sun, sky = scene.lights
+    assert [light.name for light in scene.lights[1:]] == ["light 2", "light 3", "light 4"], "as in sentences"
     assert bulb == PointLight("bulb", (0.5, 0.5, 0.5), (1, 2, 3))
     assert isinstance(spot, SpotLight) and (spot.inner_degrees, spot.outer_degrees) == (10, 20)
     assert isinstance(sun, DirectionalLight) and isinstance(sky, SkyLight)

@@ -1,7 +1,5 @@
 """The shipped scenes agree with their comments; third-party scenes load, if present."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -28,15 +26,9 @@ GENERATORS = tuple(
     f"make_{name}" for name in "cornell furnace gallery living_room office second_tree showroom tree".split()
 )
 SHIPPED = {
-    "cornell": 1,
-    "furnace": 1,
-    "gallery": 1,
-    "living_room": 2,
-    "office": 3,
-    "second_tree": 1,
-    "showroom": 2,
+    "cornell": 1, "furnace": 1, "gallery": 1, "living_room": 2, "office": 3, "second_tree": 1, "showroom": 2,
     "tree": 1,
-}
+}  # fmt: skip
 SHIPPED["tree_worst"] = 1
 
 

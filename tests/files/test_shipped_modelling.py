@@ -1,7 +1,5 @@
 """The generators' shapes: closed, facing outwards, of the given size; images decode to the painted pixels."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """living_room, gallery, office and second_tree agree with their comments: light, paths of mobiles, images."""
 
-from __future__ import annotations
-
 import json
 from importlib import resources
 

@@ -1,7 +1,5 @@
 """Files in the manner of other programs: fans, skins, nested nodes with lights, several of each."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

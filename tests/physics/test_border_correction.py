@@ -3,8 +3,6 @@
 Photons hit the part of a disc that the surface covers: alpha / 2 pi of it at a border.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,7 +11,7 @@ import pytest
 from gi_core.model import Model
 from gi_core.scene.types import DirectionalLight, Material, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import BLACK, box, furnace_scene, grey, lamp, merge, quad, sphere
+from tests.support.scene_builders import BLACK, box, furnace_scene, grey, lamp, merge, quad, solve, sphere
 
 UP = (0.0, 0.0, 1.0)
 SUN = DirectionalLight("sun", (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
@@ -25,8 +23,7 @@ def share_of(mesh, material=BLACK):
 
 
 def solved(scene: Scene, **settings) -> tuple[Solver, np.ndarray]:
-    solver = Solver(scene, **{"photons": 100_000, "radius": 0.1, "neighbours": 100, **settings})
-    solver.solve()
+    solver = solve(scene, **{"photons": 100_000, "radius": 0.1, "neighbours": 100, **settings})
     return solver, solver.irradiance[:, 0]
 
 

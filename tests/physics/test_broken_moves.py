@@ -1,7 +1,5 @@
 """A move interrupted by an exception has no effect: poses and light agree, and later moves are correct."""
 
-from __future__ import annotations
-
 import inspect
 import sys
 import time
@@ -60,13 +58,9 @@ def seen(solver: Solver) -> tuple:
     """Return all results of the last frame."""
     fates = [value.tolist() for value in solver.frame.fates.values()]
     numbers = (
-        solver.frame.photons,
-        solver.frame.paths,
-        solver.frame.changes,
-        solver.frame.control_facts,
-        solver.frame.segments,
-        solver.frame.timings,
-    )
+        solver.frame.photons, solver.frame.paths, solver.frame.changes, solver.frame.control_facts,
+        solver.frame.segments, solver.frame.timings,
+    )  # fmt: skip
     return dict(solver.poses), solver.irradiance.tobytes(), fates, *numbers
 
 

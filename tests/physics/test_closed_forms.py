@@ -7,8 +7,6 @@ in groups: the mean of a group needs far fewer photons than each receiver would,
 differs there are several groups. Where no light arrives, the answer is exactly 0.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -3,8 +3,6 @@
 None leaks.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

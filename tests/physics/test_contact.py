@@ -3,8 +3,6 @@
 A white object in a furnace reflects all light: E = pi Le / (1 - rho) everywhere, with and without it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -16,16 +14,14 @@ from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
 from tests.support import control_scenes
 from tests.support.reference_twins import Twin
-from tests.support.scene_builders import box, grey, sphere
+from tests.support.scene_builders import box, grey, solve, sphere
 
 FURNACE = 2 * math.pi  # of Le = 1, rho = 0.5
 SEED = 3
 
 
 def solved(case: control_scenes.ControlScene, control: bool = True) -> Solver:
-    solver = Solver(case.scene, photons=case.photons, radius=case.radius, control=control)
-    solver.solve()
-    return solver
+    return solve(case.scene, photons=case.photons, radius=case.radius, control=control)
 
 
 def mean_error(E: np.ndarray) -> float:
@@ -98,8 +94,7 @@ def test_nothing_leaks_past_a_thin_wall(mobile):
 def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
     """No ray is cast for regions, no receiver is estimated again, no additional segment is searched."""
     case = control_scenes.leg(True)
-    solver = Solver(case.scene, photons=5000, radius=case.radius)
-    solver.solve()
+    solver = solve(case.scene, photons=5000, radius=case.radius)
     resting = solver.frame.control_facts
     assert resting.stale > 0 and resting.on_mobiles > 0
     cast = []
@@ -122,8 +117,7 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
 def test_contact_on_mobiles_needs_light_from_photons():
     """If it gathers, no disc on it is read; floor and walls near it are estimated as before."""
     case = control_scenes.leg(True)
-    solver = Solver(case.scene, photons=5000, radius=case.radius)
-    solver.solve()
+    solver = solve(case.scene, photons=5000, radius=case.radius)
     by_photons = solver.frame.control_facts
     solver.configure(light="best")
     solver.solve()
@@ -151,8 +145,7 @@ def test_frames_in_contact_equal_the_naive_twin():
     """In a bowl, at poses in contact with it, with each other, through its wall, and with nothing."""
     scene = bowl()
     twin = Twin(scene, 300, 0.3, 5, SEED)
-    solver = Solver(scene, photons=300, radius=0.3, neighbours=5, seed=SEED)
-    solver.solve()
+    solver = solve(scene, photons=300, radius=0.3, neighbours=5, seed=SEED)
     tilted = axis_angle((1.0, 0.5, 0.0), 30.0)
     stale, on_mobiles = [], []
     for box_at, ball_at in (
@@ -175,16 +168,14 @@ def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
     case = control_scenes.leg(True)
     irradiance = []
     for few in (10_000, 1):
-        monkeypatch.setattr("gi_core.discs.contact.stale_receivers.FEW_DISCS", few)
-        solver = Solver(case.scene, photons=20_000, radius=case.radius)
-        solver.solve()
+        monkeypatch.setattr("gi_core.discs.stale_receivers.FEW_DISCS", few)
+        solver = solve(case.scene, photons=20_000, radius=case.radius)
         irradiance.append(solver.irradiance)
     assert np.array_equal(*irradiance)
 
 
 def test_warm_up_compiles_contact_kernels():
     """Its mobile enters a disc of the floor, and the floor discs on it: the first contact compiles no kernel."""
-    solver = Solver(_tiny_scene(), photons=64, radius=0.1)
-    solver.solve()
+    solver = solve(_tiny_scene(), photons=64, radius=0.1)
     solver.move("mobile", TOUCHING)
     assert solver.frame.control_facts.stale > 0 and solver.frame.control_facts.on_mobiles > 0

@@ -1,6 +1,7 @@
-"""Edits of a scene: each equals a solver built so from the start, bit for bit, and retraces only photons it touched."""
+"""Edits of a scene: each equals a solver built so from the start, bit for bit, and retraces only photons it touched.
 
-from __future__ import annotations
+Lights added, changed and removed; `test_edits.py` compares each such edit with a new solver.
+"""
 
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from gi_core.bsdf.ggx import further_albedo
 from gi_core.discs import region
 from gi_core.estimators import ESTIMATORS
+from gi_core.files.completion import DEFAULT_LAMP, lit_by_stand_ins
 from gi_core.files.edits import (
     Darken,
     Duplicate,
@@ -25,19 +27,35 @@ from gi_core.files.edits import (
     Versions,
     edited,
     piece_at,
+    removed_lamps,
     with_edit,
 )
+from gi_core.files.edits import Daylight as ChangeDaylight
 from gi_core.files.finishing import finish_of, is_textured, parts_of
 from gi_core.files.load import load_scene
 from gi_core.geometry.receivers import NONE
+from gi_core.lights.daylight import daylit
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, SkyLight, Texture
+from gi_core.scene.types import (
+    Daylight,
+    LampLevel,
+    LightScene,
+    Material,
+    Mesh,
+    Mobile,
+    Paint,
+    PointLight,
+    Pose,
+    Scene,
+    SkyLight,
+    Texture,
+)
 from gi_core.solver import Solver, edited_solver, photons_of
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import luminaire
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, merge, quad, solve, sphere
 
 GIVEN = {"photons": 6000, "radius": 0.15, "neighbours": 6, "seed": 5}
 TURNED = Pose((0.4, 0.6, 0.2), axis_angle((0, 0, 1), 30))
@@ -76,9 +94,7 @@ def room(lights=None) -> Scene:
 
 
 def solved(scene: Scene, **changes) -> Solver:
-    solver = Solver(scene, **GIVEN | changes)
-    solver.solve()
-    return solver
+    return solve(scene, **GIVEN | changes)
 
 
 def photons_that_meet(solver: Solver, faces: np.ndarray) -> int:
@@ -97,6 +113,7 @@ PANEL = Light(
         ("size", (0.1, 0.2)),
     ),
 )  # fmt: skip
+CONE = ("type", "cone"), ("radius", 0.1), ("height", 0.2), ("max_edge", 0.2)
 EDITS = {
     "material": Finish("screen", (("reflectance", (0.9, 0.1, 0.2)),)),
     "mobile": Finish("ball", (("reflectance", (0.1, 0.8, 0.2)),)),
@@ -120,6 +137,7 @@ EDITS = {
     "glaze": Finish("box", (("roughness", 0.3),), part="crate"),
     "shared": Finish("wall", (("reflectance", (0.1, 0.5, 0.2)),)),
     "duplicate": Duplicate("ball 2", "ball", Pose((0.8, 0.3, 0.3))),
+    "shape": Insert("cone", pose=Pose((0.7, 0.3, 0.2)), shape=CONE),
     "remove": Remove("box"),
     "promote": Promote("crate", CRATE),
     "freeze": Freeze("box", TURNED),
@@ -152,6 +170,19 @@ def test_an_edited_solver_equals_a_new_one(kind, estimator):
     other.move_all({name: Pose((0.5, 0.5, 0.3)) for name in other.model.names})
     new.move_all({name: Pose((0.5, 0.5, 0.3)) for name in other.model.names})
     assert np.array_equal(other.irradiance, new.irradiance)
+
+
+def test_an_hour_of_daylight_equals_a_new_solver():
+    """Night has no sun and no sky, so the lamps differ too."""
+    place = Daylight((40.4, -3.7), "2026-03-21", 9.0, 1.0)
+    scene = daylit(room(), place, "room")
+    solver = solved(scene)
+    for hour in (15.0, 2.0, 9.0):
+        solver = edited_solver(solver, edited(solver.scene, [ChangeDaylight((("hour", hour),))]))
+        solver.solve()
+        new = solved(daylit(room(), place._replace(hour=hour), "room"))
+        assert np.array_equal(solver.irradiance, new.irradiance) and solver.lamps.names == new.lamps.names
+        assert ("sun" in new.lamps.names) == (hour > 6)
 
 
 def test_a_colour_retraces_the_photons_that_met_it_and_no_others():
@@ -361,6 +392,19 @@ def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
     assert placed.pose == TURNED
 
 
+def test_an_inserted_shape_is_that_of_a_scene_file(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        'shape = [{ type = "room", size = [1, 1, 1] }, '
+        '{ type = "cone", radius = 0.1, height = 0.2, name = "cone", mobile = true }]\n'
+    )
+    scene = load_scene(tmp_path / "a.toml")
+    inserted = edited(edited(scene, [Remove("cone")]), [Insert("cone", shape=CONE[:3])])
+    a, b = inserted.mobiles[-1], scene.mobiles[-1]
+    assert a.name == b.name == "cone" and a.pose.position[1] == pytest.approx(b.pose.position[1], abs=1e-6)
+    assert all(np.array_equal(x, y) for x, y in ((a.mesh[k], b.mesh[k]) for k in (0, 1, 3)))
+    assert len(inserted.files) == len(scene.files)
+
+
 def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
     thing = write_glb(tmp_path / "thing.glb", BOX * 0.05, BOX_FACES)
     insert, there = Insert("thing", str(thing), TURNED), EDITS["duplicate"]
@@ -413,6 +457,9 @@ def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
         ),
         (Promote("lamp", (0.5, 0.5, 0.99)), 'its material "lamp" emits light, and lamps must stand still'),
         (Insert("x", "nothing.glb"), "nothing.glb: there is no such mesh file"),
+        (Insert("x", shape=(("type", "ball"),)), "shape 'x': type must be one of \"room\""),
+        (Insert("x", shape=(("type", "sphere"), ("radius", 0.0))), "shape 'x': radius must be a number > 0"),
+        (Insert("x", shape=(("type", "sphere"), ("radius", 1.0), ("mobile", True))), "unknown key 'mobile'"),
         (Light("globe", ()), 'no light is called \'globe\'; there is "bulb", "spot"'),
         (Light("bulb", (("size", (1, 1)),)), "light 'bulb': unknown key 'size'"),
         (Light("bulb", (("position", (0, 0)),)), "light 'bulb': position must be three finite numbers"),
@@ -562,3 +609,69 @@ def test_a_finish_takes_the_place_of_an_earlier_one():
     assert with_edit([wall, copy], later) == (wall, copy, later), "a copy may show the earlier one"
     static = Finish("wall", (("reflectance", (0.1, 0.2, 0.3)),))
     assert with_edit([wall, static], later) == (wall, static, later)
+
+
+@pytest.mark.parametrize(("edit", "lamp"), [(HIGHER, "bulb"), (EDITS["light turned"], "spot")])
+def test_a_moved_light_retraces_its_own_photons_and_no_others(edit, lamp):
+    solver = solved(room())
+    photons = photons_of(solver).subset(GIVEN["photons"])[0].lamp
+    own = int((photons == solver.lamps.names.index(lamp)).sum())
+    assert 0 < own < 0.7 * GIVEN["photons"]
+    other = edited_solver(solver, edited(room(), [edit]))
+    other.solve()
+    assert photons_of(other).traced == own
+    assert not np.array_equal(other.irradiance, solver.irradiance)
+
+
+def test_lights_are_added_changed_and_removed():
+    scene = edited(room(), [PANEL, Light("panel", (("flux", (1.0, 2.0, 3.0)),)), Darken("bulb"), Darken("lamp")])
+    spot, panel = scene.lights
+    assert (spot.name, panel.name) == ("spot", "panel") and panel.flux == (1.0, 2.0, 3.0)
+    assert panel.size == (0.1, 0.2) and panel.position == (0.2, 0.8, 0.9)
+    assert not any(max(m.emission) for m in scene.materials)
+    assert Solver(scene, photons=0).lamps.names == ("spot", "panel")
+
+
+def test_of_lights_that_share_a_name_each_is_changed_by_its_number():
+    lights = [PointLight("bulb", (x, 0.5, 0.5), (1.0, 1.0, 1.0)) for x in (0.2, 0.5, 0.8)]
+    scene = room(lights=(*lights, PointLight("other", (0.5, 0.5, 0.9), (1.0, 1.0, 1.0))))
+    second = Light("bulb", (("position", (0.5, 0.1, 0.5)),), number=2)
+    assert [light.position[1] for light in edited(scene, [second]).lights] == [0.5, 0.1, 0.5, 0.5]
+    rest = edited(scene, [Darken("bulb", 1), second]).lights
+    assert [light.position[:2] for light in rest] == [(0.5, 0.5), (0.5, 0.1), (0.5, 0.5)]
+    assert [light.name for light in edited(scene, [Darken("bulb")]).lights] == ["other"]
+    with pytest.raises(SceneError, match="lamp 'bulb' has no light 4"):
+        edited(scene, [Darken("bulb", 4)])
+
+
+def test_changes_of_a_light_are_one_edit():
+    there, later = Light("bulb", (("position", (0.5, 0.5, 0.9)),)), Light("bulb", (("flux", (2.0, 2.0, 2.0)),))
+    both = Light("bulb", (("position", (0.7, 0.3, 0.5)), ("flux", (2.0, 2.0, 2.0))))
+    edits = ()
+    for edit in (there, EDITS["material"], HIGHER, later):
+        edits = with_edit(edits, edit)
+    assert edits == (EDITS["material"], both)
+    assert with_edit((PANEL,), Light("panel", (("flux", (1.0,) * 3),)))[0].light[1] == PANEL.light[1]
+    copy = Light("bulb 2", (), of="bulb")
+    assert with_edit((there, copy), HIGHER) == (there, copy, HIGHER), "the copy is of the light before"
+    assert with_edit((there, Darken("bulb")), PANEL) == (there, Darken("bulb"), PANEL)
+    assert removed_lamps((Darken("bulb", 1),)) == set(), "others of that name are left"
+    assert removed_lamps((Darken("bulb"), Darken("spot"), PANEL, Light("bulb", PANEL.light))) == {"spot"}
+
+
+def test_the_plate_of_a_default_light_goes_with_it(tmp_path):
+    """It would hang dark over the user's own lamps."""
+    scene = load_scene(str(write_glb(tmp_path / "room.glb", 3 * BOX, BOX_FACES[:, ::-1])))
+    own = Light("own", (("type", "point"), ("position", (0.1, 0.2, 0.3)), ("flux", (1.0, 1.0, 1.0))))
+    lamps = {m.name for m in scene.materials if max(m.emission) > 0}
+    assert lamps == {DEFAULT_LAMP} and lit_by_stand_ins(scene)
+    lit = edited(scene, [own, Darken(DEFAULT_LAMP)])
+    assert Solver(lit, photons=0).lamps.names == ("own",)
+    of_plate = np.array([m.name == DEFAULT_LAMP for m in scene.materials])[scene.static.face_material]
+    assert of_plate.any() and len(lit.static.faces) == len(scene.static.faces) - of_plate.sum()
+
+
+def test_light_scenes_forget_a_removed_lamp():
+    evening = LightScene("evening", (LampLevel("bulb", 0.5), LampLevel("spot", 0.2)))
+    scene = edited(replace(room(), light_scenes=(evening,)), [Darken("bulb")])
+    assert scene.light_scenes == (LightScene("evening", (LampLevel("spot", 0.2),)),)

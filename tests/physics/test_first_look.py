@@ -1,7 +1,5 @@
 """The first picture does not wait for artifact control, and leaves no trace in later frames."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,9 @@ from gi_core.files.load import load_scene
 from gi_core.frames import first_frame
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error, subset_to_compare
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.solver import Solver
+from tests.support.scene_builders import solve
 from tests.support.viewer_support import room
 
 PHOTONS = 40_000
@@ -41,8 +40,7 @@ def test_first_picture_is_of_whole_discs(low_receiver_threshold):
     assert np.array_equal(first.irradiance, plain.irradiance)
     assert np.array_equal(first.irradiance, first.from_scratch())
     assert subset_to_compare(first.frame.subsets) == first.frame.photons // 2, "its noise is known, to smooth it by"
-    controlled = Solver(load_scene("furnace"), photons=first.frame.photons, radius=0.1)
-    controlled.solve()
+    controlled = solve(load_scene("furnace"), photons=first.frame.photons, radius=0.1)
     assert not np.array_equal(first.irradiance, controlled.irradiance)
 
 

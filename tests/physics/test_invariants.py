@@ -1,12 +1,13 @@
 """The invariants: a frame is a function of the poses alone, bit for bit.
 
-One room, two mobiles that touch the floor, cross the walls and each other. After any
-sequence of moves, irradiance equals that of a new solver at these poses, and of the naive twin.
+One room, two mobiles that touch the floor, cross the walls and each other. After any sequence of moves, irradiance
+equals that of a new solver at these poses, and of the naive twin. Every disc search in whole frames, on any number of
+threads, against the naive twin, and at probes.
 """
 
-from __future__ import annotations
-
 import os
+from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -14,18 +15,19 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 import gi_core.frames.frame
-from gi_core.discs.search import SEARCHES
+from gi_core.discs.search import PRETESTS, SEARCHES
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.photons.paths import take
 from gi_core.rays.structures import DEFAULT as RAYS
 from gi_core.rays.structures import STRUCTURES
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene
+from gi_core.scene.types import Material, Mobile, PointLight, Pose, Probe, Scene
 from gi_core.solver import Solver
+from tests.physics.test_contact import bowl
 from tests.support.photometry import luminaire
 from tests.support.reference_twins import Twin
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, merge, quad, solve, sphere
 
 PHOTONS, RADIUS, NEIGHBOURS, SEED = 300, 0.2, 6, 11
 AWAY = Pose((50.0, 50.0, 50.0))
@@ -57,7 +59,6 @@ def room() -> Scene:
 
 SCENE = room()
 TWIN = Twin(SCENE, PHOTONS, RADIUS, NEIGHBOURS, SEED)
-
 coordinate = st.floats(-0.2, 1.2)
 axis = st.tuples(*[st.sampled_from([-1.0, 0.0, 0.5, 1.0])] * 3).filter(lambda a: any(a))
 poses = st.builds(
@@ -210,8 +211,7 @@ def test_comparison_detects_mutations(monkeypatch, estimator, mutation):
 
 def test_mobiles_outside_all_light_give_the_static_solution(estimator):
     alone = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up, name="alone")
-    static = Solver(alone, estimator, PHOTONS, RADIUS, NEIGHBOURS, SEED)
-    static.solve()
+    static = solve(alone, estimator, PHOTONS, RADIUS, NEIGHBOURS, SEED)
     solver = solved({"box": AWAY, "ball": AWAY}, estimator=estimator)
     n = solver.surfaces.receiver_range(0).stop
     assert solver.frame.changes == (0, 0, 0)
@@ -289,3 +289,75 @@ def test_old_picture_stays_until_the_new_one_is_ready():
         assert solver.irradiance is before
     assert solver.irradiance is not before
     assert solver.frame.photons == PHOTONS
+
+
+TILTED = axis_angle((1.0, 0.5, 0.0), 30.0)
+PROBES = (
+    Probe("floor", (0.62, 0.55, 0.0), (0.0, 0.0, 1.0)),  # beside the box, which enters its disc
+    Probe("air", (0.4, 0.4, 0.5), (0.0, 0.6, 0.8)),
+    Probe("wall", (0.0, 0.7, 0.4), (1.0, 0.0, 0.0)),
+)
+PROBED = replace(SCENE, probes=PROBES)
+MOVES = ({}, {"box": Pose((0.6, 0.42, 0.0)), "ball": Pose((0.5, 0.5, 0.12))}, {"ball": Pose((0.12, 0.7, 0.4), TILTED)})
+
+
+@cache
+def twin_of(scene_name: str, radius: float) -> Twin:
+    scene = {"room": PROBED, "bowl": bowl()}[scene_name]
+    return Twin(scene, PHOTONS, radius, NEIGHBOURS, SEED)
+
+
+@cache
+def expected(scene_name: str, radius: float, k: int) -> np.ndarray:
+    """Return the twin's irradiance at the k-th poses, reached one after the other."""
+    twin = twin_of(scene_name, radius)
+    poses = twin.model.start_poses()
+    for moves in MOVES[: k + 1]:
+        poses |= moves
+    return twin.irradiance("tangent_plane", poses)
+
+
+def solver_of(scene_name: str, radius: float, **settings) -> Solver:
+    solver = Solver(
+        twin_of(scene_name, radius).model.scene, photons=PHOTONS, radius=radius, neighbours=NEIGHBOURS, seed=SEED,
+        **settings,
+    )  # fmt: skip
+    solver.solve()
+    return solver
+
+
+@pytest.mark.parametrize("scene_name, radius", [("room", RADIUS), ("bowl", 0.3)])
+@pytest.mark.parametrize("pretest", PRETESTS)
+@pytest.mark.parametrize("search", SEARCHES)
+def test_frames_equal_the_naive_twin(search, pretest, scene_name, radius, monkeypatch, small_shares):
+    """In a room, and in a bowl where segments count behind their hits; with mobiles on the floor and on each other."""
+    threads = 1 + (list(SEARCHES).index(search) + list(PRETESTS).index(pretest)) % 3
+    monkeypatch.setitem(SEARCHES, search, partial(SEARCHES[search], pretest=pretest))
+    solver = solver_of(scene_name, radius, search=search, threads=threads)
+    contact = []
+    for k, poses in enumerate(MOVES):
+        solver.move_all(poses)
+        contact.append(solver.frame.control_facts.stale + solver.frame.control_facts.on_mobiles)
+        np.testing.assert_array_equal(solver.irradiance, expected(scene_name, radius, k))
+        assert np.array_equal(solver.from_scratch(), solver.irradiance)
+        assert solver.frame.changes.photons_cut > 0
+    assert max(contact) > 5
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 7])
+@pytest.mark.parametrize("search", SEARCHES)
+def test_any_number_of_threads(search, threads, small_shares):
+    solver = solver_of("room", RADIUS, search=search, threads=threads)
+    solver.move_all(MOVES[1])
+    assert np.array_equal(solver.irradiance, expected("room", RADIUS, 1))
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+def test_probes_read_the_same_by_every_search(search, small_shares):
+    twin, E = twin_of("room", RADIUS), expected("room", RADIUS, 1)
+    solver = solver_of("room", RADIUS, search=search)
+    solver.move_all(MOVES[1])
+    read = solver.frame.probe_irradiance
+    for k, probe in enumerate(PROBES):
+        assert np.array_equal(read[probe.name], E[twin.model.first_probe + k])
+        assert read[probe.name].max() > 0

@@ -1,7 +1,5 @@
 """Lamps: light is linear in their levels, and dimming equals a scene built with dimmed lamps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import LampLevel, LightScene, Material, Mobile, PointLight, Pose, Scene, SkyLight
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, merge, quad, solve, sphere
 
 GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
 MOVED = {"box": Pose((0.35, 0.6, 0.0), axis_angle((0, 0, 1), 30.0)), "ball": Pose((0.5, 0.5, 0.3))}
@@ -56,9 +54,7 @@ def room(levels=None, names=LAMPS) -> Scene:
 
 
 def solved(scene: Scene, **more) -> Solver:
-    solver = Solver(scene, **GIVEN | more)
-    solver.solve()
-    return solver
+    return solve(scene, **GIVEN | more)
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
@@ -84,7 +80,7 @@ def built(levels: dict[str, float], shares: np.ndarray, **more) -> Solver:
     """Return a solver of the room with dimmed lamps, whose photons are shared as given."""
     solver = Solver(room(levels), **GIVEN | more)
     photons = Photons(solver.model.with_shares(shares), GIVEN["seed"])
-    solver._first_frame = FirstFrame(photons, solver.frame_light, solver.scene_size)
+    solver._first_frame = FirstFrame(photons, solver.frame_light)
     solver.solve()
     return solver
 
@@ -131,8 +127,7 @@ moves = st.sampled_from([{}, MOVED, {"box": MOVED["box"]}, {"ball": Pose((0.9, 0
     )
 )
 def test_any_history_of_lamps_and_moves_equals_from_scratch(history):
-    solver = Solver(room(), **GIVEN | {"photons": 300})
-    solver.solve()
+    solver = solve(room(), **GIVEN | {"photons": 300})
     for change, estimator, light in history:
         solver.configure(estimator=estimator, light=light)
         solver.solve()
@@ -218,8 +213,7 @@ def test_a_lamp_alone_is_traced_again_with_more_photons_and_less_noise():
     ],
 )
 def test_bad_levels_are_refused_and_change_nothing(levels, rule):
-    solver = Solver(room(), **GIVEN | {"photons": 300})
-    solver.solve()
+    solver = solve(room(), **GIVEN | {"photons": 300})
     before = solver.irradiance
     with pytest.raises(SceneError, match=rule.replace("(", r"\(")):
         solver.set_lamps(levels)

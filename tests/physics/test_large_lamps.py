@@ -4,8 +4,6 @@ A photon crosses a receiver's disc with probability p = flux through the disc / 
 give E a relative deviation of sqrt((1 - p) / (p N)).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames of few photons in rooms that are lit through a window."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -12,11 +10,11 @@ from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.reference import reference_irradiance
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import luminance
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Scene
-from gi_core.solver import Solver
 from tests.support.lit_from_outside import l_room, sky_room
+from tests.support.scene_builders import solve
 
 PLACES, PATHS = 100, 4096  # 2 % of noise
 
@@ -41,8 +39,7 @@ def error(E: np.ndarray, T: np.ndarray, times: np.ndarray) -> tuple[float, float
 def test_a_frame_of_a_budget_shows_the_light_at_its_pose(place, most, most_of_mean, least_change):
     """131,072 even photons are 17 % off in the L-shaped room; 64 directions 10 % under the sky."""
     scene = place()
-    solver = Solver(scene, photons=1 << 19, light="best", seed=1)
-    solver.solve()
+    solver = solve(scene, photons=1 << 19, light="best", seed=1)
     n, lamps = solver.surfaces.receiver_range(0).stop, solver.lamps.count
     rows, times = draw_by_area(np.arange(n), solver.receivers.areas, PLACES, 3)
     still, moved = truth(replace(scene, mobiles=()), rows), truth(scene, rows)

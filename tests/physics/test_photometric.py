@@ -1,16 +1,14 @@
 """A room lit by luminaires: photons, gathered light and the reference agree, and frames equal a solve from scratch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene.types import Mobile, Pose, Scene
 from gi_core.solver import Solver
 from tests.support.photometry import luminaire
-from tests.support.scene_builders import box, grey
+from tests.support.scene_builders import box, grey, solve
 
 MOVED = {"block": Pose((0.45, 0.55, 0.25))}
 
@@ -27,18 +25,16 @@ def scene() -> Scene:
 
 
 def solved(scene, light, **settings) -> Solver:
-    solver = Solver(scene, photons=1 << 17, radius=0.06, light=light, **settings)
-    solver.solve()
-    return solver
+    return solve(scene, photons=1 << 17, radius=0.06, light=light, **settings)
 
 
 @pytest.fixture(scope="module")
 def truth(scene):
-    """Irradiance (R, 3) of all receivers at MOVED."""
+    """Irradiance (R, 3) of receivers at MOVED; sums over walls have 0.4 % of noise, over the block's sides 0.9 %."""
     solver = Solver(scene, photons=0)
     solver.move_all(MOVED)
     at = evaluation_points(solver.surfaces, solver.receivers)
-    return reference_irradiance(scene, *at, 2500, 3, poses=MOVED)[0]
+    return reference_irradiance(scene, *at, 800, 3, poses=MOVED)[0]
 
 
 def sums(solver: Solver, E: np.ndarray) -> np.ndarray:

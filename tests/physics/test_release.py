@@ -3,8 +3,6 @@
 It runs when a quarter of all objects are new: hardly ever, as compiled kernels alone are hundreds of thousands.
 """
 
-from __future__ import annotations
-
 import functools
 import gc
 import threading

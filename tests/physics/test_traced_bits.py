@@ -1,7 +1,5 @@
 """Bits of traced light: those of the committed digests, and of diffuse surfaces beside glossy ones."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -10,9 +8,8 @@ import pytest
 
 from gi_core.files.load import load_scene
 from gi_core.scene.types import Gloss, Material, Mobile, Pose
-from gi_core.solver import Solver
 from studies.traced_bits import FILE, PHOTONS, RADIUS, SCENES, digest, traced_bits
-from tests.support.scene_builders import box
+from tests.support.scene_builders import box, solve
 
 KEPT = json.loads(FILE.read_text(encoding="utf-8"))
 
@@ -44,8 +41,7 @@ def test_diffuse_surfaces_have_the_same_bits_beside_glossy_ones(name):
     remote = Mobile("remote", box((0, 0, 0), (0.01, 0.01, 0.01), 1, len(scene.materials)), Pose((0.0, 90.0, 0.0)))
     light = []
     for beside in (scene, replace(scene, materials=materials, mobiles=(*scene.mobiles, remote))):
-        solver = Solver(beside, photons=PHOTONS, radius=RADIUS, threads=1)
-        solver.solve()
+        solver = solve(beside, photons=PHOTONS, radius=RADIUS, threads=1)
         paths, _ = solver.frame.store.subset(PHOTONS)
         irradiance = solver.irradiance[solver.surfaces.receiver_range(0)]
         light.append((paths, solver.frame.store.fates, irradiance))

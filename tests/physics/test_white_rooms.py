@@ -3,8 +3,6 @@
 A photon arrives 1 + rho + rho^2 + ... = 1 / (1 - rho) times, with a standard deviation of sqrt(rho) / (1 - rho).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -17,16 +15,14 @@ from gi_core.photons import trace
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.types import Mobile, Pose, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, furnace_scene, grey, lamp
+from tests.support.scene_builders import box, furnace_scene, grey, lamp, solve
 from tests.support.significance import z_test
 
 ROOM = box((0, 0, 0), (1, 1, 1), 2, inward=True)
 
 
 def solved(scene: Scene, photons: int, **settings) -> Solver:
-    solver = Solver(scene, photons=photons, radius=0.2, **{"estimator": "impact_count", **settings})
-    solver.solve()
-    return solver
+    return solve(scene, photons=photons, radius=0.2, **{"estimator": "impact_count", **settings})
 
 
 def white_room(reflectance: float, mobile: float) -> Scene:

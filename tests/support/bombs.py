@@ -1,7 +1,5 @@
 """Small files that ask for much: each stands for more triangles, pixels, files or nesting than its bytes hold."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

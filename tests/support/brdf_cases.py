@@ -1,7 +1,5 @@
 """Five sets of parameters per reflection model, and five angles of incidence, for tests and studies."""
 
-from __future__ import annotations
-
 from gi_core.bsdf.models import Lobe, lobe
 
 ANGLES = (0.0, 30.0, 60.0, 75.0, 85.0)  # of incidence [degrees]
@@ -67,11 +65,7 @@ SETS: dict[str, list[dict]] = {
         {"r": 1.0, "C": 0.3},
     ],
     "oren_nayar": [
-        {"sigma": 0},
-        {"sigma": 0.2},
-        {"sigma": 0.5, "rho": 1},
-        {"sigma": 1, "rho": (0.9, 0.4, 0.1)},
-        {"sigma": 1.6},
+        {"sigma": 0}, {"sigma": 0.2}, {"sigma": 0.5, "rho": 1}, {"sigma": 1, "rho": (0.9, 0.4, 0.1)}, {"sigma": 1.6},
     ],
     "strauss": [
         {"s": 0},
@@ -95,7 +89,7 @@ SETS: dict[str, list[dict]] = {
         {"alpha": 0.6, "f0": 1},
         {"alpha": 1, "f0": 0.5},
     ],
-}
+}  # fmt: skip
 
 
 def lobes() -> list[tuple[str, Lobe]]:

@@ -1,7 +1,5 @@
 """Batches of the kernels of `gi_core.bsdf.table`, and quadrature over directions, for tests and studies."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Helpers of the command-line tests."""
 
-from __future__ import annotations
-
 FAST = ["cornell", "--photons", "2000"]
 
 

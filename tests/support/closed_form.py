@@ -3,8 +3,6 @@
 Scalars in, scalars or arrays out; watts, metres, steradians. `E` is always irradiance [W/m2].
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 With these photon numbers a mean over a group reveals an error of 2 % in 99 of 100 cases.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Each is about a metre wide, has its faces finer than the discs where it matters,
 irradiance hardly changes over a disc. Any error comes from the disc's shape.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

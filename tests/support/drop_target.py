@@ -3,8 +3,6 @@
 Run: python -m tests.support.drop_target
 """
 
-from __future__ import annotations
-
 from app.session.opening import Opening
 from app.settings import Settings
 from app.window import window

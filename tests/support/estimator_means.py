@@ -4,8 +4,6 @@
 before them. One function per estimator, by its name in the registry; a new estimator adds its own.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

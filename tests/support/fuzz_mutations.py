@@ -1,7 +1,5 @@
 """Inputs of the fuzzer: small files of every format, and mutations that damage them."""
 
-from __future__ import annotations
-
 import io
 import json
 import random

@@ -1,12 +1,10 @@
 """Squares that face the eye, and readings of their picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
-from app.draw.bare_lights import bare_lights
+from app.draw.bare_lights import bare_lights, light_faces
 from app.draw.camera import Bounds, from_camera
 from app.draw.draw_mesh import DrawMesh
 from gi_core.scene import Camera
@@ -47,7 +45,7 @@ def gl_picture(shot, ctx=None) -> np.ndarray:
     ctx = ctx or own
     drawing = Renderer(ctx)
     try:
-        drawing.set_scene(shot.meshes)
+        drawing.set_scene(shot.lit.meshes)
         upload(drawing, shot)
         drawing.resize(*shot.settings.size)
         drawing.draw(look_of(shot))
@@ -60,12 +58,13 @@ def gl_picture(shot, ctx=None) -> np.ndarray:
 
 def upload(drawing, shot) -> None:
     """Upload the light of a shot."""
-    for o in range(len(shot.meshes)):
-        drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
-        drawing.set_irradiance(o, shot.solver.drawn(shot.solver.irradiance).irradiance)
-    drawing.set_gloss(shot.solver.frame.gloss)
-    drawing.set_light_faces(shot.light_faces())
-    drawing.set_lights(bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels))
+    lit = shot.lit
+    for o, (colours, weights) in enumerate(zip(lit.sides, lit.weights, strict=True)):
+        drawing.set_colours(o, *colours, weights=weights)
+        drawing.set_irradiance(o, lit.drawn.irradiance)
+    drawing.set_gloss(lit.gloss)
+    drawing.set_light_faces(light_faces(lit.model, lit.levels))
+    drawing.set_lights(bare_lights(lit))
 
 
 def look_of(shot):

@@ -1,6 +1,4 @@
-"""Fixtures that draw in a context without a window, for test files that name this one in `pytest_plugins`."""
-
-from __future__ import annotations
+"""Fixtures that draw in a context without a window."""
 
 import pytest
 

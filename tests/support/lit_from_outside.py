@@ -1,7 +1,5 @@
 """Rooms lit by sky and sun through one window, with a box in their light."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gi_core.scene.types import DirectionalLight, Mesh, Mobile, Pose, Scene, SkyLight

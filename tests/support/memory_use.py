@@ -1,7 +1,5 @@
 """Memory of this process as the system and the C library see it. Linux alone (it reads /proc)."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Small mesh and scene files written by the tests themselves."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path
@@ -80,15 +78,10 @@ def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=
         extra["materials"] = [material]
     nodes = [{"mesh": 0, **(node or {})}, *extra.pop("nodes", [])]
     document = {
-        "asset": {"version": "2.0"},
-        "scenes": [{"nodes": list(range(len(nodes)))}],
-        "nodes": nodes,
-        "meshes": [{"primitives": [primitive]}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(blob)}],
-        **extra,
-    }
+        "asset": {"version": "2.0"}, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
+        "meshes": [{"primitives": [primitive]}], "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(blob)}], **extra,
+    }  # fmt: skip
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     blob += b"\0" * (-len(blob) % 4)

@@ -1,7 +1,5 @@
 """Luminaires for tests: an uneven distribution, and writers of IES and EULUMDAT files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

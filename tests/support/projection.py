@@ -1,7 +1,5 @@
 """Where a camera shows a point: the inverse of `Turntable.ray`."""
 
-from __future__ import annotations
-
 from app.draw.camera import Turntable
 
 

@@ -4,8 +4,6 @@ A cell keeps up to CAPACITY rays one by one. One more, and they are summarised: 
 then on the cell changes by R_new = (R + sum N / n - sum O / n) n / (n + n_n - n_o) until its last ray is removed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gi_core.gloss.hemisphere import CELLS

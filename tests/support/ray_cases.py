@@ -1,7 +1,5 @@
 """Meshes and rays on which structures of rays must agree, the awkward ones among them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

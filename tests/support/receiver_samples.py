@@ -1,7 +1,5 @@
 """Receivers that the first view shows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 SAME_PLACE = 1e-5  # of the scene size: tolerance of a sight line at its end; a tile on a floor is thicker
@@ -16,7 +14,7 @@ def in_view(solver) -> np.ndarray:
     from gi_core.files.completion.camera_view import in_frame
     from gi_core.files.completion.pilot import Rays
     from gi_core.files.completion.viewpoint import first_seen
-    from gi_core.geometry.evaluation_points import evaluation_points
+    from gi_core.geometry.surfaces import evaluation_points
 
     camera, receivers = home_camera(solver).as_camera(), solver.receivers
     points, normals = evaluation_points(solver.surfaces, receivers)

@@ -1,7 +1,5 @@
 """Tiny analytic scenes from numpy arrays: quads, boxes, spheres, and rooms with closed-form answers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +16,7 @@ from gi_core.scene.types import (
     SkyLight,
     SpotLight,
 )
+from gi_core.solver import Solver
 
 BLACK = Material("black", (0.0, 0.0, 0.0))
 
@@ -245,3 +244,10 @@ def sunny_house(spacing: float = 0.8) -> Scene:
     ground = quad((7.0, 0, -5.0), (0, 0, 14.0), (14.0, 0, 0), (10, 10), 1)
     camera = Camera((0.5, 1.6, 3.7), (3.6, 0.7, 1.0), 65.0)
     return replace(scene, static=merge(scene.static, ground), camera=camera)
+
+
+def solve(scene: Scene, *arguments, **settings) -> Solver:
+    """Return a solver whose light is complete."""
+    solver = Solver(scene, *arguments, **settings)
+    solver.solve()
+    return solver

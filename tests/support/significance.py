@@ -4,8 +4,6 @@ A test fails at random with probability SIGNIFICANCE at most, over all its numbe
 (Sidak). Seeds are fixed, so a test that passes keeps passing until the code changes.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

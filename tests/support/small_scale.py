@@ -1,14 +1,12 @@
 """Measurements of few photons, a rough truth and tiny pictures, and the room of every command."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from app import settings
-from app.measure.atlas import command as atlas
+from app.measure import atlas
 from app.measure.atlas import row
 from app.measure.bench import report, sweep
 from app.measure.chart import page
@@ -18,8 +16,8 @@ from tests.support.scene_builders import furnace_scene
 
 TABLES = {  # of `bench --tables`
     "report.TREE": ("wall",), "report.GROUND": ("lamp",), "report.REFERENCE": 4096,
-    "report.REPEATS": 1, "report.LEAST_SECONDS": 0.0, "ray_tables.SCENES": (),
-    "ray_tables.measured.__defaults__": (100,),
+    "report.REPEATS": 1, "report.LEAST_SECONDS": 0.0, "report.SCENES": (),
+    "report.measured_structures.__defaults__": (100,),
 }  # fmt: skip
 ROOM = """
 [static]
@@ -74,8 +72,8 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     values = settings.Settings.__init__.__defaults__
     patch.setattr(settings.Settings.__init__, "__defaults__", (*values[:k], (60, 40), *values[k + 1 :]))
     patch.setattr(settings, "SECONDS", 0.1)
-    patch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 8192)
-    patch.setattr("gi_core.tuning.setting_trials.MOST_TRIAL_PATHS", 32)
+    patch.setattr("gi_core.tuning.TRIAL_PHOTONS", 8192)
+    patch.setattr("gi_core.tuning.MOST_TRIAL_PATHS", 32)
     patch.setattr("gi_core.defaults.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)

@@ -1,20 +1,17 @@
 """Shared by the stability tests: a closed room, a solved solver, a check of sound light."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from gi_core.scene.types import Mobile, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, grey, lamp, merge, quad
+from tests.support.scene_builders import box, grey, lamp, merge, quad, solve
 
 UP = (0.0, 0.0, 1.0)
 
 
 def solved(scene: Scene, photons: int = 2000, poses=None, **setting) -> Solver:
-    solver = Solver(scene, photons=photons, **{"radius": 0.1, "neighbours": 20, **setting})
-    solver.solve()
+    solver = solve(scene, photons=photons, **{"radius": 0.1, "neighbours": 20, **setting})
     if poses:
         solver.move_all(poses)
     return solver

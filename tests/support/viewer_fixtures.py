@@ -1,6 +1,4 @@
-"""Fixtures of the tests of the window, which name this file in `pytest_plugins`."""
-
-from __future__ import annotations
+"""Fixtures of the tests of the window."""
 
 import pytest
 
@@ -24,7 +22,7 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def play():
+def play(gl, folder):
     """Return a function that runs a script(hand, viewer) in a viewer of the small room."""
 
     def run(script, settings=support.SETTINGS, open_with=None, quits=False, keep_ini=False):

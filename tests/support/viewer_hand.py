@@ -1,11 +1,14 @@
-"""The hand of the window tests: functions for actions of a user."""
+"""The hand of the window tests, functions for actions of a user; tests that run within the window."""
 
-from __future__ import annotations
-
+import inspect
 import time
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from app.session.opening import Opening
+from tests.support import viewer_support as support
 from tests.support.projection import projected
 from tests.support.viewer_support import PATIENCE
 
@@ -101,3 +104,29 @@ def keys():
 
 def errors(viewer) -> list[str]:
     return [e.text for e in viewer.log.entries if e.level == "error"]
+
+
+def in_window(scene=support.room, open_with=None, settings=support.SETTINGS, problems=(), lit=True, **changes):
+    """Run a test(hand, viewer, fixtures) in a viewer, once its light is drawn if `lit`.
+
+    `scene`: a function without arguments; `problems`: errors of the log, None: not compared; `changes`: of settings.
+    """
+
+    def decorated(test):
+        def run(play, **given):
+            def script(hand, viewer):
+                if lit:
+                    hand.wait_for_light()
+                test(hand, viewer, **given)
+
+            viewer = play(script, replace(settings, **changes), open_with or partial(Opening, load=lambda _: scene()))
+            assert problems is None or errors(viewer) == list(problems)
+
+        run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
+        parameters = {**inspect.signature(test).parameters, **inspect.signature(run).parameters}
+        run.__signature__ = inspect.Signature(
+            [parameters[n] for n in parameters if n not in ("hand", "viewer", "given")]
+        )
+        return run
+
+    return decorated

@@ -3,8 +3,6 @@
 Run: python -m tests.support.xdnd X Y FILE ... (pixels of the screen); exit code 0 once the window has taken them.
 """
 
-from __future__ import annotations
-
 import ctypes
 import ctypes.util
 import sys

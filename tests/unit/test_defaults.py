@@ -1,7 +1,5 @@
 """The rule that chooses radius and photons, and the error and cost that it predicts."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -17,7 +15,7 @@ from gi_core.photons.paths import segments_of
 from gi_core.photons.trace import trace_background
 from gi_core.scene.types import Camera, Defaults, DirectionalLight, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad
+from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad, sphere
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +38,7 @@ def crates(count: int) -> list:
 
 
 def lit_places(model: Model) -> defaults.Places:
-    return defaults.places(model, model.pilot, *defaults._box(model, model.pilot.hits), 1.0)
+    return defaults.places(model, model.pilot, *model.lit_part[:2], 1.0)
 
 
 def test_furniture_gets_a_smaller_radius_than_flat_ground():
@@ -49,6 +47,14 @@ def test_furniture_gets_a_smaller_radius_than_flat_ground():
     furnished = defaults.choose(Model(room(*crates(12))), None, None, None)
     assert furnished.radius < 0.8 * even.radius
     assert furnished.predicted.bias > 2 * even.predicted.bias
+
+
+@pytest.mark.parametrize("wide", [2.0, 1000.0])
+def test_a_sky_that_is_a_mesh_leaves_the_radius(wide):
+    """The box of the light's hits was that of the sky, which catches most photons of all lamps."""
+    dome = sphere((0.5, 0.5, 0.5), wide, 2, 1)
+    bare = merge(quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (50, 50), 0), dome._replace(faces=dome.faces[:, ::-1]))
+    assert defaults.choose(Model(replace(room(), static=bare)), None, None, None).scene_size == pytest.approx(1, 0.05)
 
 
 def test_photons_reach_the_noise_limit_or_the_time_or_memory_limit(monkeypatch):

@@ -1,7 +1,5 @@
 """The tests' own statistics: their rates of false alarms and of detection are as stated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

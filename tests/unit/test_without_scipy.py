@@ -1,7 +1,5 @@
 """scipy is not required: libraries that would use it must work without it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The time budget: one photon subset per motion, all photons at rest. Counted on a test clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,10 @@
 """The turntable: agreement with the scene's camera, and invariants of each motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from app.draw.camera import MAX_PITCH, Bounds, Turntable, frame_of, from_camera
+from app.draw.camera import MAX_PITCH, Bounds, Turntable, from_camera
+from gi_core.base.vectors import frame_of
 from gi_core.scene import Camera
 from tests.support.projection import projected
 

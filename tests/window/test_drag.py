@@ -1,12 +1,11 @@
 """Drags as pure functions: invariants of each mode; no ray moves an object out of bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from app.draw.camera import Bounds, Turntable, frame_of, from_camera
+from app.draw.camera import Bounds, Turntable, from_camera
 from app.window import drag
+from gi_core.base.vectors import frame_of
 from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import axis_angle, carried, rotation, to_world
 from tests.support.projection import projected
@@ -137,12 +136,14 @@ def test_a_wide_group_slides_along_walls(way):
     assert np.allclose(shift, allowed, atol=1e-9) and np.linalg.norm(shift) > 0.05
 
 
-def test_a_flat_scene_has_headroom():
-    room = drag.room_for(Bounds((0, 0, 0), (4, 0, 3)), (0, 1, 0))
+def test_a_flat_scene_has_headroom_and_far_things_do_not_widen_the_box():
+    flat, far = Bounds((0, 0, 0), (4, 0, 3)), Bounds((-1, 0, 0), (448e3, 448e3, 3))
+    room = drag.room_for(flat, flat, (0, 1, 0))
     assert np.allclose(room.low, (0, 0, 0)) and np.allclose(room.high, (4, 2.5, 3))
-    down = drag.room_for(Bounds((0, 0, 0), (4, 0, 3)), (0, -1, 0))
+    down = drag.room_for(flat, flat, (0, -1, 0))
     assert np.allclose(down.low, (0, -2.5, 0))
-    assert drag.room_for(ROOM, (0, 1, 0)) == ROOM
+    assert drag.room_for(ROOM, ROOM, (0, 1, 0)) == ROOM
+    assert drag.room_for(far, flat, (0, 1, 0)) == Bounds((-1, 0, 0), (6.5, 2.5, 3))
 
 
 def test_on_plane():

@@ -1,7 +1,5 @@
 """Static light gathered at rest: it reaches the picture, waits for a drag, and is saved."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 
@@ -17,7 +15,7 @@ from app.session.session import Session
 from app.settings import LampLevel, Settings
 from gi_core.gather import static
 from gi_core.gather.estimate import better
-from gi_core.lights.mix import mix
+from gi_core.lights.lamps import mix
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room

@@ -1,19 +1,16 @@
 """Delta lights and the sky in sharp gloss: closed forms, lights that shrink, OpenGL against traced rays."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from app.draw.layers import layers
-from app.draw.shot import Shot
+from app.draw.shot import Shot, layers
 from app.draw.tonemap import srgb_decode
 from app.settings import Settings, make_solver
 from gi_core.geometry.error import luminance
-from gi_core.gloss.highlights import unoccluded, without_surface
+from gi_core.gloss.lobe_rays import unoccluded, without_surface
 from gi_core.scene.types import (
     Camera,
     DirectionalLight,
@@ -134,7 +131,7 @@ def test_sharp_gloss_reflects_the_sky(alpha):
     given = replace(scene(gloss=gloss), lights=(SkyLight("sky", (0.5, 0.5, 0.5)),))
     from_above = Camera((0, -0.4, 1.2), (0, 0, 0.0), 40.0)
     shot = shot_of(replace(given, static=black, mobiles=(ball,), camera=from_above))
-    (reflector,) = shot.meshes[1].reflectors
+    (reflector,) = shot.lit.meshes[1].reflectors
     expected = 0.5 * reflector.lobe.albedo[-1]
     for picture in (shot.take(), gl_picture(shot)):
         seen = radiance(picture)[56:64, 86:94].mean(axis=(0, 1))

@@ -1,7 +1,5 @@
 """The modules between a pose and its pixels are within their bound."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Places of labels: inside the picture, over nothing that is taken."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from app.window.label import SLACK, LabelPlaces

@@ -1,27 +1,25 @@
 """Bright faces of luminaires, in pictures by ray casting and by OpenGL."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from app.draw import shot as shots
 from app.draw.bare_lights import LightFaces, light_faces
-from app.draw.layers import layers
-from app.draw.shot import Shot
+from app.draw.shot import Shot, layers
 from app.settings import ILLUMINANCE, LUMINANCE, Settings
 from gi_core.lights.photometric import share_ahead
 from gi_core.model import Model
 from gi_core.scene import Camera
 from gi_core.scene.types import PhotometricLight
 from gi_core.solver import Solver
+from tests.support import gl_drawing
 from tests.support import viewer_support as support
 from tests.support.gl_drawing import gl_picture
 from tests.support.photometry import candela, luminaire
-
-pytest_plugins = ["tests.support.gl_fixtures"]
+from tests.support.scene_builders import solve
 
 SIZE = (120, 90)
 EYE = Camera((0.5, 0.5, 0.95), (0.5, 0.5, 0.0), 60.0)
@@ -39,9 +37,7 @@ def panel(**changes) -> PhotometricLight:
 
 def lit_by(*lights) -> Solver:
     room = support.room()
-    solver = Solver(replace(room, lights=lights, mobiles=(), camera=EYE), photons=3000, radius=0.06)
-    solver.solve()
-    return solver
+    return solve(replace(room, lights=lights, mobiles=(), camera=EYE), photons=3000, radius=0.06)
 
 
 def test_share_ahead_is_that_of_the_intensity():
@@ -71,12 +67,12 @@ def test_each_bright_side_has_its_mean_luminance():
     assert not light_faces(model, dark).radiance.any()
 
 
-def bare(shot: Shot) -> Shot:
-    """Return a shot of the same light without bright faces."""
-    other = Shot(shot.solver, shot.settings)
-    other.scale = shot.scale
-    other.light_faces = lambda: LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3)))
-    return other
+def bare(picture, shot: Shot) -> np.ndarray:
+    """Return a picture of the same light without bright faces."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (shots, gl_drawing):
+            patch.setattr(module, "light_faces", lambda *_: LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3))))
+        return picture(shot)
 
 
 @pytest.mark.gl
@@ -84,8 +80,9 @@ def bare(shot: Shot) -> Shot:
 def test_pictures_show_the_face_where_nothing_hides_it(ctx, show):
     settings = Settings(size=SIZE, tone_map="clip", exposure=-3.0, white_balance=False, show=show)
     shot, found = Shot(lit_by(panel()), settings), []
-    for picture in (Shot.take, lambda shot: gl_picture(shot, ctx)):
-        a, b = (picture(s).astype(int) for s in (shot, bare(shot)))
+    pictures = Shot.take, lambda shot: gl_picture(shot, ctx)
+    for picture in pictures:
+        a, b = picture(shot).astype(int), bare(picture, shot).astype(int)
         changed = (a != b).any(axis=2)
         width, height = (np.ptp(np.flatnonzero(changed.any(axis=k))) + 1 for k in (0, 1))
         per_metre = SIZE[1] / (2 * 0.65 * math.tan(math.radians(30)))
@@ -95,15 +92,14 @@ def test_pictures_show_the_face_where_nothing_hides_it(ctx, show):
     assert np.abs(found[0] - found[1]).max() <= 1
     for light in (panel(direction=(0, 0, -1.0)), panel(position=(0.5, 0.5, -0.1))):  # seen from behind; behind a wall
         shot = Shot(lit_by(light), settings)
-        assert np.array_equal(shot.take(), bare(shot).take())
-        assert np.array_equal(gl_picture(shot, ctx), gl_picture(bare(shot), ctx))
+        assert all(np.array_equal(picture(shot), bare(picture, shot)) for picture in pictures)
 
 
 @pytest.mark.gl
 def test_illuminance_leaves_the_face_out(ctx):
     shot = Shot(lit_by(panel()), Settings(size=SIZE, show=ILLUMINANCE, exposure=0.0))
-    assert np.array_equal(shot.take(), bare(shot).take())
-    assert np.array_equal(gl_picture(shot, ctx), gl_picture(bare(shot), ctx))
+    for picture in (Shot.take, lambda shot: gl_picture(shot, ctx)):
+        assert np.array_equal(picture(shot), bare(picture, shot))
 
 
 def test_layers_have_its_radiance_and_no_irradiance_there():

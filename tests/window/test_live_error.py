@@ -1,8 +1,5 @@
 """Error measurement at rest: correct numbers, for the current light, in short tasks, without delaying a drag."""
 
-from __future__ import annotations
-
-import itertools
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.draw.draw_mesh import draw_meshes
+from app.draw.lit_scene import LitScene
 from app.rest import live_error as module
 from app.rest.jobs import first_task
 from app.rest.live_error import LiveError
@@ -24,9 +22,9 @@ from app.window import view_content
 from app.worker import Task
 from gi_core.base.pause import Interrupted, breaking_off
 from gi_core.gather.reference import reference_irradiance
-from gi_core.gather.view_level import visual_shares
+from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import luminance, relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import Mesh, Pose, Scene
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
@@ -108,7 +106,7 @@ def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, 
             job.run(twin, work)
     assert not work.given_up and not any(results())
     for _ in range(1000):
-        assert job.run(twin, work).problem is None
+        assert job.run(twin, work).end.problem is None
         if any(results()):
             break
     assert results() == (light == "photons" and not compare, bool(compare), light == "best")
@@ -154,13 +152,14 @@ def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
 
 
 def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
-    monkeypatch.setattr(module, "MOST_RECEIVERS", 100)
+    monkeypatch.setattr(module, "FEW_RECEIVERS", 100)
     monkeypatch.setattr(module, "SAMPLED_RECEIVERS", 300)
     monkeypatch.setattr(module, "PICTURE_NOISE", 0.05)
+    monkeypatch.setattr(module, "CLOUD_REACH", 0.4)  # few receivers
     live_error = LiveError(solver, time.perf_counter)
     finish(live_error)
     r = live_error.report
-    assert 0 < r.receivers <= 300 < r.of and live_error.picture is None
+    assert 0 < r.receivers <= 300 < r.of and live_error.picture is None and 0 < r.clouds[0] < r.clouds[1]
     finish(live_error, PICTURE)
     picture = live_error.reference(solver.poses, True)
     assert picture.seen == live_error.picture.seen == 1
@@ -197,7 +196,7 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
     finish(live_error, PICTURE)
     E, known = live_error.picture.drawn.irradiance, solver.receivers.areas > 0
     assert np.isnan(E).any() and np.isfinite(E[known]).all()
-    rest = SimpleNamespace(reference=live_error.picture, comparison=None)
+    rest = SimpleNamespace(reference=live_error.picture, comparison=None, fine=None)
     snapshot = SimpleNamespace(
         gathered=False, setting=solver.setting, photons=20_000, drawn=solver.drawn(solver.irradiance), rest=rest
     )
@@ -207,9 +206,9 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
         session = SimpleNamespace(settings=Settings(**chosen), **known)
         shown = view_content.shown(session)
         assert len(shown.sides) == 1 + ("compare" in chosen) and (shown.errors is None) == ("show" not in chosen)
-        for mesh, side in itertools.product(meshes, shown.sides):
-            for colours in view_content.paint(mesh, side, shown.errors, True):
-                assert np.isfinite(colours).all()
+        for side in shown.sides:
+            lit = LitScene(solver.model, solver.poses, solver.levels, meshes, side.drawn)
+            assert all(np.isfinite(c).all() for pair in view_content.paint(lit, shown.errors) for c in pair)
 
 
 def test_comparison_equals_a_solver_of_that_estimator(solver):
@@ -358,11 +357,10 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     assert s.version > version, "it is drawn when it is there"
     assert now.sides[1].label.startswith("Reference") and now.errors.scale > 0
     # Where the estimate is too bright the map is red, where it is too dark blue, the reference is all light grey.
-    mesh = s.meshes[0]
-    front, _ = view_content.paint(mesh, now.sides[0], now.errors, False)
-    off = luminance(now.sides[0].irradiance - now.errors.reference)[mesh.front]
+    (front, _), *_ = view_content.paint(view_content.lit(s, now, now.sides[0]), now.errors)
+    off = luminance(now.sides[0].drawn.irradiance - now.errors.reference)[s.meshes[0].front]
     assert (front[off > 0.1, 0] > front[off > 0.1, 2]).all() and (front[off < -0.1, 2] > front[off < -0.1, 0]).all()
-    right, _ = view_content.paint(mesh, now.sides[1], now.errors, False)
+    (right, _), *_ = view_content.paint(view_content.lit(s, now, now.sides[1]), now.errors)
     assert np.ptp(right) < 0.01
     s.want(replace(s.settings, show="radiance", reference=True, compare=""))
     s.tick(FRAME)

@@ -1,7 +1,5 @@
 """Picking agrees with drawing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,8 +11,6 @@ from gi_core.scene import Camera, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.pose import axis_angle, rotation
 from tests.support import viewer_support as support
 from tests.support.gl_drawing import IDENTITY, SIZE, background
-
-pytest_plugins = ["tests.support.gl_fixtures"]
 
 
 def picking_scene(two_sided=False) -> Scene:

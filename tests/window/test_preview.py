@@ -1,20 +1,14 @@
 """The first look at a scene, drawn in the window while kernels compile."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from app.session.first_look import looks
 from app.session.opening import Opening
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
 def test_the_window_shows_looks_until_the_scene_is_open(play):

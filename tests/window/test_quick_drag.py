@@ -1,7 +1,5 @@
 """Drags between two frames of a slow window: Dear ImGui shows their release in the frame after the press."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,9 +9,8 @@ from imgui_bundle import imgui
 from app.draw.camera import Bounds, from_camera
 from app.session.session import Motion
 from app.window import drag
-from app.window.camera_control import ORBIT, CameraControl
+from app.window.camera_control import ORBIT, CameraControl, View
 from app.window.drag import MobileDrag
-from app.window.view import View
 from app.window.wipe import Wipe
 from gi_core.scene import Camera, Pose
 

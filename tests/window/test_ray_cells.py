@@ -1,7 +1,5 @@
 """Cells over the picture belong to the structure that traces rays now, and to a ray that the picture shows."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 
@@ -10,7 +8,7 @@ import numpy as np
 from app.draw.camera import from_camera, scene_bounds
 from app.draw.picking import Picker
 from app.settings import CLICKED, POINTED, Settings
-from app.window.ray_cells import RayCells, on_picture
+from app.window.method_marks import RayCells, on_picture
 from gi_core.model import Model
 from gi_core.scene.types import Camera, Material, Scene
 from tests.support.scene_builders import box, coloured_room

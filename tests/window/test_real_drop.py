@@ -1,7 +1,5 @@
 """Files dropped by another program on a window of an X display (XDND)."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

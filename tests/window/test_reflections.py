@@ -1,13 +1,12 @@
 """Sharp gloss in pictures: closed forms, OpenGL against traced rays, moves and cameras."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from app.draw.colour_map import sequential_colours
+from app.draw.lit_scene import metered
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
 from app.settings import Settings, make_solver
@@ -53,11 +52,9 @@ def faces_seen(shot: Shot) -> np.ndarray:
     """Return the face (h, w) that all rays of a pixel see, -1 along edges."""
     from app.draw import visible
 
-    model = shot.solver.model
-    at = model.transforms(shot.solver.poses)
-    world, (width, height) = visible.place(shot.meshes, at), shot.settings.size
-    strips = visible.strips(model.accelerator, at, world, shot.camera, (width, height))
-    rays = np.concatenate([s.face for s in strips]).reshape(height, width, -1)
+    lit, view = shot.lit, shot.view
+    strips = visible.strips(lit, visible.place(lit.meshes, lit.at), view)
+    rays = np.concatenate([s.face for s in strips]).reshape(view.height, view.width, -1)
     return np.where((rays == rays[..., :1]).all(axis=2), rays[..., 0], -1)
 
 
@@ -78,7 +75,7 @@ def test_a_sharp_ball_in_a_furnace_shows_its_albedo(alpha):
     room = box((-1, -1, -1), (1, 1, 1), 2, 0, inward=True)
     shot = shot_of(Scene(room, materials, (ball,), camera=camera, up=(0, 0, 1), name="furnace"),
                    replace(SETTINGS, exposure=0.0))  # fmt: skip
-    (reflector,) = shot.meshes[1].reflectors
+    (reflector,) = shot.lit.meshes[1].reflectors
     expected = 0.5 * reflector.lobe.albedo[-1]
     radiance = srgb_decode(shot.take()[76:84, 116:124] / 255).mean(axis=(0, 1))
     np.testing.assert_allclose(radiance, expected, rtol=0.02, atol=0.003)
@@ -96,7 +93,7 @@ def test_false_colours_of_luminance_show_sharp_gloss():
     )
     shown = replace(SETTINGS, exposure=2.0, show="luminance", luminance_range=(0.0, 1.0))
     shot = shot_of(furnace, shown)
-    (reflector,) = shot.meshes[1].reflectors
+    (reflector,) = shot.lit.meshes[1].reflectors
     expected = 255 * sequential_colours(luminance(0.5 * reflector.lobe.albedo[-1][None]))[0]
     for picture in (shot.take(), gl_picture(shot)):
         np.testing.assert_allclose(picture[76:84, 116:124].mean(axis=(0, 1)), expected, atol=4)
@@ -115,6 +112,15 @@ def test_the_opengl_picture_is_that_of_traced_rays(alpha):
         apart = np.abs(traced - drawn)[seen].sum() / traced[seen].sum()
         bias = (drawn - traced)[seen].sum() / traced[seen].sum()
         assert apart < most and abs(bias) < 0.04, f"{material}: {apart:.3f}, {bias:+.3f}"
+
+
+@pytest.mark.gl
+def test_a_triangle_far_away_leaves_the_picture():
+    """The near plane was a share of the distance to everything, planes and probes of the size of everything."""
+    near = scene(Gloss((0.9, 0.7, 0.3), 0.05))
+    far = replace(near, static=merge(near.static, quad((448e3, 0, 1), (1, 0, 0), (0, 1, 0), (1, 1), 0)))
+    alone, beside = (gl_picture(shot_of(s)).astype(int) for s in (near, far))
+    assert np.abs(alone - beside).mean() < 0.1
 
 
 @pytest.mark.gl
@@ -196,7 +202,7 @@ def test_a_renderer_follows_moves_light_and_camera():
     ctx = support.standalone_context()
     kept = Renderer(ctx)
     try:
-        kept.set_scene(shot.meshes)
+        kept.set_scene(shot.lit.meshes)
         kept.resize(*shot.settings.size)
         cameras = Camera((0.2, -0.95, 0.8), (-0.1, 0.6, 0.65), 60.0), Camera((-0.6, -0.8, 1.2), (0.3, 0.4, 0.4), 50.0)
         for pose in (Pose((-0.4, -0.3, 0.5)), Pose((0.2, -0.2, 0.3))):
@@ -226,11 +232,11 @@ def test_a_scene_without_sharp_gloss_draws_nothing_more():
     satin = scene(Gloss(alpha=0.3))
     satin = replace(satin, materials=(*satin.materials[:2], satin.materials[3], *satin.materials[3:]))
     shot = shot_of(satin)
-    assert shot.sharp() is None
+    assert not any(mesh.reflectors for mesh in shot.lit.meshes)
     ctx = support.standalone_context()
     drawing = Renderer(ctx)
     try:
-        drawing.set_scene(shot.meshes)
+        drawing.set_scene(shot.lit.meshes)
         drawing.resize(*shot.settings.size)
         upload(drawing, shot)
         drawing.draw(look_of(shot))
@@ -248,8 +254,7 @@ def test_metering_sees_gloss():
     shot.exposure = shot.metered()
     golden = shot.take()[np.isin(kind_of(shot), (2, 3))]
     assert 40 < np.median(golden) < 250
-    seen, shot.gloss = shot.exposure, lambda eye=None: [None] * len(shot.meshes)
-    assert seen < shot.metered() - 1.0
+    assert shot.exposure < metered(replace(shot.lit, gloss=None), shot.camera, shot.solver.scene_size) - 1.0
 
 
 def hollow_room(alpha: float) -> Scene:
@@ -295,12 +300,12 @@ def test_a_view_has_few_planes_and_the_largest_ones():
     ctx = support.standalone_context()
     drawing = Renderer(ctx)
     try:
-        drawing.set_scene(shot.meshes)
+        drawing.set_scene(shot.lit.meshes)
         drawing.resize(*shot.settings.size)
         upload(drawing, shot)
         drawing.draw(look_of(shot))
         seen = drawing._mirrors._seen
-        equations = {r.plane.number: r.plane.equation for r in shot.meshes[0].reflectors if r.plane is not None}
+        equations = {r.plane.number: r.plane.equation for r in shot.lit.meshes[0].reflectors if r.plane is not None}
         assert len(equations) == 12 and len(seen) == gl_mirrors.PLANES_SHOWN
         hidden = [n for n, e in equations.items() if abs(e[3]) in (1.5, 0.5, 2.1)]
         assert len(hidden) == 6 and not seen & set(hidden)

@@ -1,7 +1,5 @@
 """The renderer, pixel by pixel, in a context without a window."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,8 +14,6 @@ from gi_core.scene.pose import axis_angle, rotation
 from tests.support import viewer_support as support
 from tests.support.gl_drawing import EYE, HALF_TURN, IDENTITY, SIZE, background, middle, square
 from tests.support.projection import projected
-
-pytest_plugins = ["tests.support.gl_fixtures"]
 
 
 @pytest.mark.gl
@@ -246,9 +242,9 @@ def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
     shot, ctx = Shot(solver, Settings(size=(64, 48))), support.standalone_context()
     drawing = Renderer(ctx)
     try:
-        drawing.set_scene(shot.meshes)
-        for o in range(len(shot.meshes)):
-            drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
+        drawing.set_scene(shot.lit.meshes)
+        for o, colours in enumerate(shot.lit.sides):
+            drawing.set_colours(o, *colours, weights=shot.lit.weights[o])
         drawing.resize(64, 48)
         look = Look(shot.camera.projection(64 / 48) @ shot.camera.view(), (np.eye(4),) * 2, 0.0, "clip", True)
         paths = [write_screenshot(drawing, look, None, {}, tmp_path / f"{k}.png", k) for k in (1, scale)]

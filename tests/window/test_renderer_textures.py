@@ -1,7 +1,5 @@
 """Textures as the renderer draws them, pixel by pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,6 @@ from gi_core.geometry.texture_filter import lookup
 from gi_core.scene import Texture
 from tests.support.gl_drawing import EYE, HALF_TURN, SIZE, square
 from tests.support.projection import projected
-
-pytest_plugins = ["tests.support.gl_fixtures"]
 
 PIXELS = np.random.default_rng(5).integers(0, 256, (4, 4, 3), dtype=np.uint8)
 

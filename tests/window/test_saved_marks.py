@@ -1,20 +1,12 @@
 """Pictures saved from the window show pins and measuring plane, where the window shows them."""
 
-from __future__ import annotations
-
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from PIL import Image
 
 from app.draw.legend import LINE, Dot, Label, Marks, with_marks
 from app.settings import Pin
 from app.window import readout_marks
-from tests.support import viewer_support as support
-from tests.support.viewer_hand import errors, keys
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
+from tests.support.viewer_hand import in_window, keys
 
 
 def test_marks_are_drawn_where_they_are_at_any_scale():
@@ -40,26 +32,19 @@ def test_units_are_written_in_letters_that_the_font_has():
     assert (one == other).all()
 
 
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl")
-def test_a_saved_picture_shows_its_pins(play, folder):
-    pin = Pin("floor", (0.5, 0.0, 0.9), (0.0, 1.0, 0.0))
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.viewport.pins.shown)
-        hand.ctx.mouse_move_to_pos((2, 2))
-        before = hand.pixels()
-        hand.press(keys().p)
-        hand.wait(lambda: (folder / "gi-viewer-001.png").exists())
-        saved = np.asarray(Image.open(folder / "gi-viewer-001.png").convert("RGB")).astype(int)
-        factor = viewer.painter.renderer.size[1] / viewer.viewport.view.size[1]
-        (dot,), (label,) = readout_marks.marks(viewer.viewport)[2:]
-        x, y = (round(factor * c) for c in dot.at)
-        assert np.abs(saved[y, x] - 255 * np.array(dot.colour)).max() < 3
-        left, top, right, bottom = (round(factor * side) for side in label.box)
-        plate = slice(top, bottom), slice(left, right)
-        assert saved[plate].max() > 200 and np.median(saved[plate]) < 0.6 * np.median(before[plate])
-        assert label.text.startswith("floor: ")
-
-    assert errors(play(script, replace(support.SETTINGS, pins=(pin,)))) == []
+@in_window(pins=(Pin("floor", (0.5, 0.0, 0.9), (0.0, 1.0, 0.0)),))
+def test_a_saved_picture_shows_its_pins(hand, viewer, folder):
+    hand.wait(lambda: viewer.viewport.pins.shown)
+    hand.ctx.mouse_move_to_pos((2, 2))
+    before = hand.pixels()
+    hand.press(keys().p)
+    hand.wait(lambda: (folder / "gi-viewer-001.png").exists())
+    saved = np.asarray(Image.open(folder / "gi-viewer-001.png").convert("RGB")).astype(int)
+    factor = viewer.painter.renderer.size[1] / viewer.viewport.view.size[1]
+    (dot,), (label,) = readout_marks.marks(viewer.viewport)[2:]
+    x, y = (round(factor * c) for c in dot.at)
+    assert np.abs(saved[y, x] - 255 * np.array(dot.colour)).max() < 3
+    left, top, right, bottom = (round(factor * side) for side in label.box)
+    plate = slice(top, bottom), slice(left, right)
+    assert saved[plate].max() > 200 and np.median(saved[plate]) < 0.6 * np.median(before[plate])
+    assert label.text.startswith("floor: ")

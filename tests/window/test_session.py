@@ -1,7 +1,5 @@
 """Frames of a session: one job per frame, within its budget. Counted on a counting solver and a test clock."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 import queue
@@ -281,7 +279,7 @@ def test_opening_fills_in_open_settings():
     assert s.settings.photons == opened.solver.photons and s.settings.radius == opened.solver.setting.radius
     assert opened.solver.irradiance.any(), "opened with a first picture"
     assert s.log.last.text == "made for the tests"
-    front, back = s.colours(0)
+    front, back = s.lit.sides[0]
     assert front.dtype == np.float32 and front.any()
     assert [m.shape for m in s.models()] == [(4, 4)] * 2
 

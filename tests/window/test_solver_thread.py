@@ -1,7 +1,5 @@
 """Only the solver's thread touches a solver once its scene is on show."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from dataclasses import replace
@@ -76,14 +74,14 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     window = SimpleNamespace(
         session=session, viewport=viewport, reload=Reload(lambda settings: None), frame_seconds=MovingMedian()
     )
+    window.log = session.log
     seen = set()
 
     def frame(**tick) -> None:
         session.tick(0.02, budget=0.02, **tick)
         what = view_content.shown(session)
         seen.update(side.label.split(",")[0] for side in what.sides)
-        for mesh in session.meshes:
-            view_content.paint(mesh, what.sides[-1], what.errors, True)
+        view_content.paint(view_content.lit(session, what, what.sides[-1]), what.errors)
         draw_panel(window)
         session.metered(camera)
         session.models()

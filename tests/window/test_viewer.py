@@ -1,7 +1,5 @@
 """The window: opening, failures, closing, screenshots, and the message without OpenGL."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -19,9 +17,8 @@ from gi_core.photons.paths import PathStore
 from gi_core.retrace import cuts
 from gi_core.scene import SceneError
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
+from tests.support.viewer_hand import BLOCK_FRONT, errors, in_window, keys
 
-pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
@@ -54,136 +51,109 @@ def test_frames_continue_while_the_scene_opens(play):
     assert errors(viewer) == []
 
 
-def test_frame_times_are_those_of_new_pictures_in_a_row(play, monkeypatch):
+@in_window()
+def test_frame_times_are_those_of_new_pictures_in_a_row(hand, viewer, monkeypatch):
     added = []
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: not viewer.viewport.is_redrawn)
-        monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
-        hand.ctx.yield_(3)
-        assert not added, "a picture shown again does not count"
-        draw = viewer.viewport.draw
-        monkeypatch.setattr(viewer.viewport, "draw", lambda *given: (viewer.viewport.redraw(), draw(*given)))
-        hand.ctx.yield_(3)
-        in_a_row = len(added)
-        viewer.clock.slept = True
-        hand.ctx.yield_()
-        assert 0 < in_a_row == len(added), "the frame after a wait does not count"
-        hand.ctx.yield_()
-        assert len(added) > in_a_row, "the next one does"
-
-    play(script)
+    hand.wait(lambda: not viewer.viewport.is_redrawn)
+    monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
+    hand.ctx.yield_(3)
+    assert not added, "a picture shown again does not count"
+    draw = viewer.viewport.draw
+    monkeypatch.setattr(viewer.viewport, "draw", lambda *given: (viewer.viewport.redraw(), draw(*given)))
+    hand.ctx.yield_(3)
+    in_a_row = len(added)
+    viewer.clock.slept = True
+    hand.ctx.yield_()
+    assert 0 < in_a_row == len(added), "the frame after a wait does not count"
+    hand.ctx.yield_()
+    assert len(added) > in_a_row, "the next one does"
 
 
-def test_the_time_of_slow_drawing_counts(play, monkeypatch):
+@in_window()
+def test_the_time_of_slow_drawing_counts(hand, viewer, monkeypatch):
     """The status said 48 frames per second where a software renderer took seconds per picture."""
     added = []
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        draw = viewer.viewport.draw
-        monkeypatch.setattr(
-            viewer.viewport, "draw", lambda *given: (time.sleep(0.06), viewer.viewport.redraw(), draw(*given))
-        )
-        monkeypatch.setattr(type(viewer), "_is_still", property(lambda _: False))
-        hand.ctx.yield_(2)
-        monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
-        viewer.may_sleep = True
-        hand.ctx.yield_(4)
-        viewer.may_sleep = False
-        assert added and min(added) >= 0.06
-
-    play(script)
+    draw = viewer.viewport.draw
+    monkeypatch.setattr(
+        viewer.viewport, "draw", lambda *given: (time.sleep(0.06), viewer.viewport.redraw(), draw(*given))
+    )
+    monkeypatch.setattr(type(viewer), "_is_still", property(lambda _: False))
+    hand.ctx.yield_(2)
+    monkeypatch.setattr(viewer.frame_seconds, "add", added.append)
+    viewer.may_sleep = True
+    hand.ctx.yield_(4)
+    viewer.may_sleep = False
+    assert added and min(added) >= 0.06
 
 
-def test_light_has_as_much_time_as_slow_drawing(play, monkeypatch):
+@in_window()
+def test_light_has_as_much_time_as_slow_drawing(hand, viewer, monkeypatch):
     """Each result of work at rest was drawn: a software renderer took all time, and light came to 1 % in 110 s."""
     frames, drawn = [], 0.1
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    viewer.clock.awake_until = 0.0  # of earlier input
+    draw, kind = viewer.viewport.draw, type(viewer)
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        draw, kind = viewer.viewport.draw, type(viewer)
+    def slow(*given):
+        frames.append(time.perf_counter())
+        time.sleep(drawn)
+        viewer.viewport.redraw()
+        draw(*given)
 
-        def slow(*given):
-            frames.append(time.perf_counter())
-            time.sleep(drawn)
-            viewer.viewport.redraw()
-            draw(*given)
-
-        monkeypatch.setattr(viewer.viewport, "draw", slow)
-        for name in ("_is_still", "_has_news"):
-            monkeypatch.setattr(kind, name, property(lambda _: True))
-        viewer.session.light.all_done = False
-        monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
-        hand.ctx.yield_(2)
-        viewer.may_sleep = True
-        frames.clear()
-        hand.ctx.yield_(5)
-        viewer.may_sleep = False
-        between = np.diff(frames)[1:]
-        assert len(between) and between.min() >= 1.9 * drawn
-        assert between.max() < 10 * drawn
-
-    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
-    play(script)
+    monkeypatch.setattr(viewer.viewport, "draw", slow)
+    for name in ("_is_still", "_has_news"):
+        monkeypatch.setattr(kind, name, property(lambda _: True))
+    viewer.session.light.all_done = False
+    monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
+    hand.ctx.yield_(2)
+    viewer.may_sleep = True
+    frames.clear()
+    hand.ctx.yield_(5)
+    viewer.may_sleep = False
+    between = np.diff(frames)[1:]
+    assert len(between) and between.min() >= 1.9 * drawn
+    assert between.max() < 10 * drawn
 
 
-def test_new_light_waits_while_slow_drawing_has_had_its_time(play, monkeypatch):
+@in_window()
+def test_new_light_waits_while_slow_drawing_has_had_its_time(hand, viewer, monkeypatch):
     """Not for a hand that moves something, nor for the end of all work."""
     from app.draw.renderer import Renderer
 
     draws, draw = [], Renderer.draw
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
-    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.session.light.all_done)
-        hand.ctx.yield_(30)
-        viewer.session.light.all_done, viewer.clock.light_until = False, time.perf_counter() + 1000
-        monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
-        count = len(draws)
-        viewer.session.light.version += 1
-        hand.ctx.yield_(10)
-        assert len(draws) == count and viewer.painter.uploaded == viewer.session.version - 1
-        viewer.session.light.all_done = True
-        hand.ctx.yield_(3)
-        assert len(draws) > count and viewer.painter.uploaded == viewer.session.version
-        viewer.session.light.all_done, viewer.clock.light_until = False, time.perf_counter() + 1000
-        viewer.session.light.version += 1
-        hand.ctx.yield_(3)
-        assert viewer.painter.uploaded < viewer.session.version
-        viewer.painter.adopt(viewer.session)
-        hand.ctx.yield_(3)
-        assert viewer.painter.uploaded == viewer.session.version, "an edited scene was black until light had its time"
-        viewer.clock.light_until = time.perf_counter() + 1000  # drawn anew
-        viewer.session.light.version += 1
-        hand.ctx.yield_(3)
-        assert viewer.painter.uploaded < viewer.session.version
-        viewer.session.motion.playing = True
-        hand.ctx.yield_(3)
-        assert viewer.painter.uploaded == viewer.session.version
-
-    assert errors(play(script)) == []
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    viewer.clock.awake_until = 0.0  # of earlier input
+    hand.wait(lambda: viewer.session.light.all_done)
+    hand.ctx.yield_(30)
+    viewer.session.light.all_done, viewer.clock.light_until = False, time.perf_counter() + 1000
+    monkeypatch.setattr(viewer.session, "tick", lambda *_, **__: None)
+    count = len(draws)
+    viewer.session.light.version += 1
+    hand.ctx.yield_(10)
+    assert len(draws) == count and viewer.painter.uploaded == viewer.session.version - 1
+    viewer.session.light.all_done = True
+    hand.ctx.yield_(3)
+    assert len(draws) > count and viewer.painter.uploaded == viewer.session.version
+    viewer.session.light.all_done, viewer.clock.light_until = False, time.perf_counter() + 1000
+    viewer.session.light.version += 1
+    hand.ctx.yield_(3)
+    assert viewer.painter.uploaded < viewer.session.version
+    viewer.painter.adopt(viewer.session)
+    hand.ctx.yield_(3)
+    assert viewer.painter.uploaded == viewer.session.version, "an edited scene was black until light had its time"
+    viewer.clock.light_until = time.perf_counter() + 1000  # light of the next picture waits
+    viewer.session.light.version += 1
+    hand.ctx.yield_(3)
+    assert viewer.painter.uploaded < viewer.session.version
+    viewer.session.motion.playing = True
+    hand.ctx.yield_(3)
+    assert viewer.painter.uploaded == viewer.session.version
 
 
 @pytest.mark.parametrize("where", ["draw", "draw_status"])
-def test_exception_of_a_frame_fails_its_test(play, monkeypatch, where):
-    """The script does not wait for frames that never come, and the process lives on."""
-    from app.window import overlay
-
-    def script(hand, viewer):
-        hand.ctx.yield_(2)
-        monkeypatch.setattr(overlay, where, lambda *_: 1 / 0)
-        hand.wait(lambda: False)
-
-    with pytest.raises(ZeroDivisionError):
-        play(script)
-
-
-@pytest.mark.parametrize("where", ["draw", "draw_status"])
-def test_exception_in_a_part_of_the_window_is_logged_and_the_others_are_drawn(play, monkeypatch, capfd, where):
+@in_window(problems=None)
+def test_exception_in_a_part_of_the_window_is_logged_and_the_others_are_drawn(hand, viewer, monkeypatch, capfd, where):
     """It comes between begin and end of a child window, in every frame."""
     from imgui_bundle import imgui
 
@@ -194,45 +164,38 @@ def test_exception_in_a_part_of_the_window_is_logged_and_the_others_are_drawn(pl
         imgui.push_id("broken")
         raise ZeroDivisionError("of a part")
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        del viewer._draw_part  # as in the program
-        with monkeypatch.context() as patch:
-            patch.setattr(overlay, where, broken)
-            hand.ctx.yield_(5)
-            assert sum("of a part" in text for text in errors(viewer)) == 1, "one line, not one a frame"
-            hand.ctx.set_ref("Panel")
-            hand.ctx.item_input_value("##Exposure", 1.5)
-            assert viewer.session.settings.exposure == 1.5, "the panel works"
-        frames = viewer.clock.frames
+    del viewer._draw_part  # as in the program
+    with monkeypatch.context() as patch:
+        patch.setattr(overlay, where, broken)
         hand.ctx.yield_(5)
-        assert viewer.clock.frames >= frames + 5
-
-    play(script)
+        assert sum("of a part" in text for text in errors(viewer)) == 1, "one line, not one a frame"
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_input_value("##Exposure", 1.5)
+        assert viewer.session.settings.exposure == 1.5, "the panel works"
+    frames = viewer.clock.frames
+    hand.ctx.yield_(5)
+    assert viewer.clock.frames >= frames + 5
     assert capfd.readouterr().err.count("ZeroDivisionError: of a part") == 1
 
 
-def test_exception_in_a_stage_is_logged_and_frames_continue(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        draw = viewer.painter.renderer.draw
+@in_window(problems=None)
+def test_exception_in_a_stage_is_logged_and_frames_continue(hand, viewer):
+    draw = viewer.painter.renderer.draw
 
-        def broken(look):
-            raise RuntimeError("GL has lost its mind")
+    def broken(look):
+        raise RuntimeError("GL has lost its mind")
 
-        viewer.painter.renderer.draw = broken
-        viewer.viewport.redraw()
-        hand.ctx.yield_(5)
-        assert "GL has lost its mind" in viewer.log.last.text
-        assert len(viewer.log.entries) == 2, "one line, not one a frame"
-        viewer.painter.renderer.draw = draw
-        viewer.viewport.redraw()
-        hand.ctx.yield_(5)
-        frames = viewer.clock.frames
-        hand.ctx.yield_(5)
-        assert viewer.clock.frames >= frames + 5
-
-    play(script)
+    viewer.painter.renderer.draw = broken
+    viewer.viewport.redraw()
+    hand.ctx.yield_(5)
+    assert "GL has lost its mind" in viewer.log.last.text
+    assert len(viewer.log.entries) == 2, "one line, not one a frame"
+    viewer.painter.renderer.draw = draw
+    viewer.viewport.redraw()
+    hand.ctx.yield_(5)
+    frames = viewer.clock.frames
+    hand.ctx.yield_(5)
+    assert viewer.clock.frames >= frames + 5
 
 
 def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
@@ -270,7 +233,6 @@ def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
 
 
 def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
-    import app.window.run
     import app.window.viewer
     from app.session.opening import Opening
 
@@ -278,10 +240,10 @@ def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
         raise SceneError("room.toml: flux must be three numbers >= 0, got [-1, 0, 2]")
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=bad))
-    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)  # as if reading had taken long ...
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)  # as if reading had taken long ...
     monkeypatch.setattr(app.window.window, "wait_for_input", lambda seconds: False)  # ... and nobody had moved a mouse
     with pytest.raises(SceneError, match="flux must be"):
-        app.window.run.run(support.SETTINGS)
+        app.window.viewer.run(support.SETTINGS)
 
 
 def test_defect_at_the_start_is_shown_in_the_window(play):
@@ -299,19 +261,18 @@ def test_defect_at_the_start_is_shown_in_the_window(play):
 
     viewer = play(script, open_with=lambda s: Opening(s, load=broken))
     assert errors(viewer) == ["opening: division by zero"]
-    from app.window.run import finish
+    from app.window.viewer import finish
 
     assert finish(viewer) == 1
 
 
 def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, folder):
-    import app.window.run
     import app.window.viewer
     from app.session.opening import Opening
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=lambda _: support.room()))
-    assert app.window.run.run(support.SETTINGS, frames=5) == 0
-    assert app.window.run.run(support.SETTINGS, screenshot=folder / "window.png") == 0
+    assert app.window.viewer.run(support.SETTINGS, frames=5) == 0
+    assert app.window.viewer.run(support.SETTINGS, screenshot=folder / "window.png") == 0
     from PIL import Image
 
     with Image.open(folder / "window.png") as picture:
@@ -323,7 +284,6 @@ def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, fol
 
 def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
     """While the scene is still being opened; afterwards the earlier handler is restored."""
-    import app.window.run
     import app.window.viewer
     from app.session.opening import Opening
 
@@ -342,7 +302,7 @@ def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
-    assert app.window.run.run(support.SETTINGS) == 0
+    assert app.window.viewer.run(support.SETTINGS) == 0
     assert not loaded, "not until the loader is done"
     assert signal.getsignal(signal.SIGINT) is before
     never.set()
@@ -360,13 +320,6 @@ def test_a_long_job_does_not_outlive_the_program():
     """
     run = [sys.executable, "-c", textwrap.dedent(code)]
     subprocess.run(run, cwd=str(support.ROOT), check=True, timeout=300)  # less than the job takes
-
-
-def test_window_opens_with_a_display():
-    from app.window.window import why_no_window
-
-    assert why_no_window() is None
-    assert why_no_window() is None, "and again"
 
 
 @pytest.mark.parametrize(
@@ -404,13 +357,12 @@ def test_without_a_display_the_reason_is_one_sentence():
     assert "display" in done.stdout and "gi-viewer render" in done.stdout
 
 
-def test_settings_survive_in_the_title(play):
-    def script(hand, viewer):
-        hand.ctx.yield_(2)
-
-    for document, title in (("", "kitchen"), ("some/kitchen-eve.toml", "kitchen-eve")):
-        viewer = play(script, settings=replace(support.SETTINGS, scene="some/kitchen.glb", document=document))
-        assert viewer.params.app_window_params.window_title == f"{title} - gi-viewer"
+def test_the_title_is_the_scenes_or_the_documents(play):
+    """ImGui takes UTF-8 alone: a name that is none was a TypeError, and no window."""
+    names = ("some/kitchen.glb", "", "kitchen"), ("some/kitchen.glb", "some/kitchen-eve.toml", "kitchen-eve")
+    for scene, document, title in (*names, ("/rooms/r\udcff.obj", "", "r\ufffd")):
+        viewer = play(lambda hand, _: hand.wait_for_light(), replace(support.SETTINGS, scene=scene, document=document))
+        assert viewer.params.app_window_params.window_title == f"{title} - gi-viewer" and errors(viewer) == []
 
 
 def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
@@ -444,81 +396,66 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
     assert window.runner_params(support.SETTINGS, *[lambda: None] * 4).ini_disable
 
 
-def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
+@in_window(lit=False)
+def test_no_frame_is_drawn_while_nothing_changes(hand, viewer, monkeypatch):
     """Between two events the window waits; each event makes one frame, and no frame a picture or a job."""
     from app.draw.renderer import Renderer
     from app.session.solver_thread import SolverThread
 
-    waits, viewers, draws, jobs, draw, begin = [], [], [], [], Renderer.draw, SolverThread._begin
+    waits, draws, jobs, draw, begin = [], [], [], Renderer.draw, SolverThread._begin
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
     monkeypatch.setattr(SolverThread, "_begin", lambda self, job, *stop: (jobs.append(job), begin(self, job, *stop)))
 
     def wait(seconds: float) -> bool:
-        waits.append((viewers[0].clock.frames, len(draws), len(jobs), seconds))
+        waits.append((viewer.clock.frames, len(draws), len(jobs), seconds))
         return len(waits) % 50 == 0
 
-    def script(hand, viewer):
-        viewers.append(viewer)
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.session.light.all_done)
-        hand.ctx.yield_(30)
-        viewer.may_sleep = True
-        hand.ctx.yield_(4)
-        viewer.may_sleep = False
-        frames, drawn, begun, seconds = zip(*waits, strict=True)
-        assert len(waits) >= 150 and all(frames.count(n) == 50 for n in set(frames[:150]))
-        assert draws and jobs and len(set(drawn)) == 1
-        assert len(set(zip(frames, begun, strict=True))) == len(set(frames)), "work without an event"
-        assert min(seconds) > 0.1, "waits of 0 s would use a core"
-        hand.press(keys().space)
-        viewer.may_sleep = True
-        count = len(waits)
-        hand.ctx.yield_(10)
-        assert len(waits) == count, "it plays"
-        viewer.may_sleep = False
-
-    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    viewer.clock.awake_until = 0.0  # of earlier input
     monkeypatch.setattr("app.window.window.wait_for_input", wait, raising=False)
-    assert errors(play(script)) == []
+    hand.wait_for_light()
+    hand.wait(lambda: viewer.session.light.all_done)
+    hand.ctx.yield_(30)
+    viewer.may_sleep = True
+    hand.ctx.yield_(6)  # the first may still fade a message
+    viewer.may_sleep = False
+    frames, drawn, begun, seconds = zip(*waits, strict=True)
+    assert len(waits) >= 150 and all(frames.count(n) == 50 for n in set(frames[:150]))
+    assert draws and jobs and len(set(drawn)) == 1
+    assert len(set(zip(frames, begun, strict=True))) == len(set(frames)), "work without an event"
+    assert min(seconds) > 0.1, "waits of 0 s would use a core"
+    hand.press(keys().space)
+    viewer.may_sleep = True
+    count = len(waits)
+    hand.ctx.yield_(10)
+    assert len(waits) == count, "it plays"
+    viewer.may_sleep = False
 
 
-def test_work_at_rest_goes_on_between_frames(play, monkeypatch):
+@in_window(measure_errors=True, lit=False)
+def test_work_at_rest_goes_on_between_frames(hand, viewer, monkeypatch):
     """Errors are measured to the end while no input comes; the frames between would show new numbers alone."""
-    ticks, waits, viewers = [], [], []
-
-    def script(hand, viewer):
-        viewers.append(viewer)
-        hand.wait_for_light()
-        session, tick = viewer.session, viewer.session.tick
-        hand.wait(lambda: viewer.painter.is_done and session.light.snapshot.rest.report is not None)
-        session.tick = lambda *given, **more: (ticks.append(viewer.clock.frames), tick(*given, **more))
-        viewer.may_sleep = True
-        hand.wait(lambda: waits)
-        assert not session.light.all_done
-        monkeypatch.setattr("app.rest.live_error.LEAST_NOISE", 1.0)
-        hand.wait(lambda: session.light.all_done)
-        viewer.may_sleep = False
-        assert session.light.snapshot.rest.report.done
+    ticks, waits = [], []
 
     def wait(seconds):  # the twentieth ends with input
-        waits.append(viewers[0].clock.frames)
-        return waits.count(viewers[0].clock.frames) == 20
+        waits.append(viewer.clock.frames)
+        return waits.count(viewer.clock.frames) == 20
 
-    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    viewer.clock.awake_until = 0.0  # of earlier input
     monkeypatch.setattr("app.window.viewer.REFRESH", 1e9)
     monkeypatch.setattr("app.window.window.wait_for_input", wait)
-    monkeypatch.setattr("app.rest.live_error.LEAST_NOISE", 0.0)  # measuring lasts until the script ends it
+    monkeypatch.setattr("app.rest.live_error.FINAL_NOISE", 0.0)  # measuring lasts until the script ends it
     monkeypatch.setattr("app.rest.live_error.NOISE_OF_ERROR", 0.0)
-    assert errors(play(script, replace(support.SETTINGS, measure_errors=True))) == []
+    hand.wait_for_light()
+    session, tick = viewer.session, viewer.session.tick
+    hand.wait(lambda: viewer.painter.is_done and session.light.snapshot.rest.report is not None)
+    session.tick = lambda *given, **more: (ticks.append(viewer.clock.frames), tick(*given, **more))
+    viewer.may_sleep = True
+    hand.wait(lambda: waits)
+    assert not session.light.all_done
+    monkeypatch.setattr("app.rest.live_error.FINAL_NOISE", 1.0)
+    hand.wait(lambda: session.light.all_done)
+    viewer.may_sleep = False
+    assert session.light.snapshot.rest.report.done
     assert ticks.count(waits[0]) >= 20, "tasks without a frame"
-
-
-def test_a_scene_whose_name_is_no_utf8_has_a_window(play):
-    """ImGui takes UTF-8 alone: TypeError, and no window."""
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.ctx.yield_(3)
-
-    viewer = play(script, replace(support.SETTINGS, scene="/rooms/r\udcff.obj"))
-    assert viewer.session.ready and errors(viewer) == []

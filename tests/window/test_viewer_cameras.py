@@ -1,7 +1,5 @@
 """Views that are kept, flown to and seen in parallel; handles that move the selected object."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -19,9 +17,8 @@ from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import as_pose, axis_angle, quaternion_of, to_world
 from tests.support import viewer_support as support
 from tests.support.projection import projected
-from tests.support.viewer_hand import errors, keys
+from tests.support.viewer_hand import errors, in_window, keys
 
-pytest_plugins = ["tests.support.viewer_fixtures"]
 BOUNDS = Bounds((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 CAMERA = from_camera(Camera((0.5, 0.55, 2.9), (0.5, 0.45, 0.5), 38.0), (0, 1, 0), BOUNDS)
 
@@ -112,8 +109,6 @@ def test_steps_of_snapping_are_round():
     assert [snap_step(size) for size in (9.65, 0.55, 100.0, 2.0)] == pytest.approx([0.05, 0.005, 1.0, 0.02])
 
 
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
 def test_views_are_kept_shown_and_saved(play, tmp_path):
     def script(hand, viewer):
         viewport, session, K = viewer.viewport, viewer.session, keys()
@@ -151,72 +146,62 @@ def test_views_are_kept_shown_and_saved(play, tmp_path):
     assert errors(play(script, settings, support.opening(support.room()))) == []
 
 
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
-def test_the_right_button_looks_around_and_letters_fly(play):
-    def script(hand, viewer):
-        viewport, session, K = viewer.viewport, viewer.session, keys()
-        hand.wait_for_light()
-        start, exposure = viewport.view.camera, session.settings.exposure
-        corner = viewport.view.origin[0] + 20, viewport.view.origin[1] + 20  # no surface
-        hand.move(corner)
-        hand.ctx.mouse_down(1)
-        hand.move((corner[0] + 40, corner[1]))
-        assert viewport.control.is_looking
-        assert viewport.view.camera.eye() == pytest.approx(start.eye()) and viewport.view.camera.yaw != start.yaw
+@in_window()
+def test_the_right_button_looks_around_and_letters_fly(hand, viewer):
+    viewport, session, K = viewer.viewport, viewer.session, keys()
+    start, exposure = viewport.view.camera, session.settings.exposure
+    corner = viewport.view.origin[0] + 20, viewport.view.origin[1] + 20  # no surface
+    hand.move(corner)
+    hand.ctx.mouse_down(1)
+    hand.move((corner[0] + 40, corner[1]))
+    assert viewport.control.is_looking
+    assert viewport.view.camera.eye() == pytest.approx(start.eye()) and viewport.view.camera.yaw != start.yaw
+    looked = viewport.view.camera
+    for key, axis, sign in ((K.w, 2, 1), (K.a, 0, -1)):
+        hand.ctx.key_down(key)
+        hand.ctx.yield_(6)
+        hand.ctx.key_up(key)
+        hand.ctx.yield_()
+        step = viewport.view.camera.eye() - looked.eye()
+        assert sign * (step @ looked.basis()[axis]) > 0.9 * np.linalg.norm(step) > 0
         looked = viewport.view.camera
-        for key, axis, sign in ((K.w, 2, 1), (K.a, 0, -1)):
-            hand.ctx.key_down(key)
-            hand.ctx.yield_(6)
-            hand.ctx.key_up(key)
-            hand.ctx.yield_()
-            step = viewport.view.camera.eye() - looked.eye()
-            assert sign * (step @ looked.basis()[axis]) > 0.9 * np.linalg.norm(step) > 0
-            looked = viewport.view.camera
-        assert session.settings.exposure == exposure, "A flies, and meters nothing"
-        hand.ctx.mouse_up(1)
-        hand.ctx.yield_(2)
-        assert not viewport.control.is_looking
-        hand.ctx.key_down(K.w)
-        hand.ctx.yield_(4)
-        hand.ctx.key_up(K.w)
-        assert viewport.view.camera == looked
-
-    assert errors(play(script, support.SETTINGS, support.opening(support.room()))) == []
+    assert session.settings.exposure == exposure, "A flies, and meters nothing"
+    hand.ctx.mouse_up(1)
+    hand.ctx.yield_(2)
+    assert not viewport.control.is_looking
+    hand.ctx.key_down(K.w)
+    hand.ctx.yield_(4)
+    hand.ctx.key_up(K.w)
+    assert viewport.view.camera == looked
 
 
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
-def test_an_arrow_moves_the_selected_object_along_its_axis(play):
-    def script(hand, viewer):
-        viewport, session, K = viewer.viewport, viewer.session, keys()
+@in_window()
+def test_an_arrow_moves_the_selected_object_along_its_axis(hand, viewer):
+    viewport, session, K = viewer.viewport, viewer.session, keys()
+    viewport.view.camera = viewport.view.camera.orbit(0.12, 0.1)
+    hand.press(K.g)
+    assert viewport.gizmo.mode == MOVE and viewport.selection == ("block",)
+    start = session.poses["block"]
+    middle, beside = (np.array(hand.at(np.array(start.position) + x)) for x in ((0, 0, 0), (0.1, 0, 0)))
+    along = (beside - middle) / np.linalg.norm(beside - middle)
+    handle = middle + 38 * along
+    for snaps in (False, True):
+        before = session.poses["block"].position
+        hand.move(tuple(handle))
+        assert viewport.gizmo.takes_mouse
+        hand.drag(tuple(handle), tuple(handle + 50 * along), modifier=K.mod_ctrl if snaps else None)
+        pose = session.poses["block"]
+        dx, dy, dz = np.subtract(pose.position, before)
+        assert abs(dx) > 0.03 and abs(dy) < 1e-6 and abs(dz) < 1e-6, (dx, dy, dz)
+        assert pose.quaternion == start.quaternion and not session.motion.dragging
+        if snaps:
+            assert abs(dx) == pytest.approx(0.01 * round(abs(dx) / 0.01), abs=1e-6)
+        assert hand.light_is_that_from_scratch()
+        viewer._do("undo")
         hand.wait_for_light()
-        viewport.view.camera = viewport.view.camera.orbit(0.12, 0.1)
-        hand.press(K.g)
-        assert viewport.gizmo.mode == MOVE and viewport.selection == ("block",)
-        start = session.poses["block"]
-        middle, beside = (np.array(hand.at(np.array(start.position) + x)) for x in ((0, 0, 0), (0.1, 0, 0)))
-        along = (beside - middle) / np.linalg.norm(beside - middle)
-        handle = middle + 38 * along
-        for snaps in (False, True):
-            before = session.poses["block"].position
-            hand.move(tuple(handle))
-            assert viewport.gizmo.takes_mouse
-            hand.drag(tuple(handle), tuple(handle + 50 * along), modifier=K.mod_ctrl if snaps else None)
-            pose = session.poses["block"]
-            dx, dy, dz = np.subtract(pose.position, before)
-            assert abs(dx) > 0.03 and abs(dy) < 1e-6 and abs(dz) < 1e-6, (dx, dy, dz)
-            assert pose.quaternion == start.quaternion and not session.motion.dragging
-            if snaps:
-                assert abs(dx) == pytest.approx(0.01 * round(abs(dx) / 0.01), abs=1e-6)
-            assert hand.light_is_that_from_scratch()
-            viewer._do("undo")
-            hand.wait_for_light()
-            assert session.poses["block"].position == pytest.approx(start.position), "one step of undo"
-        hand.press(K.g)
-        assert viewport.gizmo.mode == TURN
-        hand.press(K.g)
-        hand.ctx.yield_(2)
-        assert viewport.gizmo.mode == "" and not viewport.gizmo.takes_mouse
-
-    assert errors(play(script, support.SETTINGS, support.opening(support.room()))) == []
+        assert session.poses["block"].position == pytest.approx(start.position), "one step of undo"
+    hand.press(K.g)
+    assert viewport.gizmo.mode == TURN
+    hand.press(K.g)
+    hand.ctx.yield_(2)
+    assert viewport.gizmo.mode == "" and not viewport.gizmo.takes_mouse

@@ -1,7 +1,5 @@
 """Errors in the window: numbers, map and legend, the reference by a key, a wipe under the mouse, the chart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +7,7 @@ import pytest
 
 from app.rest import live_error
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import errors, keys
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+from tests.support.viewer_hand import in_window, keys
 
 MEASURED = replace(support.SETTINGS, measure_errors=True, size=(960, 640))
 
@@ -32,138 +27,124 @@ def shown(viewer):
     return viewer.viewport.shown
 
 
-def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
+@in_window(settings=MEASURED)
+def test_error_is_measured_at_rest_and_mapped_with_a_legend(hand, viewer, monkeypatch):
     from app.draw.colour_map import signed_colours
     from app.window import legend
 
     words, texts = [], legend.texts
     monkeypatch.setattr(legend, "texts", lambda e: (words.append(texts(e)), texts(e))[1])
+    hand.wait(lambda: report(viewer) is not None and report(viewer).done)
+    r = report(viewer)
+    assert 0.01 < r.total < 0.5 and r.receivers == r.of
+    light = hand.pixels()
+    hand.ctx.set_ref("Panel")
+    hand.ctx.combo_click("##Show/Error map")
+    hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming)
+    errors_of = viewer.session.light._work.live_error
+    tasks, errors_of.tasks = errors_of.tasks, lambda: ()  # or the map would keep improving
+    hand.wait(lambda: viewer.session.light.all_done)  # also the task under way, which may improve it
+    picture = hand.pixels()
+    assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
+    # Vertices have colours of the map at any exposure. A pixel is up to half a pixel off its vertex, and colours
+    # between vertices are interpolated: 0 or 1 of 255 at most vertices, 8 at the worst of 49.
+    palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
+    wall = [hand.at((i / 8, j / 8, 0.0)) for i in range(1, 8) for j in range(1, 8)]
+    seen = np.array(
+        [picture[int(y - viewer.viewport.view.origin[1]), int(x - viewer.viewport.view.origin[0])] for x, y in wall]
+    )
+    off = np.abs(palette - seen[:, None].astype(int)).max(axis=2).min(axis=1)
+    assert np.median(off) <= 2 and off.max() <= 12, off
+    hand.ctx.item_input_value("##Exposure", viewer.session.settings.exposure - 3)
+    assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, "but at edges, by its samples"
+    hand.ctx.combo_click("##Scale/\N{PLUS-MINUS SIGN}10 %")
+    hand.wait(lambda: shown(viewer).errors.scale == 0.1)
+    errors_of.tasks = tasks
+    hand.ctx.combo_click("##Show/Picture")
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: report(viewer) is not None and report(viewer).done)
-        r = report(viewer)
-        assert 0.01 < r.total < 0.5 and r.receivers == r.of
-        light = hand.pixels()
-        hand.ctx.set_ref("Panel")
-        hand.ctx.combo_click("##Show/Error map")
-        hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming)
-        errors_of = viewer.session.light._work.live_error
-        tasks, errors_of.tasks = errors_of.tasks, lambda: ()  # or the map would keep improving
-        hand.wait(lambda: viewer.session.light.all_done)  # also the task under way, which may improve it
-        picture = hand.pixels()
-        assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
-        # Vertices have colours of the map at any exposure. A pixel is up to half a pixel off its vertex, and colours
-        # between vertices are interpolated: 0 or 1 of 255 at most vertices, 8 at the worst of 49.
-        palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
-        wall = [hand.at((i / 8, j / 8, 0.0)) for i in range(1, 8) for j in range(1, 8)]
-        seen = np.array(
-            [picture[int(y - viewer.viewport.view.origin[1]), int(x - viewer.viewport.view.origin[0])] for x, y in wall]
-        )
-        off = np.abs(palette - seen[:, None].astype(int)).max(axis=2).min(axis=1)
-        assert np.median(off) <= 2 and off.max() <= 12, off
-        hand.ctx.item_input_value("##Exposure", viewer.session.settings.exposure - 3)
-        assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, (
-            "but at edges, by its samples"
-        )
-        hand.ctx.combo_click("##Scale/\N{PLUS-MINUS SIGN}10 %")
-        hand.wait(lambda: shown(viewer).errors.scale == 0.1)
-        errors_of.tasks = tasks
-        hand.ctx.combo_click("##Show/Picture")
-
-        # It disappears with a move, and returns.
-        hand.press(keys().space)
-        hand.wait(lambda: viewer.session.poses["block"].position[0] != 0.5)
-        hand.press(keys().space)
-        hand.wait(lambda: report(viewer) is not None and report(viewer).done)
-
-    assert errors(play(script, MEASURED)) == []
+    # It disappears with a move, and returns.
+    hand.press(keys().space)
+    hand.wait(lambda: viewer.session.poses["block"].position[0] != 0.5)
+    hand.press(keys().space)
+    hand.wait(lambda: report(viewer) is not None and report(viewer).done)
 
 
-def test_reference_key_and_wipe_between_two_pictures(play):
+@in_window(settings=MEASURED)
+def test_reference_key_and_wipe_between_two_pictures(hand, viewer):
     K = keys()
+    viewport, settings = viewer.viewport, lambda: viewer.session.settings
+    estimate = hand.pixels()
+    hand.press(K._0)
+    hand.wait(lambda: shown(viewer).sides[0].label.startswith("Reference"))
+    reference = hand.pixels()
+    assert (np.abs(reference.astype(int) - estimate).max(axis=2) > 4).mean() > 0.05
+    hand.press(K._0)
+    hand.wait(lambda: not settings().reference and shown(viewer).sides[0].label.startswith("Tangent plane"))
+    assert (hand.pixels() == estimate).all()
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        viewport, settings = viewer.viewport, lambda: viewer.session.settings
-        estimate = hand.pixels()
-        hand.press(K._0)
-        hand.wait(lambda: shown(viewer).sides[0].label.startswith("Reference"))
-        reference = hand.pixels()
-        assert (np.abs(reference.astype(int) - estimate).max(axis=2) > 4).mean() > 0.05
-        hand.press(K._0)
-        hand.wait(lambda: not settings().reference and shown(viewer).sides[0].label.startswith("Tangent plane"))
-        assert (hand.pixels() == estimate).all()
+    hand.open_research()
+    hand.ctx.combo_click("##Compare with/Photon map")
+    hand.wait(lambda: len(shown(viewer).sides) == 2)
+    assert [side.label for side in shown(viewer).sides] == [
+        "Tangent plane, 20,000 photons",
+        "Photon map, 20,000 photons",
+    ]
+    camera, pose = viewport.view.camera, viewer.session.poses["block"]
+    w, h = viewport.view.size
+    line = (viewport.view.origin[0] + 0.5 * w, viewport.view.origin[1] + 0.2 * h)
+    hand.drag(line, (line[0] - 0.2 * w, line[1]))
+    assert viewport.wipe.at == pytest.approx(0.3, abs=0.02)
+    unmoved = viewport.view.camera == camera and viewer.session.poses["block"] == pose
+    assert unmoved, "the line moves, nothing else does"
+    both, at = hand.pixels(), round(viewport.wipe.at * viewer.painter.renderer.size[0])
+    differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
+    assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
 
-        hand.open_research()
-        hand.ctx.combo_click("##Compare with/Photon map")
-        hand.wait(lambda: len(shown(viewer).sides) == 2)
-        assert [side.label for side in shown(viewer).sides] == [
-            "Tangent plane, 20,000 photons",
-            "Photon map, 20,000 photons",
-        ]
-        camera, pose = viewport.view.camera, viewer.session.poses["block"]
-        w, h = viewport.view.size
-        line = (viewport.view.origin[0] + 0.5 * w, viewport.view.origin[1] + 0.2 * h)
-        hand.drag(line, (line[0] - 0.2 * w, line[1]))
-        assert viewport.wipe.at == pytest.approx(0.3, abs=0.02)
-        unmoved = viewport.view.camera == camera and viewer.session.poses["block"] == pose
-        assert unmoved, "the line moves, nothing else does"
-        both, at = hand.pixels(), round(viewport.wipe.at * viewer.painter.renderer.size[0])
-        differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
-        assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
+    # Away from the line the mouse works as usual.
+    hand.drag((line[0] + 0.1 * w, line[1]), (line[0] + 0.15 * w, line[1]))
+    assert viewport.view.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
 
-        # Away from the line the mouse works as usual.
-        hand.drag((line[0] + 0.1 * w, line[1]), (line[0] + 0.15 * w, line[1]))
-        assert viewport.view.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
-
-        # During motion only the estimate is shown; the comparison returns at rest.
-        hand.press(K.space)
-        hand.wait(lambda: len(shown(viewer).sides) == 1)
-        assert "photon map" in shown(viewer).coming
-        hand.press(K.space)
-        hand.wait(lambda: len(shown(viewer).sides) == 2)
-        hand.ctx.combo_click("##Compare with/None")
-        hand.wait(lambda: len(shown(viewer).sides) == 1)
-        assert not viewer.session.settings.compare
-
-    assert errors(play(script, MEASURED)) == []
+    # During motion only the estimate is shown; the comparison returns at rest.
+    hand.press(K.space)
+    hand.wait(lambda: len(shown(viewer).sides) == 1)
+    assert "photon map" in shown(viewer).coming
+    hand.press(K.space)
+    hand.wait(lambda: len(shown(viewer).sides) == 2)
+    hand.ctx.combo_click("##Compare with/None")
+    hand.wait(lambda: len(shown(viewer).sides) == 1)
+    assert not viewer.session.settings.compare
 
 
-def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
+@in_window(settings=MEASURED)
+def test_settings_tried_are_points_of_the_chart(hand, viewer, monkeypatch):
     from app.window.panel import chart
 
     asked = []
     monkeypatch.setattr(chart, "caption", lambda point: (asked.append(point), "a point")[1])
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        points = viewer.session.points
-        hand.open_research()
-        hand.wait(lambda: len(points.all) == 1)
-        hand.press(keys()._3)
-        hand.wait(lambda: len(points.all) == 2)
-        hand.ctx.item_click("Error against time")
-        assert {t.setting.estimator for t in points.all} == {"tangent_plane", "impact_count"}
-        hand.wait(lambda: report(viewer).done)
-        hand.ctx.yield_(3)
-        # A hovered point has a tooltip.
-        spots = []
-        monkeypatch.setattr(chart, "_draw_latest", lambda t: spots.append(chart.pixel_of(t)))
-        hand.wait(lambda: len(spots) > 10)
-        hand.move((spots[-1].x, spots[-1].y))
-        hand.wait(lambda: asked)
-        assert asked[-1].setting == points.all[-1].setting
-        hand.ctx.item_click("Clear chart")
-        hand.wait(lambda: not points.all)
-
-    assert errors(play(script, MEASURED)) == []
+    points = viewer.session.points
+    hand.open_research()
+    hand.wait(lambda: len(points.all) == 1)
+    hand.press(keys()._3)
+    hand.wait(lambda: len(points.all) == 2)
+    hand.ctx.item_click("Error against time")
+    assert {t.setting.estimator for t in points.all} == {"tangent_plane", "impact_count"}
+    hand.wait(lambda: report(viewer).done)
+    hand.ctx.yield_(3)
+    # A hovered point has a tooltip.
+    spots = []
+    monkeypatch.setattr(chart, "_draw_latest", lambda t: spots.append(chart.pixel_of(t)))
+    hand.wait(lambda: len(spots) > 10)
+    hand.move((spots[-1].x, spots[-1].y))
+    hand.wait(lambda: asked)
+    assert asked[-1].setting == points.all[-1].setting
+    hand.ctx.item_click("Clear chart")
+    hand.wait(lambda: not points.all)
 
 
 def test_caption_and_limits_of_a_point():
     from app.rest.results import MeasuredPoint
     from app.window.panel.chart import caption, limits
-    from gi_core.estimators.setting import Setting
+    from gi_core.estimators.base import Setting
 
     text = caption(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
     assert text.startswith("photon map\n20,000 photons\nradius 0.05 m\nneighbours 40")

@@ -1,19 +1,13 @@
 """A scene far from the origin in the window: the picture, drag and saved coordinates."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from gi_core.scene.origin import translated
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 AWAY = (1000.0, 0.0, 0.0), (500_000.0, -4_650_000.0, 250.0)  # [m]
 

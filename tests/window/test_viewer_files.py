@@ -1,7 +1,5 @@
 """Files in the window: saving, opening, recent files, changes on disk, the question before it closes."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil
@@ -26,10 +24,9 @@ from gi_core.scene import Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
 from tests.support.photometry import write_ies
-from tests.support.viewer_hand import errors, keys
+from tests.support.viewer_hand import errors, in_window, keys
 
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+pytestmark = pytest.mark.usefixtures("folder")
 
 AWAY = Pose((0.7, 0.4, 0.6))
 
@@ -59,62 +56,54 @@ def enter(hand, title: str, path) -> None:
     hand.ctx.yield_(3)
 
 
-def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(play, folder):
+@in_window()
+def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(hand, viewer, folder):
     K, other = keys(), folder / "project.toml"
     other.write_text("[project]\n")
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        save = int(K.mod_ctrl) | int(K.mod_shift) | int(K.s)
-        hand.press(save)
-        hand.wait(lambda: viewer.files.dialog.is_open)
-        hand.ctx.yield_(3)
-        hand.press(K.escape)
-        hand.ctx.yield_(3)
-        assert not viewer.files.dialog.is_open
-        for path in (other, folder / "project"):  # the suffix is added
-            hand.press(save)
-            hand.wait(lambda: viewer.files.dialog.is_open)
-            hand.ctx.set_ref("//Save the scene###File")
-            hand.ctx.item_input_value("##path", str(path))
-            hand.ctx.yield_(5)
-            assert viewer.files.dialog.is_open and other.read_text() == "[project]\n"
-            hand.ctx.item_click("Cancel")
-            hand.ctx.yield_(3)
+    save = int(K.mod_ctrl) | int(K.mod_shift) | int(K.s)
+    hand.press(save)
+    hand.wait(lambda: viewer.files.dialog.is_open)
+    hand.ctx.yield_(3)
+    hand.press(K.escape)
+    hand.ctx.yield_(3)
+    assert not viewer.files.dialog.is_open
+    for path in (other, folder / "project"):  # the suffix is added
         hand.press(save)
         hand.wait(lambda: viewer.files.dialog.is_open)
         hand.ctx.set_ref("//Save the scene###File")
-        hand.ctx.item_input_value("##path", str(other))
+        hand.ctx.item_input_value("##path", str(path))
         hand.ctx.yield_(5)
-        hand.ctx.item_click("OK")
-        hand.wait(lambda: not viewer.files.dialog.is_open)
-        assert Path(saved_scene.read(str(other)).scene).name == "room"
+        assert viewer.files.dialog.is_open and other.read_text() == "[project]\n"
+        hand.ctx.item_click("Cancel")
+        hand.ctx.yield_(3)
+    hand.press(save)
+    hand.wait(lambda: viewer.files.dialog.is_open)
+    hand.ctx.set_ref("//Save the scene###File")
+    hand.ctx.item_input_value("##path", str(other))
+    hand.ctx.yield_(5)
+    hand.ctx.item_click("OK")
+    hand.wait(lambda: not viewer.files.dialog.is_open)
+    assert Path(saved_scene.read(str(other)).scene).name == "room"
 
-    assert errors(play(script)) == []
 
-
-def test_keys_do_not_reach_the_scene_behind_a_dialog(play, folder):
+@in_window()
+def test_keys_do_not_reach_the_scene_behind_a_dialog(hand, viewer, folder):
     """The field has lost the focus, as by a click beside it: Shift+Del does nothing, Return confirms the dialog."""
     K = keys()
+    from imgui_bundle import imgui
 
-    def script(hand, viewer):
-        from imgui_bundle import imgui
-
-        hand.wait_for_light()
-        viewer.viewport.select(("block",))
-        hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
-        hand.wait(lambda: viewer.files.dialog.is_open)
-        hand.ctx.yield_(3)
-        hand._jobs.append(imgui.internal.clear_active_id)
-        hand.ctx.yield_(3)
-        assert not imgui.get_io().want_text_input
-        hand.press(int(K.mod_shift) | int(K.delete))
-        hand.wait_for_light()
-        assert list(viewer.session.poses) == ["block"] and viewer.files.dialog.is_open
-        hand.press(K.enter)
-        hand.wait(lambda: not viewer.files.dialog.is_open)
-
-    assert errors(play(script)) == []
+    viewer.viewport.select(("block",))
+    hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
+    hand.wait(lambda: viewer.files.dialog.is_open)
+    hand.ctx.yield_(3)
+    hand._jobs.append(imgui.internal.clear_active_id)
+    hand.ctx.yield_(3)
+    assert not imgui.get_io().want_text_input
+    hand.press(int(K.mod_shift) | int(K.delete))
+    hand.wait_for_light()
+    assert list(viewer.session.poses) == ["block"] and viewer.files.dialog.is_open
+    hand.press(K.enter)
+    hand.wait(lambda: not viewer.files.dialog.is_open)
 
 
 def close_by_button(hand) -> None:
@@ -216,7 +205,9 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
         hand.ctx.yield_(5)
         assert viewer.files.dialog.is_open, "with the reason, until the path is another"
         assert viewer.files.dialog._problem == viewer.log.last.text
-        assert viewer.log.last.text.startswith("not saved: No such file or directory")
+        assert viewer.log.last.text == (
+            "not saved: not/there/a.toml cannot be written (No such file or directory); name a file in another folder"
+        )
         hand.press(K.escape)
         assert not viewer.files.dialog.is_open
         assert viewer.session.settings.document == str(folder / "mine.toml")

@@ -1,7 +1,5 @@
 """Lamps added, moved, aimed, copied and removed in the window; the light equals that of a scene built so."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -9,8 +7,7 @@ import pytest
 
 from app.cli import saved_scene
 from app.session.lights import PANEL, LightId, aim_of
-from app.session.opening import Opening
-from app.settings import LampLevel, Settings
+from app.settings import LampLevel
 from app.window.actions import lamps as actions
 from app.window.drag import TURN_SPEED
 from app.window.panel import widgets as ui
@@ -22,11 +19,8 @@ from gi_core.scene import PointLight, SpotLight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.photometry import write_ies
-from tests.support.viewer_hand import errors, keys
+from tests.support.viewer_hand import errors, in_window, keys
 from tests.window.test_viewer_edits import change
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 BULB, SPOT = LightId("bulb"), LightId("spot")
 
@@ -36,10 +30,6 @@ def lit_room():
     bulb = PointLight("bulb", (0.8, 0.2, 0.8), (4.0, 4.0, 8.0))
     spot = SpotLight("spot", (0.2, 0.8, 0.6), (0.0, -1.0, 0.0), (3.0, 3.0, 3.0), 10.0, 25.0)
     return dataclasses.replace(support.room(), lights=(bulb, spot))
-
-
-def open_lit(settings: Settings, before=None) -> Opening:
-    return Opening(settings, load=lambda _: lit_room(), before=before)
 
 
 def is_that_of_a_new_solver(session) -> bool:
@@ -53,187 +43,170 @@ def is_that_of_a_new_solver(session) -> bool:
     return np.array_equal(solver.irradiance, session.irradiance)
 
 
-def test_a_mark_is_dragged_and_the_light_follows(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        first, lamps = viewer.session, viewer.viewport.lamps
-        before = first.irradiance
-        start = hand.at((0.8, 0.2, 0.8))
-        hand.drag(start, start, steps=1)
-        assert lamps.selected == BULB and viewer.viewport.selection == () and viewer.session is first
+@in_window(scene=lit_room)
+def test_a_mark_is_dragged_and_the_light_follows(hand, viewer):
+    first, lamps = viewer.session, viewer.viewport.lamps
+    before = first.irradiance
+    start = hand.at((0.8, 0.2, 0.8))
+    hand.drag(start, start, steps=1)
+    assert lamps.selected == BULB and viewer.viewport.selection == () and viewer.session is first
 
-        change(hand, viewer, lambda: hand.drag(start, (start[0] - 60, start[1]), steps=6))
-        x, y, z = viewer.session.scene.lights[0].position
-        assert x < 0.7 and y == pytest.approx(0.2) and not np.array_equal(viewer.session.irradiance, before)
-        assert is_that_of_a_new_solver(viewer.session)
-        assert lamps.selected == BULB and viewer.log.last.text == "edited: lamp bulb"
-        moved = viewer.session.settings.edits
-        assert len(moved) == 1, "one drag is one edit"
+    change(hand, viewer, lambda: hand.drag(start, (start[0] - 60, start[1]), steps=6))
+    x, y, z = viewer.session.scene.lights[0].position
+    assert x < 0.7 and y == pytest.approx(0.2) and not np.array_equal(viewer.session.irradiance, before)
+    assert is_that_of_a_new_solver(viewer.session)
+    assert lamps.selected == BULB and viewer.log.last.text == "edited: lamp bulb"
+    moved = viewer.session.settings.edits
+    assert len(moved) == 1, "one drag is one edit"
 
-        shift = keys().mod_shift
-        at = hand.at((x, y, z))
-        change(hand, viewer, lambda: hand.drag(at, (at[0], at[1] - 50), modifier=shift, steps=4))
-        px, py, pz = viewer.session.scene.lights[0].position
-        assert py > 0.25 and (px, pz) == pytest.approx((x, z))
-        for edits in (moved, ()):
-            change(hand, viewer, lambda: viewer._do("undo"))
-            assert viewer.session.settings.edits == edits
-        assert np.array_equal(viewer.session.irradiance, before)
-        change(hand, viewer, lambda: viewer._do("redo"))
-        assert viewer.session.settings.edits == moved
-
-    assert errors(play(script, open_with=open_lit)) == []
-
-
-def test_the_aim_is_dragged_over_surfaces(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        viewer._do(SelectLamp(SPOT))
-        hand.ctx.yield_(3)
-        foot, target = hand.at((0.2, 0.0, 0.6)), (0.7, 0.0, 0.9)
-        change(hand, viewer, lambda: hand.drag(foot, hand.at(target), steps=5))
-        spot = viewer.session.scene.lights[1]
-        way = np.subtract(target, spot.position)
-        assert spot.direction == pytest.approx(way / np.linalg.norm(way), abs=0.02) and spot.position == (0.2, 0.8, 0.6)
-        assert is_that_of_a_new_solver(viewer.session)
-
-        # Ctrl turns it about the vertical, where it is.
-        at = hand.at(spot.position)
-        change(hand, viewer, lambda: hand.drag(at, (at[0] + 80, at[1]), modifier=keys().mod_ctrl, steps=4))
-        turned = viewer.session.scene.lights[1]
-        assert turned.position == spot.position and turned.direction[1] == pytest.approx(spot.direction[1], abs=1e-6)
-        view = viewer.viewport.view
-        degrees = 80 / view.size[1] * TURN_SPEED
-        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        x, _, z = spot.direction
-        assert turned.direction[::2] == pytest.approx((c * x + s * z, c * z - s * x), abs=0.03)
+    shift = keys().mod_shift
+    at = hand.at((x, y, z))
+    change(hand, viewer, lambda: hand.drag(at, (at[0], at[1] - 50), modifier=shift, steps=4))
+    px, py, pz = viewer.session.scene.lights[0].position
+    assert py > 0.25 and (px, pz) == pytest.approx((x, z))
+    for edits in (moved, ()):
         change(hand, viewer, lambda: viewer._do("undo"))
-
-        # Esc during a drag brings the light back.
-        ctx, at = hand.ctx, hand.at(spot.position)
-        hand.move(at)
-        ctx.mouse_down(0)
-        hand.move((at[0] + 40, at[1]))
-        hand.move((at[0] + 50, at[1]))
-        assert viewer.session.lights[SPOT].position != spot.position, "the mark follows at once"
-        hand.press(keys().escape)
-        ctx.mouse_up(0)
-        hand.wait(lambda: not viewer.session.is_editing and viewer.reload.coming is None)
-        hand.wait_for_light()
-        assert viewer.session.scene.lights[1] == spot
-
-    assert errors(play(script, open_with=open_lit)) == []
+        assert viewer.session.settings.edits == edits
+    assert np.array_equal(viewer.session.irradiance, before)
+    change(hand, viewer, lambda: viewer._do("redo"))
+    assert viewer.session.settings.edits == moved
 
 
-def test_lamps_are_added_copied_and_removed_by_the_panel(play, folder):
-    def script(hand, viewer):
-        ctx, viewport = hand.ctx, viewer.viewport
-        hand.wait_for_light()
-        ctx.set_ref("Panel")
-        for section in ("Objects", "Scene"):
-            ctx.item_close(f"**/{section}")
-        ctx.item_click("**/bulb/bulb###select")
-        assert viewport.lamps.selected == BULB
-        change(hand, viewer, lambda: ctx.item_click("**/Duplicate lamp"))
-        assert [light.name for light in viewer.session.scene.lights] == ["bulb", "spot", "bulb 2"]
-        assert viewport.lamps.selected == LightId("bulb 2") and viewer.log.last.text == "added: lamp bulb 2"
-        copy, bulb = viewer.session.scene.lights[2], viewer.session.scene.lights[0]
-        assert copy.flux == bulb.flux and copy.position[0] > bulb.position[0] + 0.01
-        change(hand, viewer, lambda: ctx.item_input_value("**/##Position y", 0.6))
-        assert viewer.session.scene.lights[2].position[1] == pytest.approx(0.6)
-        assert is_that_of_a_new_solver(viewer.session)
+@in_window(scene=lit_room)
+def test_the_aim_is_dragged_over_surfaces(hand, viewer):
+    viewer._do(SelectLamp(SPOT))
+    hand.ctx.yield_(3)
+    foot, target = hand.at((0.2, 0.0, 0.6)), (0.7, 0.0, 0.9)
+    change(hand, viewer, lambda: hand.drag(foot, hand.at(target), steps=5))
+    spot = viewer.session.scene.lights[1]
+    way = np.subtract(target, spot.position)
+    assert spot.direction == pytest.approx(way / np.linalg.norm(way), abs=0.02) and spot.position == (0.2, 0.8, 0.6)
+    assert is_that_of_a_new_solver(viewer.session)
 
-        # Its flux is a number, which sets its level without an edit.
-        now, edits = viewer.session, viewer.session.edits
-        emitters = viewer.session.model.emitters
-        full = float(luminance(emitters.flux_of_lamps[emitters.lamps.names.index("bulb 2")]))
-        ctx.item_input_value("**/##Flux flux", 0.5 * full)
-        hand.wait_for_light()
-        assert viewer.session is now and now.edits == edits
-        (level,) = now.settings.lamps
-        assert level.name == "bulb 2" and level.level == pytest.approx(0.5, rel=1e-4)
+    # Ctrl turns it about the vertical, where it is.
+    at = hand.at(spot.position)
+    change(hand, viewer, lambda: hand.drag(at, (at[0] + 80, at[1]), modifier=keys().mod_ctrl, steps=4))
+    turned = viewer.session.scene.lights[1]
+    assert turned.position == spot.position and turned.direction[1] == pytest.approx(spot.direction[1], abs=1e-6)
+    view = viewer.viewport.view
+    degrees = 80 / view.size[1] * TURN_SPEED
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    x, _, z = spot.direction
+    assert turned.direction[::2] == pytest.approx((c * x + s * z, c * z - s * x), abs=0.03)
+    change(hand, viewer, lambda: viewer._do("undo"))
 
-        # A removed lamp keeps its level for an undo.
-        change(hand, viewer, lambda: ctx.item_click("**/Remove lamp"))
-        assert "bulb 2" not in viewer.session.model.emitters.lamps.names and viewport.lamps.selected is None
-        assert viewer.session.settings.lamps == (level,) and viewer.log.last.text == "removed: lamp bulb 2"
-        viewer.session.want(dataclasses.replace(viewer.session.settings, solo="bulb"))
-        hand.wait_for_light()
-        assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [0.0, 1.0, 0.0]
-        viewer.session.want(dataclasses.replace(viewer.session.settings, solo=""))
-        hand.wait_for_light()
-        viewer.files.save(viewer.session, viewport, str(folder / "removed.toml"))
-        assert saved_scene.read(str(folder / "removed.toml")).edits == viewer.session.settings.edits
-        change(hand, viewer, lambda: viewer._do("undo"))
-        assert viewer.session.light.snapshot.levels.max(axis=1) == pytest.approx([1.0, 1.0, 1.0, 0.5], rel=1e-4)
-
-        for kind, name, x in (("panel", "panel", 0.5), ("spot", "spot 2", 0.65), ("sun", "sun", 0.8)):
-            floor = hand.at((x, 0.0, 0.9))  # away from the aim of the last one
-            hand.drag(floor, floor, steps=1)
-            hand.wait(lambda: viewport.clicked is not None and viewport.lamps.selected is None)
-            change(hand, viewer, lambda kind=kind: viewer._do(AddLamp(kind)))
-            light = viewer.session.scene.lights[-1]
-            assert light.name == name and viewport.lamps.selected == LightId(name) and viewport.clicked is None
-            if kind != "sun":
-                assert 0.9 < light.position[1] < 0.995 and light.direction == (0.0, -1.0, 0.0)
-        assert is_that_of_a_new_solver(viewer.session)
-        document, _ = viewer.files.save(viewer.session, viewport, str(folder / "lamps.toml"))
-        read = saved_scene.read(str(document))
-        assert read.edits == viewer.session.settings.edits and read.lamps == (level,)
-
-    assert errors(play(script, open_with=open_lit)) == []
+    # Esc during a drag brings the light back.
+    ctx, at = hand.ctx, hand.at(spot.position)
+    hand.move(at)
+    ctx.mouse_down(0)
+    hand.move((at[0] + 40, at[1]))
+    hand.move((at[0] + 50, at[1]))
+    assert viewer.session.lights[SPOT].position != spot.position, "the mark follows at once"
+    hand.press(keys().escape)
+    ctx.mouse_up(0)
+    hand.wait(lambda: not viewer.session.is_editing and viewer.reload.coming is None)
+    hand.wait_for_light()
+    assert viewer.session.scene.lights[1] == spot
 
 
-def test_key_f_frames_the_selected_lamp(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        for lamp, place in ((SPOT, (0.2, 0.8, 0.6)), (LightId("lamp"), (0.5, 0.995, 0.5))):
-            viewer._do(SelectLamp(lamp))
-            hand.press(keys().f)
-            hand.wait(lambda place=place: viewer.viewport.view.camera.pivot == pytest.approx(place, abs=1e-3))
-        hand.wait(lambda: not viewer.viewport.control.is_moving)
-        near = viewer.viewport.view.camera.distance
-        viewer._do(SelectLamp(None))
+@in_window(scene=lit_room)
+def test_lamps_are_added_copied_and_removed_by_the_panel(hand, viewer, folder):
+    ctx, viewport = hand.ctx, viewer.viewport
+    ctx.set_ref("Panel")
+    for section in ("Objects", "Scene"):
+        ctx.item_close(f"**/{section}")
+    ctx.item_click("**/bulb/bulb###select")
+    assert viewport.lamps.selected == BULB
+    change(hand, viewer, lambda: ctx.item_click("**/Duplicate lamp"))
+    assert [light.name for light in viewer.session.scene.lights] == ["bulb", "spot", "bulb 2"]
+    assert viewport.lamps.selected == LightId("bulb 2") and viewer.log.last.text == "added: lamp bulb 2"
+    copy, bulb = viewer.session.scene.lights[2], viewer.session.scene.lights[0]
+    assert copy.flux == bulb.flux and copy.position[0] > bulb.position[0] + 0.01
+    change(hand, viewer, lambda: ctx.item_input_value("**/##Position y", 0.6))
+    assert viewer.session.scene.lights[2].position[1] == pytest.approx(0.6)
+    assert is_that_of_a_new_solver(viewer.session)
+
+    # Its flux is a number, which sets its level without an edit.
+    now, edits = viewer.session, viewer.session.edits
+    emitters = viewer.session.model.emitters
+    full = float(luminance(emitters.flux_of_lamps[emitters.lamps.names.index("bulb 2")]))
+    ctx.item_input_value("**/##Flux flux", 0.5 * full)
+    hand.wait_for_light()
+    assert viewer.session is now and now.edits == edits
+    (level,) = now.settings.lamps
+    assert level.name == "bulb 2" and level.level == pytest.approx(0.5, rel=1e-4)
+
+    # A removed lamp keeps its level for an undo.
+    change(hand, viewer, lambda: ctx.item_click("**/Remove lamp"))
+    assert "bulb 2" not in viewer.session.model.emitters.lamps.names and viewport.lamps.selected is None
+    assert viewer.session.settings.lamps == (level,) and viewer.log.last.text == "removed: lamp bulb 2"
+    viewer.session.want(dataclasses.replace(viewer.session.settings, solo="bulb"))
+    hand.wait_for_light()
+    assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [0.0, 1.0, 0.0]
+    viewer.session.want(dataclasses.replace(viewer.session.settings, solo=""))
+    hand.wait_for_light()
+    viewer.files.save(viewer.session, viewport, str(folder / "removed.toml"))
+    assert saved_scene.read(str(folder / "removed.toml")).edits == viewer.session.settings.edits
+    change(hand, viewer, lambda: viewer._do("undo"))
+    assert viewer.session.light.snapshot.levels.max(axis=1) == pytest.approx([1.0, 1.0, 1.0, 0.5], rel=1e-4)
+
+    for kind, name, x in (("panel", "panel", 0.5), ("spot", "spot 2", 0.65), ("sun", "sun", 0.8)):
+        floor = hand.at((x, 0.0, 0.9))  # away from the aim of the last one
+        hand.drag(floor, floor, steps=1)
+        hand.wait(lambda: viewport.clicked is not None and viewport.lamps.selected is None)
+        change(hand, viewer, lambda kind=kind: viewer._do(AddLamp(kind)))
+        light = viewer.session.scene.lights[-1]
+        assert light.name == name and viewport.lamps.selected == LightId(name) and viewport.clicked is None
+        if kind != "sun":
+            assert 0.9 < light.position[1] < 0.995 and light.direction == (0.0, -1.0, 0.0)
+    assert is_that_of_a_new_solver(viewer.session)
+    document, _ = viewer.files.save(viewer.session, viewport, str(folder / "lamps.toml"))
+    read = saved_scene.read(str(document))
+    assert read.edits == viewer.session.settings.edits and read.lamps == (level,)
+
+
+@in_window(scene=lit_room)
+def test_key_f_frames_the_selected_lamp(hand, viewer):
+    for lamp, place in ((SPOT, (0.2, 0.8, 0.6)), (LightId("lamp"), (0.5, 0.995, 0.5))):
+        viewer._do(SelectLamp(lamp))
         hand.press(keys().f)
-        hand.wait(lambda: viewer.viewport.view.camera.distance > 2 * near)
+        hand.wait(lambda place=place: viewer.viewport.view.camera.pivot == pytest.approx(place, abs=1e-3))
+    hand.wait(lambda: not viewer.viewport.control.is_moving)
+    near = viewer.viewport.view.camera.distance
+    viewer._do(SelectLamp(None))
+    hand.press(keys().f)
+    hand.wait(lambda: viewer.viewport.view.camera.distance > 2 * near)
 
-    assert errors(play(script, open_with=open_lit)) == []
 
-
-def test_surfaces_that_shine_become_a_panel(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        before = viewer.session.irradiance
-        viewer._do(SelectLamp(LightId("lamp")))
+@in_window(scene=lit_room)
+def test_surfaces_that_shine_become_a_panel(hand, viewer):
+    before = viewer.session.irradiance
+    viewer._do(SelectLamp(LightId("lamp")))
+    hand.ctx.yield_(2)
+    viewer._do("duplicate lamp")
+    assert "make the lamp movable first" in viewer.log.last.text
+    change(hand, viewer, lambda: viewer._do("replace lamp"))
+    session = viewer.session
+    assert viewer.log.last.text == "made movable: lamp"
+    panel = session.lights[LightId("lamp")]
+    assert panel.position == pytest.approx((0.5, 0.995, 0.5), abs=2e-3) and panel.size == pytest.approx((0.3, 0.3))
+    assert panel.direction == pytest.approx((0.0, -1.0, 0.0)) and not any(
+        max(m.emission) for m in session.scene.materials
+    )
+    assert session.model.emitters.total_flux == pytest.approx(Solver(lit_room(), photons=0).model.emitters.total_flux)
+    # It gives the same light, within the noise of 20,000 photons, and one that is removed leaves none.
+    mean = session.irradiance.mean(axis=0) / before.mean(axis=0)
+    assert mean == pytest.approx(np.ones(3), abs=0.05)
+    change(hand, viewer, lambda: viewer._do("remove"))
+    assert viewer.session.model.emitters.lamps.names == ("bulb", "spot")
+    for lamp in ("bulb", "spot"):
+        viewer._do(SelectLamp(LightId(lamp)))
         hand.ctx.yield_(2)
-        viewer._do("duplicate lamp")
-        assert "make the lamp movable first" in viewer.log.last.text
-        change(hand, viewer, lambda: viewer._do("replace lamp"))
-        session = viewer.session
-        assert viewer.log.last.text == "made movable: lamp"
-        panel = session.lights[LightId("lamp")]
-        assert panel.position == pytest.approx((0.5, 0.995, 0.5), abs=2e-3) and panel.size == pytest.approx((0.3, 0.3))
-        assert panel.direction == pytest.approx((0.0, -1.0, 0.0)) and not any(
-            max(m.emission) for m in session.scene.materials
-        )
-        assert session.model.emitters.total_flux == pytest.approx(
-            Solver(lit_room(), photons=0).model.emitters.total_flux
-        )
-        # It gives the same light, within the noise of 20,000 photons, and one that is removed leaves none.
-        mean = session.irradiance.mean(axis=0) / before.mean(axis=0)
-        assert mean == pytest.approx(np.ones(3), abs=0.05)
-        change(hand, viewer, lambda: viewer._do("remove"))
-        assert viewer.session.model.emitters.lamps.names == ("bulb", "spot")
-        for lamp in ("bulb", "spot"):
-            viewer._do(SelectLamp(LightId(lamp)))
-            hand.ctx.yield_(2)
-            if lamp == "bulb":
-                change(hand, viewer, lambda: viewer._do("remove lamp"))
-            else:
-                viewer._do("remove lamp")
-        assert "the last lamp stays" in viewer.log.last.text and len(viewer.session.scene.lights) == 1
-
-    assert errors(play(script, open_with=open_lit)) == []
+        if lamp == "bulb":
+            change(hand, viewer, lambda: viewer._do("remove lamp"))
+        else:
+            viewer._do("remove lamp")
+    assert "the last lamp stays" in viewer.log.last.text and len(viewer.session.scene.lights) == 1
 
 
 def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
@@ -272,76 +245,66 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         viewer._do("lamp file")
         assert [title for title, *_ in asked] == ["Choose a luminaire"] * 2
 
-    assert [e for e in errors(play(script, open_with=open_lit)) if "bad.ies" not in e] == []
+    assert [e for e in errors(play(script, open_with=support.opening(lit_room()))) if "bad.ies" not in e] == []
 
 
-def test_angles_of_the_panel_turn_a_lamp(play):
-    def script(hand, viewer):
-        ctx = hand.ctx
-        hand.wait_for_light()
-        ctx.set_ref("Panel")
-        for section in ("Objects", "Scene"):
-            ctx.item_close(f"**/{section}")
-        viewer._do(SelectLamp(SPOT))
-        hand.ctx.yield_(2)
-        change(hand, viewer, lambda: ctx.item_input_value("**/##Tilt angle", 90.0))
-        assert viewer.session.scene.lights[1].direction[1] == pytest.approx(0.0, abs=1e-6)
-        flux = viewer.session.model.emitters.flux_of_lamps[2]
-        change(hand, viewer, lambda: ctx.item_input_value("**/##Outer cone angle", 50.0))
-        spot = viewer.session.scene.lights[1]
-        assert spot.outer_degrees == 50.0 and spot.inner_degrees == 10.0
-        assert viewer.session.model.emitters.flux_of_lamps[2] == pytest.approx(flux)
-        change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("position", (0.1, 0.1, 0.1)),))))
-        assert viewer.session.scene.lights[0].position == (0.1, 0.1, 0.1)
-        viewer._do("lamp marks")
-        hand.move(hand.at(spot.position))
-        assert not viewer.viewport.lamps.takes_mouse and not viewer.viewport.lamps.are_shown
-
-    assert errors(play(script, open_with=open_lit)) == []
+@in_window(scene=lit_room)
+def test_angles_of_the_panel_turn_a_lamp(hand, viewer):
+    ctx = hand.ctx
+    ctx.set_ref("Panel")
+    for section in ("Objects", "Scene"):
+        ctx.item_close(f"**/{section}")
+    viewer._do(SelectLamp(SPOT))
+    hand.ctx.yield_(2)
+    change(hand, viewer, lambda: ctx.item_input_value("**/##Tilt angle", 90.0))
+    assert viewer.session.scene.lights[1].direction[1] == pytest.approx(0.0, abs=1e-6)
+    flux = viewer.session.model.emitters.flux_of_lamps[2]
+    change(hand, viewer, lambda: ctx.item_input_value("**/##Outer cone angle", 50.0))
+    spot = viewer.session.scene.lights[1]
+    assert spot.outer_degrees == 50.0 and spot.inner_degrees == 10.0
+    assert viewer.session.model.emitters.flux_of_lamps[2] == pytest.approx(flux)
+    change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("position", (0.1, 0.1, 0.1)),))))
+    assert viewer.session.scene.lights[0].position == (0.1, 0.1, 0.1)
+    viewer._do("lamp marks")
+    hand.move(hand.at(spot.position))
+    assert not viewer.viewport.lamps.takes_mouse and not viewer.viewport.lamps.are_shown
 
 
-def test_each_number_of_a_lamp_has_a_label_and_its_unit(play, monkeypatch):
+@in_window(scene=lit_room)
+def test_each_number_of_a_lamp_has_a_label_and_its_unit(hand, viewer, monkeypatch):
     """Three angles stood in one row without names, and sides without metres."""
     drawn, fields = {}, ui.fields
     monkeypatch.setattr(ui, "fields", lambda name, *given: (drawn.update({name: given}), fields(name, *given))[1])
-
-    def script(hand, viewer):
-        ctx = hand.ctx
-        hand.wait_for_light()
-        ctx.set_ref("Panel")
-        for section in ("Objects", "Scene"):
-            ctx.item_close(f"**/{section}")
-        drawn.clear()
-        change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
-        name = viewer.viewport.lamps.selected
-        assert name.name == PANEL
-        for label, number in (("Tilt", 60.0), ("Heading", 40.0), ("Turn", 20.0)):
-            change(hand, viewer, lambda: ctx.item_input_value(f"**/##{label} angle", number))  # noqa: B023
-        assert aim_of(viewer.session.lights[name], viewer.session.scene.up) == pytest.approx((60.0, 40.0, 20.0))
-        units = {label: given[2] for label, given in drawn.items()}
-        assert units == {
-            "Flux": "%.5g W", "Position": "%.3f", "Tilt": "%.1f°", "Heading": "%.1f°", "Turn": "%.1f°", "Size": "%.3f m"
-        }  # fmt: skip
-        drawn.clear()
-        viewer._do(SelectLamp(SPOT))
-        ctx.yield_(2)
-        assert set(drawn) == {"Flux", "Position", "Tilt", "Heading", "Inner cone", "Outer cone"}
-
-    assert errors(play(script, open_with=open_lit)) == []
+    ctx = hand.ctx
+    ctx.set_ref("Panel")
+    for section in ("Objects", "Scene"):
+        ctx.item_close(f"**/{section}")
+    drawn.clear()
+    change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
+    name = viewer.viewport.lamps.selected
+    assert name.name == PANEL
+    for label, number in (("Tilt", 60.0), ("Heading", 40.0), ("Turn", 20.0)):
+        change(hand, viewer, lambda: ctx.item_input_value(f"**/##{label} angle", number))  # noqa: B023
+    assert aim_of(viewer.session.lights[name], viewer.session.scene.up) == pytest.approx((60.0, 40.0, 20.0))
+    units = {label: given[2] for label, given in drawn.items()}
+    assert units == {
+        "Flux": "%.5g W", "Position": "%.3f", "Tilt": "%.1f°", "Heading": "%.1f°", "Turn": "%.1f°", "Size": "%.3f m"
+    }  # fmt: skip
+    drawn.clear()
+    viewer._do(SelectLamp(SPOT))
+    ctx.yield_(2)
+    assert set(drawn) == {"Flux", "Position", "Tilt", "Heading", "Inner cone", "Outer cone"}
 
 
-def test_of_a_lamp_alone_that_is_removed_the_others_come_back(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        viewer.session.want(dataclasses.replace(viewer.session.settings, solo="bulb"))
-        hand.wait_for_light()
-        assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [0.0, 1.0, 0.0]
-        viewer._do(SelectLamp(BULB))
-        hand.ctx.yield_(2)
-        change(hand, viewer, lambda: viewer._do("remove"))
-        assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [1.0, 1.0]
-
-    assert errors(play(script, open_with=open_lit)) == []
+@in_window(scene=lit_room)
+def test_of_a_lamp_alone_that_is_removed_the_others_come_back(hand, viewer):
+    viewer.session.want(dataclasses.replace(viewer.session.settings, solo="bulb"))
+    hand.wait_for_light()
+    assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [0.0, 1.0, 0.0]
+    viewer._do(SelectLamp(BULB))
+    hand.ctx.yield_(2)
+    change(hand, viewer, lambda: viewer._do("remove"))
+    assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [1.0, 1.0]
 
 
 def test_the_weaker_lamps_together_cannot_be_edited(play):

@@ -1,7 +1,5 @@
 """Objects in the panel: selection, poses in numbers, rest on the floor; cameras that show them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,9 +9,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.session.free_place import lowered_pose
-from app.session.opening import Opening
-from app.session.undo import History
-from app.settings import Settings
+from app.session.session import History
 from app.window.actions import objects as actions
 from app.window.panel.objects import angles_of, turned
 from app.window.panel.widgets import unsigned_zero
@@ -22,121 +18,108 @@ from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.projection import projected
-from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
+from tests.support.scene_builders import merge, quad
+from tests.support.viewer_hand import BLOCK_FRONT, in_window, keys
 
-pytest_plugins = ["tests.support.viewer_fixtures"]
 
-
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
-def test_there_is_one_selection_and_it_has_an_outline(play):
+@in_window()
+def test_there_is_one_selection_and_it_has_an_outline(hand, viewer):
     """After a click on an object and then a wall, Remove was for the object and Material for the wall."""
     K, wall, block, beside = keys(), (0.0, 0.5, 0.5), BLOCK_FRONT, (0.5, 1.1, 1.0)
+    ctx, viewport, session = hand.ctx, viewer.viewport, viewer.session
 
-    def script(hand, viewer):
-        ctx, viewport, session = hand.ctx, viewer.viewport, viewer.session
+    def click(point) -> None:
+        ctx.mouse_move_to_pos(hand.at(point))
+        ctx.mouse_click(0)
+        ctx.yield_(3)
 
-        def click(point) -> None:
-            ctx.mouse_move_to_pos(hand.at(point))
-            ctx.mouse_click(0)
-            ctx.yield_(3)
+    def picture():
+        ctx.mouse_move("//Panel/Objects")  # nothing is under the cursor
+        return hand.pixels().astype(int)
 
-        def picture():
-            ctx.mouse_move("//Panel/Objects")  # nothing is under the cursor
-            return hand.pixels().astype(int)
+    def may(button: str) -> bool:
+        return not ctx.item_info(f"//Panel/{button}").item_flags & imgui.ItemFlags_.disabled
 
-        def may(button: str) -> bool:
-            return not ctx.item_info(f"//Panel/{button}").item_flags & imgui.ItemFlags_.disabled
-
-        hand.wait_for_light()
-        click(beside)
-        assert viewport.selection == () and viewport.clicked is None and viewport.surface == ""
-        bare = picture()
+    click(beside)
+    assert viewport.selection == () and viewport.clicked is None and viewport.surface == ""
+    bare = picture()
+    click(wall)
+    assert viewport.selection == () and viewport.surface == "red"
+    assert not any(map(may, ("Duplicate", "Remove", "Make static"))) and may("Make movable")
+    of_wall = (picture() != bare).any(axis=2)
+    click(block)
+    assert viewport.selection == ("block",) and viewport.surface == "block"
+    assert all(map(may, ("Duplicate", "Remove", "Make static"))) and not may("Make movable")
+    of_block = (picture() != bare).any(axis=2)
+    assert 100 < of_wall.sum() < 5000 and 100 < of_block.sum() < 5000 and not (of_wall & of_block).any()
+    for modifier in (K.mod_ctrl, K.mod_shift):
+        ctx.key_down(modifier)
         click(wall)
-        assert viewport.selection == () and viewport.surface == "red"
-        assert not any(map(may, ("Duplicate", "Remove", "Make static"))) and may("Make movable")
-        of_wall = (picture() != bare).any(axis=2)
-        click(block)
-        assert viewport.selection == ("block",) and viewport.surface == "block"
-        assert all(map(may, ("Duplicate", "Remove", "Make static"))) and not may("Make movable")
-        of_block = (picture() != bare).any(axis=2)
-        assert 100 < of_wall.sum() < 5000 and 100 < of_block.sum() < 5000 and not (of_wall & of_block).any()
-        for modifier in (K.mod_ctrl, K.mod_shift):
-            ctx.key_down(modifier)
-            click(wall)
-            ctx.key_up(modifier)
-            assert viewport.selection == ("block",) and viewport.clicked is None
-        click(wall)
-        ctx.set_ref("Panel")
-        ctx.item_click("**/block")
+        ctx.key_up(modifier)
         assert viewport.selection == ("block",) and viewport.clicked is None
-        click(wall)
-        hand.press(K.f5)
-        hand.wait(lambda: viewer.session is not session)
-        hand.wait_for_light()
-        assert viewport.selection == () and viewport.surface == "red", "a reload keeps the selection"
-        assert not viewport.look(outlined=False).outlined and viewport.look(outlined=False).surface is None
+    click(wall)
+    ctx.set_ref("Panel")
+    ctx.item_click("**/block")
+    assert viewport.selection == ("block",) and viewport.clicked is None
+    click(wall)
+    hand.press(K.f5)
+    hand.wait(lambda: viewer.session is not session)
+    hand.wait_for_light()
+    assert viewport.selection == () and viewport.surface == "red", "a reload keeps the selection"
+    assert not viewport.look(outlined=False).outlined and viewport.look(outlined=False).surface is None
 
-    play(script)
 
-
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
-def test_an_object_is_selected_and_moved_by_numbers(play):
+@in_window()
+def test_an_object_is_selected_and_moved_by_numbers(hand, viewer):
     K = keys()
+    session, ctx, viewport = viewer.session, hand.ctx, viewer.viewport
+    start = session.poses["block"]
+    ctx.set_ref("Panel")
+    ctx.item_click("**/block")
+    assert viewport.selection == ("block",)
+    ctx.item_input_value("##Position x", 0.62)
+    hand.wait_for_light()
+    assert session.poses["block"].position == (0.62, *start.position[1:]) and not session.motion.dragging
+    ctx.item_input_value("##Rotation y", 30.0)
+    hand.wait_for_light()
+    turned_by = session.poses["block"]
+    assert angles_of(turned_by) == pytest.approx((0.0, 30.0, 0.0), abs=1e-6)
+    assert hand.light_is_that_from_scratch()
 
-    def script(hand, viewer):
-        session, ctx, viewport = viewer.session, hand.ctx, viewer.viewport
-        hand.wait_for_light()
-        start = session.poses["block"]
-        ctx.set_ref("Panel")
-        ctx.item_click("**/block")
-        assert viewport.selection == ("block",)
-        ctx.item_input_value("##Position x", 0.62)
-        hand.wait_for_light()
-        assert session.poses["block"].position == (0.62, *start.position[1:]) and not session.motion.dragging
-        ctx.item_input_value("##Rotation y", 30.0)
-        hand.wait_for_light()
-        turned_by = session.poses["block"]
-        assert angles_of(turned_by) == pytest.approx((0.0, 30.0, 0.0), abs=1e-6)
-        assert hand.light_is_that_from_scratch()
+    ctx.item_click("Rest on floor")
+    hand.wait_for_light()
+    rested = session.poses["block"]
+    assert rested.position[1] == pytest.approx(0.12, abs=1e-4)
+    assert (rested.position[0], rested.quaternion) == (turned_by.position[0], turned_by.quaternion)
+    for before in (turned_by, Pose((0.62, *start.position[1:])), start):
+        hand.press(int(K.mod_ctrl) | int(K.z))
+        assert session.poses["block"] == before, "each edit is one step"
+    hand.press(int(K.mod_ctrl) | int(K.y))
+    hand.wait_for_light()
 
-        ctx.item_click("Rest on floor")
-        hand.wait_for_light()
-        rested = session.poses["block"]
-        assert rested.position[1] == pytest.approx(0.12, abs=1e-4)
-        assert (rested.position[0], rested.quaternion) == (turned_by.position[0], turned_by.quaternion)
-        for before in (turned_by, Pose((0.62, *start.position[1:])), start):
-            hand.press(int(K.mod_ctrl) | int(K.z))
-            assert session.poses["block"] == before, "each edit is one step"
-        hand.press(int(K.mod_ctrl) | int(K.y))
-        hand.wait_for_light()
+    # Cameras: the object fills a good part of the picture, in its middle; from above; and back.
+    hand.press(K.f)
+    hand.wait(lambda: viewport.control.flight is None)
+    centre = session.poses["block"].position
+    assert projected(viewport.view.camera, centre, viewport.view.aspect) == pytest.approx((0.5, 0.5), abs=1e-6)
+    view = viewport.view
+    above, below = (projected(view.camera, (centre[0], y, centre[2]), view.aspect)[1] for y in (0.42, 0.18))
+    assert 0.3 < below - above < 0.8
+    viewer._do("top")
+    hand.wait(lambda: viewport.control.flight is None)
+    assert viewport.view.camera.basis()[2] @ (0, -1, 0) > 0.999
+    viewer._do("side")
+    hand.wait(lambda: viewport.control.flight is None)
+    assert abs(viewport.view.camera.basis()[2] @ (1, 0, 0)) == pytest.approx(1.0, abs=1e-9)
+    hand.press(K.home)
+    hand.wait(lambda: viewport.control.flight is None)
+    assert viewport.view.camera == viewport.control.home
 
-        # Cameras: the object fills a good part of the picture, in its middle; from above; and back.
-        hand.press(K.f)
-        hand.wait(lambda: viewport.control.flight is None)
-        centre = session.poses["block"].position
-        assert projected(viewport.view.camera, centre, viewport.view.aspect) == pytest.approx((0.5, 0.5), abs=1e-6)
-        view = viewport.view
-        above, below = (projected(view.camera, (centre[0], y, centre[2]), view.aspect)[1] for y in (0.42, 0.18))
-        assert 0.3 < below - above < 0.8
-        viewer._do("top")
-        hand.wait(lambda: viewport.control.flight is None)
-        assert viewport.view.camera.basis()[2] @ (0, -1, 0) > 0.999
-        viewer._do("side")
-        hand.wait(lambda: viewport.control.flight is None)
-        assert abs(viewport.view.camera.basis()[2] @ (1, 0, 0)) == pytest.approx(1.0, abs=1e-9)
-        hand.press(K.home)
-        hand.wait(lambda: viewport.control.flight is None)
-        assert viewport.view.camera == viewport.control.home
-
-        ctx.set_ref("Panel")
-        ctx.item_input_value("##Position y", float("nan"))
-        ctx.item_input_value("##Position z", 1e30)
-        hand.wait_for_light()
-        assert np.isfinite(session.irradiance).all() and np.isfinite(session.poses["block"].position).all()
-
-    play(script)
+    ctx.set_ref("Panel")
+    ctx.item_input_value("##Position y", float("nan"))
+    ctx.item_input_value("##Position z", 1e30)
+    hand.wait_for_light()
+    assert np.isfinite(session.irradiance).all() and np.isfinite(session.poses["block"].position).all()
 
 
 def two_blocks():
@@ -149,101 +132,91 @@ def two_blocks():
     return replace(room, mobiles=(left, right))
 
 
-def open_edited(settings: Settings, before=None) -> Opening:
-    return Opening(settings, load=lambda _: two_blocks(), before=before)
-
-
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
-def test_several_objects_are_selected_and_move_as_one(play):
+@in_window(scene=two_blocks)
+def test_several_objects_are_selected_and_move_as_one(hand, viewer):
     K = keys()
     undo = int(K.mod_ctrl) | int(K.z)
+    session, ctx, viewport = viewer.session, hand.ctx, viewer.viewport
+    start = session.poses
 
-    def script(hand, viewer):
-        session, ctx, viewport = viewer.session, hand.ctx, viewer.viewport
-        hand.wait_for_light()
-        start = session.poses
+    def front(name):
+        x, y, z = session.poses[name].position
+        return hand.at((x, y, z + 0.12))
 
-        def front(name):
-            x, y, z = session.poses[name].position
-            return hand.at((x, y, z + 0.12))
+    def click(name, modifier=None):
+        hand.drag(front(name), front(name), modifier=modifier, steps=1)
 
-        def click(name, modifier=None):
-            hand.drag(front(name), front(name), modifier=modifier, steps=1)
+    click("left")
+    assert viewport.selection == ("left",)
+    click("right", K.mod_ctrl)
+    assert viewport.selection == ("left", "right") and viewport._marked == ((1, 2), -1, "", 0.0)
+    click("right", K.mod_ctrl)
+    assert viewport.selection == ("left",)
+    click("right", K.mod_shift)
+    click("right", K.mod_shift)
+    assert viewport.selection == ("left", "right") and session.poses == start and not viewer.session.history.undo()
 
-        click("left")
-        assert viewport.selection == ("left",)
-        click("right", K.mod_ctrl)
-        assert viewport.selection == ("left", "right") and viewport._marked == ((1, 2), -1, "", 0.0)
-        click("right", K.mod_ctrl)
-        assert viewport.selection == ("left",)
-        click("right", K.mod_shift)
-        click("right", K.mod_shift)
-        assert viewport.selection == ("left", "right") and session.poses == start and not viewer.session.history.undo()
-
-        # A drag of one of them moves both; one step of undo.
-        at = front("left")
-        hand.drag(at, (at[0] + 30, at[1]))
-        shifts = [np.subtract(session.poses[name].position, start[name].position) for name in start]
-        assert shifts[0][0] > 0.02 and np.array_equal(*np.round(shifts, 12)) and viewport.selection == ("left", "right")
-        slid = session.poses
-        at = front("right")
-        hand.drag(at, (at[0] + 40, at[1]), modifier=K.mod_ctrl)
-        turned_by = session.poses
-        assert turned_by["left"].quaternion == pytest.approx(turned_by["right"].quaternion)
-        middle, now = (np.mean([p.position for p in poses.values()], axis=0) for poses in (slid, turned_by))
-        assert now == pytest.approx(middle, abs=1e-9) and turned_by["left"].position[2] != slid["left"].position[2]
-        assert hand.light_is_that_from_scratch()
-        for before in (slid, start):
-            hand.press(undo)
-            assert session.poses == before
-
-        # Numbers, rest on the floor, the list.
-        ctx.set_ref("Panel")
-        ctx.item_input_value("##Position z", 0.55)
-        hand.wait_for_light()
-        assert [p.position[2] for p in session.poses.values()] == pytest.approx([0.55, 0.55])
-        ctx.item_click("Rest on floor")
-        hand.wait_for_light()
-        assert [p.position[1] for p in session.poses.values()] == pytest.approx([0.12, 0.12], abs=1e-4)
+    # A drag of one of them moves both; one step of undo.
+    at = front("left")
+    hand.drag(at, (at[0] + 30, at[1]))
+    shifts = [np.subtract(session.poses[name].position, start[name].position) for name in start]
+    assert shifts[0][0] > 0.02 and np.array_equal(*np.round(shifts, 12)) and viewport.selection == ("left", "right")
+    slid = session.poses
+    at = front("right")
+    hand.drag(at, (at[0] + 40, at[1]), modifier=K.mod_ctrl)
+    turned_by = session.poses
+    assert turned_by["left"].quaternion == pytest.approx(turned_by["right"].quaternion)
+    middle, now = (np.mean([p.position for p in poses.values()], axis=0) for poses in (slid, turned_by))
+    assert now == pytest.approx(middle, abs=1e-9) and turned_by["left"].position[2] != slid["left"].position[2]
+    assert hand.light_is_that_from_scratch()
+    for before in (slid, start):
         hand.press(undo)
-        hand.press(undo)
-        assert session.poses == start
-        ctx.item_click("**/left")
-        assert viewport.selection == ("left",)
-        ctx.key_down(K.mod_shift)
-        ctx.item_click("**/right")
-        ctx.key_up(K.mod_shift)
-        assert viewport.selection == ("left", "right")
-        ctx.key_down(K.mod_ctrl)
-        ctx.item_click("**/left")
-        ctx.key_up(K.mod_ctrl)
-        assert viewport.selection == ("right",)
-        hand.press(int(K.mod_ctrl) | int(K.a))
-        assert viewport.selection == ("left", "right")
+        assert session.poses == before
 
-        # Copies and removal, each one step.
-        viewer._do("duplicate")
-        hand.wait(lambda: viewer.session is not session)
-        hand.wait_for_light()
-        copied = viewer.session
-        assert list(copied.poses) == ["left", "right", "left 2", "right 2"]
-        shifts = [np.subtract(copied.poses[f"{name} 2"].position, start[name].position) for name in start]
-        assert np.allclose(shifts[0], shifts[1]), "copies keep their places to each other"
-        assert np.abs(shifts[0]).max() == pytest.approx(1.05 * 0.24), "beside along z, as there is no room along x"
-        assert viewport.selection == ("left 2", "right 2")
-        viewport.select(("left", "right"))
-        viewer._do("remove")
-        hand.wait(lambda: viewer.session is not copied)
-        hand.wait_for_light()
-        removed = viewer.session
-        assert list(removed.poses) == ["left 2", "right 2"] and viewport.selection == ()
-        hand.press(undo)
-        hand.wait(lambda: viewer.session is not removed)
-        hand.wait_for_light()
-        assert viewer.session.poses == copied.poses and viewport.selection == ("left", "right")
+    # Numbers, rest on the floor, the list.
+    ctx.set_ref("Panel")
+    ctx.item_input_value("##Position z", 0.55)
+    hand.wait_for_light()
+    assert [p.position[2] for p in session.poses.values()] == pytest.approx([0.55, 0.55])
+    ctx.item_click("Rest on floor")
+    hand.wait_for_light()
+    assert [p.position[1] for p in session.poses.values()] == pytest.approx([0.12, 0.12], abs=1e-4)
+    hand.press(undo)
+    hand.press(undo)
+    assert session.poses == start
+    ctx.item_click("**/left")
+    assert viewport.selection == ("left",)
+    ctx.key_down(K.mod_shift)
+    ctx.item_click("**/right")
+    ctx.key_up(K.mod_shift)
+    assert viewport.selection == ("left", "right")
+    ctx.key_down(K.mod_ctrl)
+    ctx.item_click("**/left")
+    ctx.key_up(K.mod_ctrl)
+    assert viewport.selection == ("right",)
+    hand.press(int(K.mod_ctrl) | int(K.a))
+    assert viewport.selection == ("left", "right")
 
-    assert errors(play(script, open_with=open_edited)) == []
+    # Copies and removal, each one step.
+    viewer._do("duplicate")
+    hand.wait(lambda: viewer.session is not session)
+    hand.wait_for_light()
+    copied = viewer.session
+    assert list(copied.poses) == ["left", "right", "left 2", "right 2"]
+    shifts = [np.subtract(copied.poses[f"{name} 2"].position, start[name].position) for name in start]
+    assert np.allclose(shifts[0], shifts[1]), "copies keep their places to each other"
+    assert np.abs(shifts[0]).max() == pytest.approx(1.05 * 0.24), "beside along z, as there is no room along x"
+    assert viewport.selection == ("left 2", "right 2")
+    viewport.select(("left", "right"))
+    viewer._do("remove")
+    hand.wait(lambda: viewer.session is not copied)
+    hand.wait_for_light()
+    removed = viewer.session
+    assert list(removed.poses) == ["left 2", "right 2"] and viewport.selection == ()
+    hand.press(undo)
+    hand.wait(lambda: viewer.session is not removed)
+    hand.wait_for_light()
+    assert viewer.session.poses == copied.poses and viewport.selection == ("left", "right")
 
 
 def test_the_lower_of_two_objects_rests_first():
@@ -277,9 +250,12 @@ def test_angles_are_those_of_the_rotation():
         assert np.abs(least).sum() < np.abs((x, y, z)).sum() + 1e-9
 
 
-@pytest.mark.parametrize("height", [0.1, 0.3, 0.7])
-def test_an_object_rests_on_the_floor_from_above_and_from_just_inside(height):
-    model = Solver(support.room(4), photons=10, radius=0.1).model
+@pytest.mark.parametrize("height, far", [(0.1, 0.0), (0.3, 0.0), (0.7, 0.0), (0.7, 448e3)])
+def test_an_object_rests_on_the_floor_from_above_and_from_just_inside(height, far):
+    """far [m]: of a stray triangle, with which it hung 4.5 m above the floor."""
+    scene = support.room(4)
+    stray = [quad((far, 0, 0), (1, 0, 0), (0, 0, 1))] if far else []
+    model = Solver(replace(scene, static=merge(scene.static, *stray)), photons=10, radius=0.1).model
     tilted = multiply_quaternions(axis_angle((0, 0, 1), 45.0), (1.0, 0.0, 0.0, 0.0))
     upright, edge = (
         lowered_pose(model, {"block": Pose((0.5, height, 0.5), q)}, "block") for q in ((1.0, 0.0, 0.0, 0.0), tilted)

@@ -1,7 +1,5 @@
 """The light under the cursor, in the window."""
 
-from __future__ import annotations
-
 import math
 import threading
 from dataclasses import replace
@@ -19,10 +17,7 @@ from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
 from tests.support import viewer_support as support
 from tests.support.scene_builders import merge, quad
-from tests.support.viewer_hand import errors, keys
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+from tests.support.viewer_hand import errors, in_window, keys
 
 INTENSITY, HEIGHT = 500.0, 2.0  # [cd], [m]
 
@@ -44,181 +39,170 @@ def lamp_over_floor() -> Scene:
     )
 
 
-def test_illuminance_under_the_cursor_is_the_closed_form(play, monkeypatch):
+@in_window(scene=lamp_over_floor, light="best")
+def test_illuminance_under_the_cursor_is_the_closed_form(hand, viewer, monkeypatch):
     """Gathered direct light is exact at vertices. One ray per new place, none while the mouse rests."""
     from app.draw.picking import Picker
-    from app.window import overlay
 
     written, draw, rays, pick = [], overlay.draw_status, [], Picker.pick
     monkeypatch.setattr(overlay, "draw_status", lambda *given: (written.append(given[1]), draw(*given)))
     monkeypatch.setattr(Picker, "pick", lambda *given: (rays.append(1), pick(*given))[1])
+    viewport = viewer.viewport
+    hand.wait(lambda: viewer.session.light.all_done)
+    for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
+        hand.move(hand.at((x, y, 0.0)))
+        E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
+        reading = viewport.pointer.reading
+        assert reading.irradiance == pytest.approx(E, rel=0.02)
+        assert reading.radiance == pytest.approx(0.5 * reading.irradiance / math.pi, rel=1e-5)
+    written.clear()
+    rays.clear()
+    hand.ctx.yield_(10)
+    assert not rays, "the mouse rests"
+    text = viewport.pointer.reading.text()
+    assert written.count(text) >= 10
+    assert " lx  ·  luminance " in text and text.endswith("static part, oak")
 
-    def script(hand, viewer):
-        viewport = viewer.viewport
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.session.light.all_done)
-        for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
-            hand.move(hand.at((x, y, 0.0)))
-            E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
-            reading = viewport.pointer.reading
-            assert reading.irradiance == pytest.approx(E, rel=0.02)
-            assert reading.radiance == pytest.approx(0.5 * reading.irradiance / math.pi, rel=1e-5)
-        written.clear()
-        rays.clear()
-        hand.ctx.yield_(10)
-        assert not rays, "the mouse rests"
-        text = viewport.pointer.reading.text()
-        assert written.count(text) >= 10
-        assert " lx  ·  luminance " in text and text.endswith("static part, oak")
-
-        tile = hand.at((1.4, 1.2, 0.01))
-        size = viewport.view.size
-        hand.move(tile)
-        assert (viewport.pointer.reading.object, viewport.pointer.reading.material) == ("tile", "slate")
-        hand.ctx.mouse_down(0)
-        hand.move((tile[0] - 30, tile[1]))
-        assert viewport.mobile_drag.grab is not None and viewport.readout() == ""
-        hand.ctx.mouse_up(0)
-        hand.ctx.yield_(3)
-        assert viewport.readout() and viewport.view.size == size
-        hand.move((viewport.view.origin[0] + 3, viewport.view.origin[1] + 3))
-        assert viewport.pointer.reading is None, "no surface"
-
-    settings = replace(support.SETTINGS, light="best")
-    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+    tile = hand.at((1.4, 1.2, 0.01))
+    size = viewport.view.size
+    hand.move(tile)
+    assert (viewport.pointer.reading.object, viewport.pointer.reading.material) == ("tile", "slate")
+    hand.ctx.mouse_down(0)
+    hand.move((tile[0] - 30, tile[1]))
+    assert viewport.mobile_drag.grab is not None and viewport.readout() == ""
+    hand.ctx.mouse_up(0)
+    hand.ctx.yield_(3)
+    assert viewport.readout() and viewport.view.size == size
+    hand.move((viewport.view.origin[0] + 3, viewport.view.origin[1] + 3))
+    assert viewport.pointer.reading is None, "no surface"
 
 
-def test_each_side_of_a_wipe_reads_its_own_light(play):
-    def script(hand, viewer):
-        viewport = viewer.viewport
-        hand.wait_for_light()
-        hand.open_research()
-        hand.ctx.combo_click("##Compare with/Photon map")
-        hand.wait(lambda: len(viewport.shown.sides) == 2)
-        sides = viewport.shown.sides
-        for side, x in zip(sides, (-0.3, 0.3), strict=True):
-            at = hand.at((x, 0.0, 0.0))
-            assert (at[0] - viewport.view.origin[0]) / viewport.view.size[0] == pytest.approx(0.5, abs=0.4)
-            hand.move(at)
-            light = viewport.pointer.reading.irradiance
-            viewport.shown = viewport.shown._replace(sides=(side._replace(irradiance=2 * side.irradiance),) * 2)
-            hand.move((at[0] + 1, at[1]))
-            hand.move(at)
-            assert viewport.pointer.reading.irradiance == pytest.approx(2 * light, rel=1e-6)
-            viewport.shown = viewport.shown._replace(sides=sides)
-
-    assert errors(play(script, replace(support.SETTINGS), support.opening(lamp_over_floor()))) == []
+@in_window(scene=lamp_over_floor)
+def test_each_side_of_a_wipe_reads_its_own_light(hand, viewer):
+    viewport = viewer.viewport
+    hand.open_research()
+    hand.ctx.combo_click("##Compare with/Photon map")
+    hand.wait(lambda: len(viewport.shown.sides) == 2)
+    sides = viewport.shown.sides
+    for side, x in zip(sides, (-0.3, 0.3), strict=True):
+        at = hand.at((x, 0.0, 0.0))
+        assert (at[0] - viewport.view.origin[0]) / viewport.view.size[0] == pytest.approx(0.5, abs=0.4)
+        hand.move(at)
+        light = viewport.pointer.reading.irradiance
+        brighter = side.drawn._replace(irradiance=2 * side.drawn.irradiance)
+        viewport.shown = viewport.shown._replace(sides=(side._replace(drawn=brighter),) * 2)
+        hand.move((at[0] + 1, at[1]))
+        hand.move(at)
+        assert viewport.pointer.reading.irradiance == pytest.approx(2 * light, rel=1e-6)
+        viewport.shown = viewport.shown._replace(sides=sides)
 
 
-def test_units_are_chosen_in_the_panel(play, folder):
+@in_window(scene=lambda: replace(lamp_over_floor(), units="radiometric"))
+def test_units_are_chosen_in_the_panel(hand, viewer, folder):
     """Read-out, lamps, saved scene and false colours follow at once; the light stays, and another scene has its own."""
     from app.session.reload import settings_for
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        light, viewport = viewer.session.irradiance, viewer.viewport
-        hand.move(hand.at((0.3, -0.2, 0.0)))
-        assert " W/m²" in viewport.readout() and viewport.picture.units.per_area == "W/m²"
-        hand.ctx.set_ref("Panel")
-        hand.ctx.combo_click("##Units/lx, cd\\/m², lm")
-        hand.move(hand.at((0.3, -0.2, 0.0)))
-        assert " lx  ·  luminance" in viewport.readout()
-        assert viewport.picture.units.per_area == "lx" and viewer.session.irradiance is light
-        saved_scene.write(folder / "saved.toml", viewer.session.settings)
-        assert saved_scene.read(str(folder / "saved.toml")).units == "photometric"
-        assert "--units photometric" in viewer.files.command(viewer.session, viewport)
-        assert settings_for(viewer.session, "cornell", ()).units is None
-        hand.ctx.combo_click("##Units/W\\/m², W\\/m²\\/sr, W")
-        hand.ctx.yield_(2)
-        assert viewer.session.scene.units == "radiometric"
-
-    scene = replace(lamp_over_floor(), units="radiometric")
-    assert errors(play(script, replace(support.SETTINGS), support.opening(scene))) == []
+    light, viewport = viewer.session.irradiance, viewer.viewport
+    hand.move(hand.at((0.3, -0.2, 0.0)))
+    assert " W/m²" in viewport.readout() and viewport.picture.units.per_area == "W/m²"
+    hand.ctx.set_ref("Panel")
+    hand.ctx.combo_click("##Units/lx, cd\\/m², lm")
+    hand.move(hand.at((0.3, -0.2, 0.0)))
+    assert " lx  ·  luminance" in viewport.readout()
+    assert viewport.picture.units.per_area == "lx" and viewer.session.irradiance is light
+    saved_scene.write(folder / "saved.toml", viewer.session.settings)
+    assert saved_scene.read(str(folder / "saved.toml")).units == "photometric"
+    assert "--units photometric" in viewer.files.command(viewer.session, viewport)
+    assert settings_for(viewer.session, "cornell", ()).units is None
+    hand.ctx.combo_click("##Units/W\\/m², W\\/m²\\/sr, W")
+    hand.ctx.yield_(2)
+    assert viewer.session.scene.units == "radiometric"
 
 
-def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play):
+@in_window(scene=lamp_over_floor, light="best")
+def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(hand, viewer):
     """A pixel has the colour of the illuminance at its place. The scale is fitted at rest, not during a drag."""
     from app.draw.colour_map import sequential_colours
 
-    def script(hand, viewer):
-        viewport = viewer.viewport
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.session.light.all_done)
-        assert viewport.picture.scale is None
-        hand.ctx.set_ref("Panel")
-        hand.ctx.combo_click("##Show/Illuminance in lx")
-        hand.wait(lambda: viewport.picture.scale is not None)
-        hand.ctx.yield_(25)
-        scale, picture = viewport.picture.scale, hand.pixels()
-        assert scale.high > 100 and viewport.picture.units.per_area == "lx"
-        for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
-            E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
-            expected = 255 * sequential_colours(scale.position(np.array([E])))[0]
-            column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
-            assert np.abs(picture[row, column] - expected).max() <= 6, (E, picture[row, column])
-
-        hand.press(keys().p)
-        saved = np.asarray(Image.open("gi-viewer-001.png"))
-        top, left = (round(0.4 * n) for n in saved.shape[:2])
-        assert saved.shape == picture.shape and np.abs(saved[:top, :left].astype(int) - picture[:top, :left]).mean() < 2
-        plate = (saved[top:, left:].max(axis=2) < 40).mean()
-        assert plate > 0.05 and (picture[top:, left:].max(axis=2) < 40).mean() < plate / 2, "the legend is in the file"
-
-        read, settings = viewport.read, viewer.session.settings
-        viewport.read = lambda at_rest: read(False)  # the scale of another lamp does not wait for rest
-        viewer.session.want(replace(settings, lamps=(LampLevel("lamp", 0.25),)))
-        hand.wait(lambda: viewport.picture.scale.high < 0.5 * scale.high)
-        viewer.session.want(settings)
-        hand.wait(lambda: viewport.picture.scale == scale)
-        viewport.read = read
-        tile = hand.at((1.4, 1.2, 0.01))
-        hand.move(tile)
-        hand.ctx.mouse_down(0)
-        viewer.viewport.scale_fit.scale = kept = scale._replace(high=4 * scale.high)
-        for k in range(4):
-            hand.move((tile[0] - 10 * k, tile[1]))
-            assert viewport.picture.scale is kept
-        hand.ctx.mouse_up(0)
-        hand.wait(lambda: viewport.picture.scale == scale)
-
-        viewer.session.want(replace(viewer.session.settings, illuminance_range=(10.0, 1000.0)))
-        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
-
-        # Luminance of the diffuse floor, without a lamp in view: rho E / pi.
-        hand.ctx.combo_click("##Show/Luminance in cd\\/m²")
-        hand.wait(lambda: viewport.picture.scale is not None and viewport.picture.scale.quantity == "luminance")
-        hand.ctx.yield_(25)
-        scale, picture = viewport.picture.scale, hand.pixels()
-        assert viewport.legend.lines[0] == "Luminance [cd/m²]"
-        for x, y in ((0.33, -0.21), (-0.9, 0.62)):
-            L = 0.5 * closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y)) / math.pi
-            expected = 255 * sequential_colours(scale.position(np.array([L])))[0]
-            column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
-            assert np.abs(picture[row, column] - expected).max() <= 6, (L, picture[row, column])
-        hand.ctx.combo_click("##Show/Illuminance in lx")
-        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
-
-        # Lines of equal light are circles about the lamp's foot, on known radii.
-        hand.ctx.item_check("Isolines")
-        hand.ctx.item_input_value("##isolines", "60, 100")
-        hand.wait(lambda: viewport.picture.scale.lines == (60.0, 100.0))
-        hand.ctx.yield_(25)
-        lined = hand.pixels().astype(int)
-        for E in (60.0, 100.0):
-            radius = math.sqrt((INTENSITY * HEIGHT / E) ** (2 / 3) - HEIGHT**2)
-            for turn in (0.3, 2.0, 4.4):
-                at = hand.at((radius * math.cos(turn), radius * math.sin(turn), 0.0))
-                column, row = (int(c - o) for c, o in zip(at, viewport.view.origin, strict=True))
-                assert lined[row - 2 : row + 3, column - 2 : column + 3].min(axis=2).max() > 180, (E, turn)
-        beside = hand.at((0.0, 0.0, 0.0))
-        column, row = (int(c - o) for c, o in zip(beside, viewport.view.origin, strict=True))
-        assert lined[row, column].min() < 170, "no line where the light has another value"
-
     settings = replace(support.SETTINGS, light="best")
-    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+    viewport = viewer.viewport
+    hand.wait(lambda: viewer.session.light.all_done)
+    assert viewport.picture.scale is None
+    hand.ctx.set_ref("Panel")
+    hand.ctx.combo_click("##Show/Illuminance in lx")
+    hand.wait(lambda: viewport.picture.scale is not None)
+    hand.ctx.yield_(25)
+    scale, picture = viewport.picture.scale, hand.pixels()
+    assert scale.high > 100 and viewport.picture.units.per_area == "lx"
+    for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
+        E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
+        expected = 255 * sequential_colours(scale.position(np.array([E])))[0]
+        column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
+        assert np.abs(picture[row, column] - expected).max() <= 6, (E, picture[row, column])
+
+    hand.press(keys().p)
+    saved = np.asarray(Image.open("gi-viewer-001.png"))
+    top, left = (round(0.4 * n) for n in saved.shape[:2])
+    assert saved.shape == picture.shape and np.abs(saved[:top, :left].astype(int) - picture[:top, :left]).mean() < 2
+    plate = (saved[top:, left:].max(axis=2) < 40).mean()
+    assert plate > 0.05 and (picture[top:, left:].max(axis=2) < 40).mean() < plate / 2, "the legend is in the file"
+
+    read, settings = viewport.read, viewer.session.settings
+    viewport.read = lambda at_rest: read(False)  # the scale of another lamp does not wait for rest
+    viewer.session.want(replace(settings, lamps=(LampLevel("lamp", 0.25),)))
+    hand.wait(lambda: viewport.picture.scale.high < 0.5 * scale.high)
+    viewer.session.want(settings)
+    hand.wait(lambda: viewport.picture.scale == scale)
+    viewport.read = read
+    tile = hand.at((1.4, 1.2, 0.01))
+    hand.move(tile)
+    hand.ctx.mouse_down(0)
+    viewer.viewport.scale_fit.scale = kept = scale._replace(high=4 * scale.high)
+    for k in range(4):
+        hand.move((tile[0] - 10 * k, tile[1]))
+        assert viewport.picture.scale is kept
+    hand.ctx.mouse_up(0)
+    hand.wait(lambda: viewport.picture.scale == scale)
+
+    viewer.session.want(replace(viewer.session.settings, illuminance_range=(10.0, 1000.0)))
+    hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
+
+    # Luminance of the diffuse floor, without a lamp in view: rho E / pi.
+    hand.ctx.combo_click("##Show/Luminance in cd\\/m²")
+    hand.wait(lambda: viewport.picture.scale is not None and viewport.picture.scale.quantity == "luminance")
+    hand.ctx.yield_(25)
+    scale, picture = viewport.picture.scale, hand.pixels()
+    assert viewport.legend.lines[0] == "Luminance [cd/m²]"
+    for x, y in ((0.33, -0.21), (-0.9, 0.62)):
+        L = 0.5 * closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y)) / math.pi
+        expected = 255 * sequential_colours(scale.position(np.array([L])))[0]
+        column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
+        assert np.abs(picture[row, column] - expected).max() <= 6, (L, picture[row, column])
+    hand.ctx.combo_click("##Show/Illuminance in lx")
+    hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
+
+    # Lines of equal light are circles about the lamp's foot, on known radii.
+    hand.ctx.item_check("Isolines")
+    hand.ctx.item_input_value("##isolines", "60, 100")
+    hand.wait(lambda: viewport.picture.scale.lines == (60.0, 100.0))
+    hand.ctx.item_input_value("##isolines", "60; many")
+    hand.ctx.yield_(3)
+    assert viewer.log.last.text == "isolines: they must be auto, or up to 16 numbers over 0: E1,E2,..., got 60,many"
+    hand.ctx.yield_(25)
+    lined = hand.pixels().astype(int)
+    for E in (60.0, 100.0):
+        radius = math.sqrt((INTENSITY * HEIGHT / E) ** (2 / 3) - HEIGHT**2)
+        for turn in (0.3, 2.0, 4.4):
+            at = hand.at((radius * math.cos(turn), radius * math.sin(turn), 0.0))
+            column, row = (int(c - o) for c, o in zip(at, viewport.view.origin, strict=True))
+            assert lined[row - 2 : row + 3, column - 2 : column + 3].min(axis=2).max() > 180, (E, turn)
+    beside = hand.at((0.0, 0.0, 0.0))
+    column, row = (int(c - o) for c, o in zip(beside, viewport.view.origin, strict=True))
+    assert lined[row, column].min() < 170, "no line where the light has another value"
 
 
-def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
+@in_window(scene=lamp_over_floor, show="illuminance", lit=False)
+def test_nothing_is_measured_again_while_false_colours_rest(hand, viewer, monkeypatch):
     from app.window import scale_fit as module
 
     calls, visible = [], module.visible_light
@@ -228,24 +212,20 @@ def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
         return visible(*given)
 
     monkeypatch.setattr(module, "visible_light", counted)
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.session.light.all_done)
-        hand.ctx.yield_(30)
-        assert set(calls) == {"false colours"}, "the window's thread fits none"
-        calls.clear()
-        hand.ctx.yield_(30)
-        assert not calls and viewer._is_still
-        for _ in range(5):  # the wheel turns
-            viewer.viewport.view.camera = viewer.viewport.view.camera.dolly(0.2)
-            hand.ctx.yield_()
-        hand.ctx.yield_(30)
-        assert len(calls) == 1
-
-    monkeypatch.setattr("app.window.frame_clock.LINGER", 0.0)
-    settings = replace(support.SETTINGS, show="illuminance")
-    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    viewer.clock.awake_until = 0.0  # of earlier input
+    hand.wait_for_light()
+    hand.wait(lambda: viewer.session.light.all_done)
+    hand.ctx.yield_(30)
+    assert set(calls) == {"false colours"}, "the window's thread fits none"
+    calls.clear()
+    hand.ctx.yield_(30)
+    assert not calls and viewer._is_still
+    for _ in range(5):  # the wheel turns
+        viewer.viewport.view.camera = viewer.viewport.view.camera.dolly(0.2)
+        hand.ctx.yield_()
+    hand.ctx.yield_(30)
+    assert len(calls) == 1
 
 
 def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(play, tmp_path):
@@ -311,50 +291,66 @@ def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(pla
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
 
 
-def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(play, monkeypatch):
+@in_window(scene=lamp_over_floor, light="photons")
+def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(hand, viewer, monkeypatch):
     """The window's thread traces none of its paths."""
     from app.rest.jobs import PlaneJob
 
     threads, step = set(), PlaneJob.step
     monkeypatch.setattr(PlaneJob, "step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
+    session = viewer.session
+    hand.ctx.set_ref("Panel")
+    hand.ctx.item_check("Measuring plane")
+    session.edit(plane=MeasuringPlane((-1.0, -0.5), (1.0, 0.5), 0.75, (5, 3)))
 
-    def script(hand, viewer):
-        session = viewer.session
-        hand.wait_for_light()
-        hand.ctx.set_ref("Panel")
-        hand.ctx.item_check("Measuring plane")
-        session.edit(plane=MeasuringPlane((-1.0, -0.5), (1.0, 0.5), 0.75, (5, 3)))
+    def light():
+        return session.light.snapshot.rest.plane
 
-        def light():
-            return session.light.snapshot.rest.plane
+    hand.wait(lambda: light() is not None and light().plane.points and light().fraction == 1)
+    points = light().grid.positions
+    E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.75, np.hypot(*points[:, :2].T))
+    assert light().values == pytest.approx(E, rel=0.02)
+    assert light().numbers.U0 == pytest.approx(E.min() / E.mean(), rel=0.02)
+    hand.ctx.yield_(2)
+    rest = f"{light().numbers.points}"
+    assert rest == "15"
+    table = view_content.readouts_csv(session, ()).splitlines()
+    assert sum(line.startswith("plane point,") for line in table) == 15
 
-        hand.wait(lambda: light() is not None and light().plane.points and light().fraction == 1)
-        points = light().grid.positions
-        E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.75, np.hypot(*points[:, :2].T))
-        assert light().values == pytest.approx(E, rel=0.02)
-        assert light().numbers.U0 == pytest.approx(E.min() / E.mean(), rel=0.02)
-        hand.ctx.yield_(2)
-        rest = f"{light().numbers.points}"
-        assert rest == "15"
-        table = view_content.readouts_csv(session, ()).splitlines()
-        assert sum(line.startswith("plane point,") for line in table) == 15
+    pose = session.poses["tile"]
+    below = pose._replace(position=(0.0, 0.0, 1.5), quaternion=(0.0, 1.0, 0.0, 0.0))  # its front faces the plane
+    session.move({"tile": below})
+    hand.wait(lambda: light().is_current and light().fraction == 1 and light().values.min() < 1)
+    middle = light().values.reshape(5, 3)[2, 1]
+    assert middle < 0.2 * E.max() and light().values.reshape(5, 3)[0] == pytest.approx(E.reshape(5, 3)[0], rel=0.1)
+    assert "plane point" not in view_content.readouts_csv(session, ()) or light().is_current
 
-        pose = session.poses["tile"]
-        below = pose._replace(position=(0.0, 0.0, 1.5), quaternion=(0.0, 1.0, 0.0, 0.0))  # its front faces the plane
-        session.move({"tile": below})
-        hand.wait(lambda: light().is_current and light().fraction == 1 and light().values.min() < 1)
-        middle = light().values.reshape(5, 3)[2, 1]
-        assert middle < 0.2 * E.max() and light().values.reshape(5, 3)[0] == pytest.approx(E.reshape(5, 3)[0], rel=0.1)
-        assert "plane point" not in view_content.readouts_csv(session, ()) or light().is_current
+    hand.ctx.item_uncheck("Measuring plane")
+    hand.wait(lambda: light() is None)
+    hand.press(int(keys().mod_ctrl) | int(keys().z))
+    assert session.settings.plane is not None
+    assert threads == {"solver"}
 
-        hand.ctx.item_uncheck("Measuring plane")
-        hand.wait(lambda: light() is None)
-        hand.press(int(keys().mod_ctrl) | int(keys().z))
-        assert session.settings.plane is not None
-        assert threads == {"solver"}
 
-    settings = replace(support.SETTINGS, light="photons")
-    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+@in_window(scene=lamp_over_floor, light="photons")
+def test_points_beyond_their_range_are_cut_to_it(hand, viewer):
+    """500 points along an axis were refused without a word."""
+    viewer.session.edit(plane=MeasuringPlane((-1.0, -0.5), (1.0, 0.5), 0.75, (5, 3)))
+    hand.ctx.set_ref("Panel")
+    for section in ("Objects", "Lamps", "Picture"):
+        hand.ctx.item_close(section)
+    hand.ctx.item_input_value("##points/$$0/", 500)
+    hand.ctx.yield_(2)
+    assert viewer.session.settings.plane.points == (100, 3)
+
+
+@in_window(scene=lamp_over_floor, light="photons")
+def test_without_read_outs_nothing_is_exported(hand, viewer):
+    """The menu wrote a file with a header alone; the panel's button is grey."""
+    hand.ctx.set_ref("##MainMenuBar")
+    hand.ctx.menu_click("File/Export read-outs...")
+    hand.ctx.yield_(3)
+    assert not viewer.files.dialog.is_open and viewer.log.last.text.startswith("there is nothing to export: key I")
 
 
 def test_a_message_is_shown_once():

@@ -1,7 +1,5 @@
 """Reloads and dropped scenes: settings that stay, settings that go, and the state after a failure."""
 
-from __future__ import annotations
-
 import gc
 import threading
 import weakref
@@ -14,9 +12,6 @@ from app.session.opening import Opening
 from gi_core.scene import Camera, Pose, SceneError
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors, keys
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 AWAY = Pose((0.7, 0.4, 0.6))
 LOADS = 8

@@ -1,7 +1,5 @@
 """Small windows: nothing is cut off, nothing overlaps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -10,15 +8,13 @@ from app.settings import Pin
 from app.window import label, legend, overlay
 from app.window.label import SLACK
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
-
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
-pytest_plugins = ["tests.support.viewer_fixtures"]
+from tests.support.viewer_hand import BLOCK_FRONT, errors, in_window, keys
 
 SMALL = replace(support.SETTINGS, size=(640, 480))
 
 
-def test_help_shows_its_texts_whole_in_a_small_window(play, monkeypatch):
+@in_window(settings=SMALL)
+def test_help_shows_its_texts_whole_in_a_small_window(hand, viewer, monkeypatch):
     from imgui_bundle import imgui
 
     cut, seen = set(), set()
@@ -36,43 +32,35 @@ def test_help_shows_its_texts_whole_in_a_small_window(play, monkeypatch):
 
     for name in ("text", "text_disabled", "text_wrapped"):
         monkeypatch.setattr(imgui, name, noting(getattr(imgui, name)))
+    hand.press(keys().h)
+    hand.ctx.yield_(5)
+    seen.clear()
+    cut.clear()  # the size is known from the second frame on
+    hand.ctx.yield_(5)
+    assert seen >= {"Right drag empty space", "save the scene with its poses and settings"}
+    assert not cut
+    window = hand.ctx.get_window_by_ref("//Help###Help")
+    assert window.pos.x >= 0 and window.pos.x + window.size.x <= 640
+    assert window.pos.y >= 0 and window.pos.y + window.size.y <= 480
+    assert window.scrollbar_y, "the rest is reached by scrolling"
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.press(keys().h)
+
+@in_window(settings=SMALL)
+def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(hand, viewer):
+    view, session = viewer.viewport.view, viewer.session
+    assert view.size[0] == 640
+    camera, poses = view.camera, session.poses
+    for width in (288, 640, 288):
+        left, top, right, bottom = overlay.panel_handle_box(view)
+        hand.move(((left + right) / 2, (top + bottom) / 2))
+        hand.ctx.mouse_down(0)
+        hand.move(((left + right) / 2 + 3, (top + bottom) / 2 + 3))
+        hand.ctx.mouse_up(0)
         hand.ctx.yield_(5)
-        seen.clear()
-        cut.clear()  # the size is known from the second frame on
-        hand.ctx.yield_(5)
-        assert seen >= {"Right drag empty space", "save the scene with its poses and settings"}
-        assert not cut
-        window = hand.ctx.get_window_by_ref("//Help###Help")
-        assert window.pos.x >= 0 and window.pos.x + window.size.x <= 640
-        assert window.pos.y >= 0 and window.pos.y + window.size.y <= 480
-        assert window.scrollbar_y, "the rest is reached by scrolling"
-
-    assert errors(play(script, SMALL)) == []
-
-
-def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(play):
-    def script(hand, viewer):
-        view, session = viewer.viewport.view, viewer.session
-        hand.wait_for_light()
-        assert view.size[0] == 640
-        camera, poses = view.camera, session.poses
-        for width in (288, 640, 288):
-            left, top, right, bottom = overlay.panel_handle_box(view)
-            hand.move(((left + right) / 2, (top + bottom) / 2))
-            hand.ctx.mouse_down(0)
-            hand.move(((left + right) / 2 + 3, (top + bottom) / 2 + 3))
-            hand.ctx.mouse_up(0)
-            hand.ctx.yield_(5)
-            assert view.size[0] == pytest.approx(width, abs=3)
-        assert (view.camera, session.poses) == (camera, poses), "the mouse was not for the picture"
-        hand.ctx.set_ref("Panel")
-        hand.ctx.item_click("Reset poses")
-
-    assert errors(play(script, SMALL)) == []
+        assert view.size[0] == pytest.approx(width, abs=3)
+    assert (view.camera, session.poses) == (camera, poses), "the mouse was not for the picture"
+    hand.ctx.set_ref("Panel")
+    hand.ctx.item_click("Reset poses")
 
 
 def test_the_interface_size_is_kept_from_one_start_to_the_next(play):
@@ -130,7 +118,8 @@ def test_labels_of_pins_keep_clear_of_the_legend_and_of_each_other(play, monkeyp
     assert errors(play(script, settings)) == []
 
 
-def test_labels_wrap_inside_a_small_picture(play, monkeypatch):
+@in_window(settings=replace(SMALL, show="illuminance"))
+def test_labels_wrap_inside_a_small_picture(hand, viewer, monkeypatch):
     boxes, box = {}, label.box
 
     def noted(text, *more, **named):
@@ -138,19 +127,14 @@ def test_labels_wrap_inside_a_small_picture(play, monkeypatch):
         return boxes[text]
 
     monkeypatch.setattr(label, "box", noted)
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.viewport.legend is not None)
-        view = viewer.viewport.view
-        boxes.clear()
-        hand.move(hand.at(BLOCK_FRONT))
-        hint = viewer.viewport.hint()
-        assert "Ctrl: turn" in hint and hint in boxes
-        left, top, right, bottom = boxes[hint]
-        (x, y), (w, h) = view.origin, view.size
-        assert left >= x and top >= y and right <= x + w and bottom <= y + h
-        one, legend_left = label.plate("Drag")[1], legend.box(viewer.viewport.legend, view)[0]
-        assert right <= legend_left and bottom - top > 1.5 * one, "in several lines beside the legend"
-
-    assert errors(play(script, replace(SMALL, show="illuminance"))) == []
+    hand.wait(lambda: viewer.viewport.legend is not None)
+    view = viewer.viewport.view
+    boxes.clear()
+    hand.move(hand.at(BLOCK_FRONT))
+    hint = viewer.viewport.hint()
+    assert "Ctrl: turn" in hint and hint in boxes
+    left, top, right, bottom = boxes[hint]
+    (x, y), (w, h) = view.origin, view.size
+    assert left >= x and top >= y and right <= x + w and bottom <= y + h
+    one, legend_left = label.plate("Drag")[1], legend.box(viewer.viewport.legend, view)[0]
+    assert right <= legend_left and bottom - top > 1.5 * one, "in several lines beside the legend"

@@ -1,8 +1,7 @@
 """The window says where it stands: progress, pictures of earlier settings, keys, files, sizes."""
 
-from __future__ import annotations
-
 import math
+import os
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,14 +9,11 @@ from types import SimpleNamespace
 import pytest
 
 from app.session.opening import Opening
-from app.window import dialogs, keys, label, overlay
+from app.window import dialogs, label, menus, overlay, readout_marks
 from app.window.panel.quality import status_of
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import errors
+from tests.support.viewer_hand import errors, in_window
 from tests.support.viewer_hand import keys as named_keys
-
-pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
-pytest_plugins = ["tests.support.viewer_fixtures"]
 
 CTRL = int(named_keys().mod_ctrl)
 
@@ -32,30 +28,27 @@ def written(monkeypatch):
     return seen
 
 
-def test_opening_another_scene_is_said_in_the_middle_of_the_picture_beside_a_hint(play, written):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        view = viewer.viewport.view
-        hand.move(hand.at((0.5, 0.3, 0.62)))
-        opening = SimpleNamespace(progress=("loading scene: kitchen", None), done=False)
-        viewer.reload.coming = SimpleNamespace(
-            opening=opening, ready=False, problem=None, tick=lambda *_, **__: None, close=lambda *_: None
-        )
-        written.clear()
-        hand.ctx.yield_(3)
-        left, top, right, bottom = written["loading scene: kitchen"]
-        x, y = (
-            (c - o) / s
-            for c, o, s in zip(((left + right) / 2, (top + bottom) / 2), view.origin, view.size, strict=True)
-        )
-        assert abs(x - 0.5) < 0.02 and abs(y - 0.5) < 0.1
-        assert any(text.startswith("Drag block") for text in written)
-        viewer.reload.coming = None
-
-    assert errors(play(script)) == []
+@in_window()
+def test_opening_another_scene_is_said_in_the_middle_of_the_picture_beside_a_hint(hand, viewer, written):
+    view = viewer.viewport.view
+    hand.move(hand.at((0.5, 0.3, 0.62)))
+    opening = SimpleNamespace(progress=("loading scene: kitchen", None), done=False)
+    viewer.reload.coming = SimpleNamespace(
+        opening=opening, ready=False, problem=None, tick=lambda *_, **__: None, close=lambda *_: None
+    )
+    written.clear()
+    hand.ctx.yield_(3)
+    left, top, right, bottom = written["loading scene: kitchen"]
+    x, y = (
+        (c - o) / s for c, o, s in zip(((left + right) / 2, (top + bottom) / 2), view.origin, view.size, strict=True)
+    )
+    assert abs(x - 0.5) < 0.02 and abs(y - 0.5) < 0.1
+    assert any(text.startswith("Drag block") for text in written)
+    viewer.reload.coming = None
 
 
-def test_an_estimator_chosen_is_named_in_the_picture_and_old_numbers_are_dim(play, written, monkeypatch):
+@in_window()
+def test_an_estimator_chosen_is_named_in_the_picture_and_old_numbers_are_dim(hand, viewer, written, monkeypatch):
     from imgui_bundle import imgui
 
     dim, write = set(), imgui.text
@@ -66,65 +59,58 @@ def test_an_estimator_chosen_is_named_in_the_picture_and_old_numbers_are_dim(pla
             dim.add(text)
 
     monkeypatch.setattr(imgui, "text", noted)
+    session, shapes = viewer.session, lambda: readout_marks.marks(viewer.viewport)
+    hand.move(hand.at((0.2, 0.8, 0.0)))
+    hand.press(named_keys().i)
+    hand.ctx.yield_(3)
+    assert [x.opacity for x in shapes().labels] == [1.0]
+    configure = session.light.configure
+    session.light.configure = lambda *_: False  # the solver stays busy
+    written.clear()
+    hand.press(named_keys()._2)
+    hand.ctx.yield_(3)
+    name = session.settings.estimator.replace("_", " ").capitalize()
+    assert f"{name}: computing" in written and "probe" not in dim
+    assert not session.is_current and status_of(session).text == "computing"
+    assert sum(text.endswith("W/m²") for text in dim) == 2, "the numbers of probe and pin"
+    assert [x.opacity for x in shapes().labels] == [readout_marks.OF_BEFORE]
+    session.light.configure = configure
+    hand.wait_for_light()
+    hand.wait(lambda: f"{name}, photons only" in written)
+    written.clear()
+    hand.wait(lambda: not viewer.viewport.is_fading)
+    written.clear()
+    hand.ctx.yield_(3)
+    assert not any(name in text for text in written)
 
-    def script(hand, viewer):
-        session = viewer.session
-        hand.wait_for_light()
-        configure = session.light.configure
-        session.light.configure = lambda *_: False  # the solver stays busy
-        written.clear()
-        hand.press(named_keys()._2)
-        hand.ctx.yield_(3)
-        name = session.settings.estimator.replace("_", " ").capitalize()
-        assert f"{name}: computing" in written and "probe" not in dim
-        assert not session.is_current and status_of(session).text == "computing"
-        assert any(text.endswith("W/m²") for text in dim), "the probe's number"
-        session.light.configure = configure
-        hand.wait_for_light()
-        hand.wait(lambda: f"{name}, photons only" in written)
-        written.clear()
-        hand.wait(lambda: not viewer.viewport.is_fading)
-        written.clear()
-        hand.ctx.yield_(3)
-        assert not any(name in text for text in written)
 
-    assert errors(play(script)) == []
-
-
-def test_the_outline_of_a_clicked_surface_goes_without_input(play):
-    def script(hand, viewer):
-        viewport = viewer.viewport
-        hand.wait_for_light()
-        wall = hand.at((0.2, 0.8, 0.0))
-        hand.move(wall)
-        hand.ctx.mouse_click(0)
-        hand.ctx.yield_(3)
-        hand.move((5, 5))
-        assert viewport.surface == "white" and len(viewport.look().surface) and viewport.is_fading
-        hand.wait(lambda: not viewport.is_fading)
-        hand.ctx.yield_(2)
-        assert viewport.surface == "white" and viewport.look().surface is None
-
-    assert errors(play(script)) == []
+@in_window()
+def test_the_outline_of_a_clicked_surface_goes_without_input(hand, viewer):
+    viewport = viewer.viewport
+    wall = hand.at((0.2, 0.8, 0.0))
+    hand.move(wall)
+    hand.ctx.mouse_click(0)
+    hand.ctx.yield_(3)
+    hand.move((5, 5))
+    assert viewport.surface == "white" and len(viewport.look().surface) and viewport.is_fading
+    hand.wait(lambda: not viewport.is_fading)
+    hand.ctx.yield_(2)
+    assert viewport.surface == "white" and viewport.look().surface is None
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_frames_per_second_are_shown_in_motion_alone(play, monkeypatch, moving):
+@in_window()
+def test_frames_per_second_are_shown_in_motion_alone(hand, viewer, monkeypatch, moving):
     states = []
     draw = overlay.draw_status
     monkeypatch.setattr(
         overlay, "draw_status", lambda log, readout, state, now: states.append(state) or draw(log, readout, state, now)
     )
-
-    def script(hand, viewer):
-        hand.wait_for_light()
-        if moving:
-            hand.press(named_keys().space)
-        states.clear()
-        hand.ctx.yield_(5)
-        assert states[-1].endswith("frames/s") is moving
-
-    assert errors(play(script)) == []
+    if moving:
+        hand.press(named_keys().space)
+    states.clear()
+    hand.ctx.yield_(5)
+    assert states[-1].endswith("frames/s") is moving
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (720, 540)])
@@ -146,21 +132,38 @@ def test_at_twice_the_size_the_panel_is_as_wide_in_letters_and_the_state_stays(p
     assert widths[1] == pytest.approx(widths[0] if size[0] > 1000 else 0.55 * size[0] / 32, abs=0.1)
 
 
-def test_a_click_in_the_picture_leaves_the_panels_rows_where_they_are(play):
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.ctx.set_ref("Panel")
-        hand.ctx.item_open("Material")
-        hand.ctx.item_open("Lamps")
-        hand.ctx.mouse_move("Picture")
-        hand.ctx.yield_(2)
-        before = hand.ctx.item_info("Picture").rect_full.min.y
-        hand.move(hand.at((0.2, 0.8, 0.0)))
-        hand.ctx.mouse_click(0)  # a surface, in place of the object with parts
+@in_window(size=(720, 900))
+def test_a_click_in_the_picture_leaves_the_panels_rows_where_they_are(hand, viewer):
+    """A surface in place of the object with parts, then nothing: at scroll 0 rows moved up when those above went."""
+    hand.ctx.set_ref("Panel")
+    for name in ("Scene", "Objects"):
+        hand.ctx.item_close(name)
+    hand.ctx.item_open("Material")
+    hand.ctx.mouse_move("Picture")
+    hand.ctx.yield_(2)
+    before, surfaces = hand.ctx.item_info("Picture").rect_full.min.y, []
+    for y in (0.8, 1.4, 0.8, 1.4):
+        hand.move(hand.at((0.2, y, 0.0)))
+        hand.ctx.mouse_click(0)
         hand.ctx.yield_(4)
         assert hand.ctx.item_info("Picture").rect_full.min.y == pytest.approx(before, abs=1)
+        surfaces.append(viewer.viewport.surface)
+    assert surfaces == ["white", "", "white", ""]
 
-    assert errors(play(script)) == []
+
+@in_window(size=(720, 900))
+def test_a_click_on_a_lamps_name_leaves_its_row_under_the_mouse(hand, viewer):
+    """The selected object's material went, so that a second click met "Reset lamps"."""
+    hand.ctx.set_ref("Panel")
+    hand.ctx.item_close("Objects")
+    hand.ctx.item_open("Material")
+    assert viewer.viewport.selection
+    hand.ctx.mouse_move("**/lamp/###select")
+    before = hand.ctx.item_info("Lamps").rect_full.min.y
+    hand.ctx.mouse_click(0)
+    hand.ctx.yield_(4)
+    assert viewer.viewport.lamps.selected is not None and not viewer.viewport.selection
+    assert hand.ctx.item_info("Lamps").rect_full.min.y == pytest.approx(before, abs=1)
 
 
 def test_a_key_right_after_a_chord_is_not_lost():
@@ -171,8 +174,9 @@ def test_a_key_right_after_a_chord_is_not_lost():
     context = imgui.create_context()
     imgui.set_current_context(context)
     try:
-        io, keyboard, seen = imgui.get_io(), keys.Keyboard(), []
+        io, keyboard, seen = imgui.get_io(), menus.Keyboard(), []
         io.display_size, io.delta_time = (100, 100), 0.1
+        io.set_ini_filename("")
         io.backend_flags |= imgui.BackendFlags_.renderer_has_textures
         ctrl = K.left_ctrl, K.mod_ctrl
         frames = [
@@ -211,30 +215,28 @@ def replace_place(pose):
     return pose._replace(position=(0.7, 0.4, 0.6))
 
 
-def test_files_are_chosen_from_a_list_where_the_system_has_no_dialog(play, folder, monkeypatch):
+@in_window()
+def test_files_are_chosen_from_a_list_where_the_system_has_no_dialog(hand, viewer, folder, monkeypatch):
     opened = []
     monkeypatch.setattr(dialogs, "has_native", lambda: False)
     (folder / "rooms").mkdir()
     for name in ("kitchen.glb", "hall.OBJ", "notes.txt", ".hidden.glb"):
         (folder / "rooms" / name).write_bytes(b"")
-
-    def script(hand, viewer):
-        viewer.menus._open = viewer.open_scene = lambda path: opened.append(path)
-        hand.wait_for_light()
-        dialog = viewer.files.dialog
-        dialog.open("Open a scene", str(folder), dialogs.SCENES[:2], opened.append)
-        hand.ctx.yield_(3)
-        hand.ctx.set_ref("//Open a scene###File")
-        hand.ctx.item_click("**/rooms\\/")
-        hand.ctx.yield_(3)
-        assert dialog._entries == ("hall.OBJ", "kitchen.glb")
-        hand.ctx.item_click("**/kitchen.glb")
-        hand.ctx.yield_(2)
-        hand.ctx.item_click("OK")
-        hand.ctx.yield_(2)
-
-    assert errors(play(script)) == []
+    viewer.menus._open = viewer.open_scene = lambda path: opened.append(path)
+    dialog = viewer.files.dialog
+    dialog.open("Open a scene", f"{folder}/", dialogs.SCENES[:2], opened.append)
+    hand.ctx.yield_(3)
+    hand.ctx.set_ref("//Open a scene###File")
+    hand.ctx.item_click("**/rooms\\/")
+    hand.ctx.yield_(3)
+    assert dialog._entries == ("hall.OBJ", "kitchen.glb")
+    hand.ctx.item_click("**/kitchen.glb")
+    hand.ctx.yield_(2)
+    hand.ctx.item_click("OK")
+    hand.ctx.yield_(2)
     assert opened == [str(folder / "rooms/kitchen.glb")]
+    dialog.open("Open a scene", f"{folder}/", dialogs.SCENES[:2], opened.append)
+    assert dialog._path == str(folder / "rooms") + os.sep, "that of the last file, not of the scene"
 
 
 @pytest.mark.parametrize("objects", [0, 2])
@@ -253,8 +255,10 @@ def test_a_first_look_says_that_objects_cannot_be_dragged_yet(play, written, obj
         hand.ctx.yield_(3)
         said = [text for text in written if text.startswith("Drag to orbit")]
         assert len(said) == 1 and ("objects can be dragged when it is done" in said[0]) is bool(objects)
+        width = hand.ctx.get_window_by_ref("Panel").size.x
         opening.look = None
         seen.set()
         hand.wait_for_light()
+        assert abs(hand.ctx.get_window_by_ref("Panel").size.x - width) < 4, "the picture moved when the controls came"
 
     assert errors(play(script, open_with=lambda s: Opening(s, load=slow))) == []

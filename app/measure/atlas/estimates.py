@@ -38,19 +38,19 @@ COPIES = 12
 NEIGHBOURS = 50
 HALF_A_HIT = 0.5 / NEIGHBOURS  # share: Sobol photons are more even than random ones, so k - 1 of them are too few by it
 KINDS = [("isolated", a) for a in (30, 60, 90, 120)] + [("fan", a) for a in range(60, 331, 30)] + [("interior", 360)]
-COPIES_APART = 2.2
 
 
 def fans():
     """A field of fans of every angle, each alone in its place, under parallel light: E = 1 at every apex."""
+    copies_apart = 2.2
     meshes: list = []
     apexes: dict[tuple[str, int], list[tuple]] = {kind: [] for kind in KINDS}
     for i, (name, angle) in enumerate(KINDS):
         for j in range(COPIES):
-            place = (i * COPIES_APART, j * COPIES_APART, 0.0)
+            place = (i * copies_apart, j * copies_apart, 0.0)
             apexes[name, angle].append(place)
             meshes.append(fan(place, angle, step=angle if name == "isolated" else 30))
-    middle = np.array([len(KINDS) - 1, COPIES - 1, 0]) * COPIES_APART / 2
+    middle = np.array([len(KINDS) - 1, COPIES - 1, 0]) * copies_apart / 2
     eye = tuple(middle + (0, -24, 24))
     return scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), eye, tuple(middle), (SUN,)), apexes
 

@@ -142,7 +142,6 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), quantity=quantity, **common)
 
 
-CAST = 1000  # rays
 HALL, HALL_MIDDLE = 100.0, 47.5  # side of a hall, place of an object on all axes [m]
 DENSE, TINY = 0.2, 0.002  # radii of balls [m]
 SOUP_TRIANGLES = 1000
@@ -150,15 +149,16 @@ SOUP_TRIANGLES = 1000
 
 def ray_structures() -> Iterator[AtlasRow]:
     """Measure every structure where it fails."""
+    cast = 1000  # rays
     rng = np.random.default_rng(0)
-    anywhere = _rays(rng.uniform(0, 1, (CAST, 3)), rng.normal(size=(CAST, 3)))
+    anywhere = _rays(rng.uniform(0, 1, (cast, 3)), rng.normal(size=(cast, 3)))
     at = rng.uniform(0, 1, (SOUP_TRIANGLES, 1, 3))
     soup = np.concatenate([at, at + rng.uniform(-0.02, 0.02, (SOUP_TRIANGLES, 2, 3))], axis=1)
     yield _row("none", "none", "small triangles anywhere", "every ray tests all triangles", soup, anywhere)
 
     dense, walls = ball(DENSE), box((0.0,) * 3, (HALL,) * 3)
     hall = (HALL_MIDDLE + dense.vertices)[dense.faces], walls.vertices[walls.faces]
-    start = rng.uniform(0.1, 0.9, (CAST, 3)) * HALL
+    start = rng.uniform(0.1, 0.9, (cast, 3)) * HALL
     aimed = _rays(start, HALL_MIDDLE - start)
     where = f"a ball of {2 * DENSE:g} m in a hall of {HALL:g} m, rays aimed at it"
     theory = "the ball lies in one cell: a ray that enters it tests all of the ball's triangles"

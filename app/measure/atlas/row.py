@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gi_core.geometry.mesh_parts import join
 from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Scene
 from gi_core.scene.types import Light
 from gi_core.solver import Solver
@@ -141,15 +142,15 @@ def floor_under(light: Light, divisions: int) -> Scene:
     return scene(floor(divisions), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (light,))
 
 
-def fan(place, degrees: float, step: float = 30.0, radius: float = 1.0, material: int = 0) -> Mesh:
+def fan(place, degrees: float, step: float = 30.0) -> Mesh:
     """Return triangles round an apex that faces up: together they span an angle; 360 closes them."""
     count = max(round(degrees / step), 1)
     a = np.radians(degrees) * np.arange(count + (degrees < 360)) / count
-    rim = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1) * radius
+    rim = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
     points = np.concatenate([[[0.0, 0, 0]], rim]) + np.asarray(place, float)
     k = np.arange(count)
     faces = np.stack([0 * k, 1 + k, 1 + (k + 1) % len(a)], axis=1)
-    return Mesh(points, faces.astype(np.int32), np.full(count, material, np.int32))
+    return Mesh(points, faces.astype(np.int32), np.zeros(count, np.int32))
 
 
 def box(low, high, divisions: int = 1, material: int = 0, inward: bool = False) -> Mesh:
@@ -166,7 +167,7 @@ def box(low, high, divisions: int = 1, material: int = 0, inward: bool = False) 
     return joined(*sides)
 
 
-def ball(radius: float, rings: int = 24, material: int = 0, inward: bool = False) -> Mesh:
+def ball(radius: float, rings: int = 24, inward: bool = False) -> Mesh:
     """Return a sphere about the origin from rings of latitude, its front outside or inside."""
     theta = np.pi * np.arange(1, rings) / rings
     phi = np.pi * np.arange(2 * rings) / rings
@@ -181,17 +182,12 @@ def ball(radius: float, rings: int = 24, material: int = 0, inward: bool = False
     caps.append(np.stack([0 * last + pole + 1, np.roll(last, -1), last], 1))
     faces = np.concatenate([middle, *caps])
     faces = faces[:, ::-1] if inward else faces
-    return Mesh(points, np.ascontiguousarray(faces, np.int32), np.full(len(faces), material, np.int32))
+    return Mesh(points, np.ascontiguousarray(faces, np.int32), np.zeros(len(faces), np.int32))
 
 
 def joined(*meshes: Mesh) -> Mesh:
     """Return several meshes as one; materials keep their numbers."""
-    first = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + np.int32(k) for m, k in zip(meshes, first, strict=True)]).astype(np.int32),
-        np.concatenate([m.face_material for m in meshes]),
-    )
+    return join(list(meshes), ())
 
 
 def scene(mesh: Mesh, materials, eye, target, lights=(), mobiles=(), fov: float = 40.0) -> Scene:

@@ -1,5 +1,7 @@
 """`gi-viewer bench --tables --out DIR`: tables 2.1 to 2.5 of the report beside ours, as Markdown.
 
+Then its space partitionings (section 3.4.1) beside bvh and Embree: a table per scene, and a plot.
+
 The report's times are seconds on a computer of 2003. Searches run on one thread, the least time of several counts; a
 few minutes in all.
 """
@@ -10,7 +12,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,13 +20,20 @@ from app.cli.progress import Bar, compile_kernels, solve
 from app.cli.version import commit
 from app.cli.writable import write_whole
 from app.draw import motion
-from app.measure.bench import ray_tables
+from app.draw.camera import from_camera, scene_bounds
+from app.measure.chart.figure import need_matplotlib
 from app.measure.results import processor
 from app.measure.tables import markdown_table, section
 from app.settings import STEP_PER_FRAME, Settings, UsageError, make_solver, open_scene
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.model import Model
 from gi_core.solver import Solver
+
+if TYPE_CHECKING:
+    from gi_core.instruments.timing import Cost, Structure
+    from gi_core.model import Model
+    from gi_core.scene.types import Camera
+
 
 RAY_CACHE, DISC_INDEX = "ray_cache", "disc_index"
 
@@ -170,7 +179,6 @@ def _pretests(measured: dict) -> str:
 
 
 GROUND, TREE = ("ground", "skirt"), ("bark", "leaf")  # materials of the scene `tree`
-MORE_RADII = (0.05, 0.07, 0.10)  # beyond the report's: the searches cross there
 REFERENCE = 1_000_000  # photons of the reference of table 2.1
 FRAMES = 8  # the median counts
 REPEATS = 5  # of a count; the least time counts
@@ -179,29 +187,30 @@ LEAST_SECONDS = 0.02  # of all repeats of a count
 
 def tables(settings: Settings, out: Path) -> str:
     """Measure, write DIR/tables.md, return its text. Raises SceneError, UsageError, OSError."""
+    more_radii = (0.05, 0.07, 0.10)  # beyond the report's: the searches cross there
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out must name a folder, got {out}")
     with Bar() as bar:
         compile_kernels(bar, settings.rays)
         tree, second = _solver("tree", settings, bar), _solver("second_tree", settings, bar)
         measured = {
-            "tree 10000": _search_times(tree, 10_000, TREE_RADII + MORE_RADII, {"whole": None}, bar)
+            "tree 10000": _search_times(tree, 10_000, TREE_RADII + more_radii, {"whole": None}, bar)
             | _search_times(tree, 10_000, TREE_RADII, {"tree": TREE, "ground": GROUND}, bar),
-            "tree 20000": _search_times(tree, 20_000, TREE_RADII + MORE_RADII, {"whole": None}, bar),
+            "tree 20000": _search_times(tree, 20_000, TREE_RADII + more_radii, {"whole": None}, bar),
             "second 20000": _search_times(second, 20_000, SECOND_RADII, {"whole": None}, bar),
         }
         pretests, estimators = _timed_pretests(tree, bar), _timed_estimators(tree, bar)
-        asked = {name: Settings(scene=name) for name in ray_tables.SCENES} | {settings.scene: settings}
-        rays = {Path(name).stem: ray_tables.measured(Model(open_scene(s)), bar) for name, s in asked.items()}
+        asked = {name: Settings(scene=name) for name in SCENES} | {settings.scene: settings}
+        rays = {Path(name).stem: measured_structures(Model(open_scene(s)), bar) for name, s in asked.items()}
     facts = {
         "machine": f"{processor()}, one thread, commit {commit() or 'unknown'}",
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
         "second": f"{_static(second):,} static triangles and a mobile of {len(second.scene.mobiles[0].mesh.faces)}",
     }
-    text = markdown(facts, measured, pretests, estimators) + "\n" + ray_tables.section(rays) + "\n"
+    text = markdown(facts, measured, pretests, estimators) + "\n" + partitionings(rays) + "\n"
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "tables.md", text)
-    ray_tables.draw(rays, out / "rays.svg")
+    draw_partitionings(rays, out / "rays.svg")
     return text
 
 
@@ -220,14 +229,7 @@ def _static(solver: Solver) -> int:
 
 def _search_times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str, str, float], Times]:
     """Return the times of each search by (receivers, search, radius)."""
-    from gi_core.instruments.timing import (
-        SEARCHES,
-        cells_of,
-        frame_lines,
-        photon_lines,
-        search_run,
-        static_discs,
-    )
+    from gi_core.instruments.timing import SEARCHES, cells_of, frame_lines, photon_lines, search_run, static_discs
 
     solver.move_all(solver.poses, photons=None)
     out = {}
@@ -300,3 +302,96 @@ def best_seconds(run: Callable[[], object]) -> float:
         best = min(best, seconds, cpu or seconds)  # 0: a clock that ticks 64 times per second (Windows)
         spent, calls = spent + seconds, calls + 1
     return max(best, 1e-9)
+
+
+SCENES = ("cornell", "living_room", "tree")
+HEAD = ["structure", "leaf", "build ms", "MB", "primary", "random", "shadow", "over Embree", "cells", "triangles"]
+NOTE = (
+    "Times per ray are us of one thread, the least of 5 runs in turn. Primary rays go through pixels of the scene's "
+    "camera, random ones on from hits of photons, shadow rays from there to points on lamps. Cells and triangles are "
+    "those of a random ray. Ratios to Embree have the order of the times. Each structure has its best leaf size for "
+    "random rays; that of `grid3d` is per cell."
+)
+
+
+def measured_structures(model: Model, bar: Bar, rays: int = 20_000) -> list[tuple[Structure, dict[str, Cost]]]:
+    """Return every structure at every leaf size over a model's static part, with its costs by kind of ray."""
+    from gi_core.instruments.timing import LEAVES, STRUCTURES, built, costs, rays_of
+
+    casts = rays_of(model, scene_camera(model), rays)
+    meshes = [(model.surfaces.vertices[0], model.surfaces.faces[0])]
+    tried: list[Structure] = []
+    for name in STRUCTURES:
+        for leaf in LEAVES.get(name, (None,)):
+            bar(f"{model.scene.name}: {name}", len(tried) / 30)
+            tried.append(built(name, meshes, leaf))
+    return list(zip(tried, costs(tried, casts), strict=True))
+
+
+def scene_camera(model: Model) -> Camera:
+    """Return the camera of a picture of the model's scene."""
+    return from_camera(model.scene.camera, model.scene.up, scene_bounds(model, model.start_poses())).as_camera()
+
+
+def with_best_leaf(costs_of: list[tuple[Structure, dict[str, Cost]]]) -> list[tuple[Structure, dict[str, Cost]]]:
+    """Return each structure at the leaf size of the fastest random rays."""
+    names = dict.fromkeys(s.name for s, _ in costs_of)
+    return [min((f for f in costs_of if f[0].name == n), key=lambda f: f[1]["random"].seconds) for n in names]
+
+
+def partitionings(costs_of: dict[str, list[tuple[Structure, dict[str, Cost]]]]) -> str:
+    """Return the Markdown section; costs_of: measurements by the title of a scene."""
+    parts = ["## Space partitionings (3.4.1)", NOTE]
+    for title, rows in costs_of.items():
+        chosen = with_best_leaf(rows)
+        embree = next((c for s, c in chosen if s.name == "embree"), None)
+        lines = [_line(s, c, embree) for s, c in chosen]
+        parts += [f"### {title}", markdown_table(HEAD, lines), _over_leaves(rows)]
+    return "\n\n".join(p for p in parts if p)
+
+
+def _line(s: Structure, cost: dict[str, Cost], embree: dict[str, Cost] | None) -> list[str]:
+    random = cost["random"]
+    return [
+        s.name, f"{s.leaf:g}" if s.bytes and s.name != "none" else "", f"{1e3 * s.build_seconds:.3g}",
+        f"{s.bytes / 1e6:.3g}" if s.bytes else "", *(f"{1e6 * cost[k].seconds:.3g}" for k in cost),
+        ", ".join(f"{cost[k].seconds / embree[k].seconds:.2g}" for k in cost) if embree else "",
+        f"{random.cells:.1f}" if random.cells else "", f"{random.tests:.1f}" if random.tests else "",
+    ]  # fmt: skip
+
+
+def _over_leaves(rows) -> str:
+    lines = []
+    for name in dict.fromkeys(s.name for s, _ in rows):
+        own = [(s, c) for s, c in rows if s.name == name]
+        if len(own) > 1:
+            lines.append(f"- {name}, us per random ray over leaf sizes: " + ", ".join(
+                f"{1e6 * c['random'].seconds:.3g} at {s.leaf:g}" for s, c in own
+            ))  # fmt: skip
+    return "\n".join(lines)
+
+
+def draw_partitionings(costs_of: dict[str, list[tuple[Structure, dict[str, Cost]]]], out: Path) -> None:
+    """Draw time per random ray over the leaf size, one panel per scene, into rays.svg. Raises UsageError, OSError."""
+    need_matplotlib()
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(
+        1, len(costs_of), figsize=(4 * len(costs_of) + 2, 4), sharey=True, layout="constrained"
+    )
+    for axis, (title, rows) in zip([axes] if len(costs_of) == 1 else axes, costs_of.items(), strict=True):
+        for k, name in enumerate(dict.fromkeys(s.name for s, _ in rows)):
+            own = [(s.leaf, 1e6 * c["random"].seconds) for s, c in rows if s.name == name]
+            if len(own) > 1:
+                axis.plot(*zip(*own, strict=True), "o-", color=f"C{k}", label=name)
+            elif name != "none":
+                axis.axhline(own[0][1], color=f"C{k}", linestyle="--", label=name)
+        axis.set(xscale="log", yscale="log", title=title, xlabel="triangles per leaf or cell")
+        axis.grid(linewidth=0.4, which="both")
+    figure.axes[0].set_ylabel("us per random ray")
+    figure.axes[-1].legend(fontsize=8)
+    figure.savefig(out, metadata={"Date": None})
+    pyplot.close(figure)

@@ -33,7 +33,6 @@ from app.measure.tables import Column, cells, digits, fixed, markdown_table, sec
 COUNTS = (10_000, 100_000, 1_000_000)
 SWEPT_TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
 RADII = ("scaled", "fixed")  # of discs in finer meshes: see `vary`
-GROWTH_PHOTONS = 100_000  # of rows that vary triangles or sides
 NEIGHBOURS = 50
 SLOW, SLOW_STEP = f"{COUNTS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
 
@@ -54,6 +53,7 @@ class Row(NamedTuple):
 
 def rows(settings: Settings, frames: int) -> list[Row]:
     """Return all rows, cheap ones first; artifact control is off except in its own rows."""
+    growth_photons = 100_000  # of rows that vary triangles or sides
     base = replace(settings, control=False, neighbours=settings.neighbours or NEIGHBOURS)
     out = []
 
@@ -67,10 +67,10 @@ def rows(settings: Settings, frames: int) -> list[Row]:
         add(photons_key(photons, DEFAULT, control=True), photons, control=True)
     add(SLOW, COUNTS[-1], step=SLOW_STEP)
     for sides in ("one-sided", "two-sided"):
-        add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
+        add(sides, growth_photons, two_sided=sides == "two-sided")
     for triangles in SWEPT_TRIANGLES:
         for radius in RADII:
-            add(triangles_key(triangles, radius), GROWTH_PHOTONS, triangles=triangles, radius=radius)
+            add(triangles_key(triangles, radius), growth_photons, triangles=triangles, radius=radius)
     return out
 
 

@@ -1,7 +1,8 @@
 """Settings of the chart measured on one scene: frame time along the path, error in each class, flicker; and the rival,
 path tracing from every vertex in every frame, without photons.
 
-All solvers are twins of one, so photons are traced once.
+All solvers are twins of one, so photons are traced once. A run measures missing settings family by family, and writes
+them to the table. A family shares its limit at very many photons.
 """
 
 from __future__ import annotations
@@ -9,24 +10,41 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from app.measure.chart.settings import TUNED, Choice, Effort, choice_of
+from app.cli.cluster import Machines
+from app.cli.progress import Bar, time_left
+from app.cli.version import commit
+from app.draw import motion
+from app.measure.chart import truth
+from app.measure.chart.settings import (
+    RIVAL,
+    TUNED,
+    Choice,
+    Effort,
+    choice_of,
+    choices,
+    choices_like_the_report,
+    effort,
+    nearness,
+)
 from app.measure.chart.truth import PoseTruth, background_of, drawn_gloss, light_of, steady_and_moved
-from app.measure.results import Failure, attempted
+from app.measure.results import KEY, Failure, Results, attempted, load, processor
 from app.measure.tuning import tune
-from app.settings import BUDGET, Settings, make_solver
+from app.settings import BUDGET, STEP_PER_FRAME, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import luminance, relative_error, relative_noise
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.receiver_classes import CLASSES
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import Scene
 from gi_core.solver import Solver
 
@@ -167,9 +185,6 @@ def _jump(light: np.ndarray, areas: np.ndarray) -> float:
     return float((areas * np.abs(np.diff(light, axis=0))).sum())
 
 
-TIMED_PATHS = 4  # paths per vertex; the time of more is scaled from these
-
-
 def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> AtCases:
     """Return the irradiance of each case from a number of paths per receiver; it has no gloss."""
     out = []
@@ -180,11 +195,11 @@ def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> AtCases:
 
 
 def rival_times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:
-    """Return the time [ms] of a frame with paths from every vertex; times over TIMED_PATHS paths are scaled.
+    """Return the time [ms] of a frame with paths from every vertex; times over four paths are scaled.
 
     The first frame takes as long as every other one.
     """
-    count, took = min(paths, TIMED_PATHS), []
+    count, took = min(paths, 4), []
     for k in range(3 if count == 1 else 1):  # a frame of four paths takes seconds: one is enough
         gatherer = _gatherer(solver, walk.lap[k % len(walk.lap)], k)
         started = time.perf_counter()
@@ -308,3 +323,129 @@ class Measurer:
         limit.configure(**choice.setting)
         limit.solve()
         return limit
+
+
+NUMBERS = "radius", "neighbours", "photons", "frame_ms", "frame_p95_ms", "first_frame_ms", "total all"
+
+
+class Run:
+    """One scene with its walk, its truth and the settings to measure."""
+
+    def __init__(self, scene, settings: Settings, quick: bool, frames: int | None, points: int | None, out: Path,
+                 bar: Bar, machines: Machines | None = None) -> None:  # fmt: skip
+        self.scene, self.settings, self.quick, self.bar = scene, settings, quick, bar
+        self.effort = effort(quick)
+        self.frames, self.points = frames or self.effort.frames, points or self.effort.points
+        self.machines = machines  # whose processes measure; None: this one
+        self.measurer = Measurer(scene, settings, self.effort, bar)
+        self.base = self.measurer.base
+        self.choices = choices(settings, self.base, self.effort)
+        if not quick and settings.estimator is None:
+            self.choices += [c for c in choices_like_the_report(settings.scene, self.base) if c not in self.choices]
+        families = list(dict.fromkeys(c.family for c in self.choices))
+        self.choices.sort(key=lambda c: families.index(c.family))
+        kinds = [processor()] if machines is None else machines.ask(processor)
+        under = (
+            settings.scene,
+            commit() or "unknown",
+            "; ".join(sorted(set(kinds))),
+            settings.seed,
+            self.frames,
+            self.points,
+            lamps_of(settings),
+        )
+        self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields, NUMBERS)
+        self.lap = motion.walk(motion.paths_of(self.base), STEP_PER_FRAME * self.base.scene_size, self.frames)
+        poses = min(self.effort.poses, self.frames)
+        self.failures: list[Failure] = []
+        self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
+
+    def about(self) -> dict[str, object]:
+        """Return the conditions of the measurement."""
+        return self.results.under | {
+            "triangles": int(self.base.surfaces.first_face[-1]),
+            "receivers": len(self.base.irradiance),
+            "scene_size": self.base.scene_size,
+            "threads": self.base.model.threads,
+            "poses": len(self.truth_frames),
+            "truth": self.effort.truth,
+            "limit": self.effort.limit_photons,
+            "load": load(),
+        }
+
+    def measure(self) -> None:
+        """Measure every setting that is missing, the rival, and tune's choice; failed ones go to `failures`."""
+        fixed = 60_000  # photons of about the same time as the fixed cost of a row
+        todo = [c for c in self.choices if not self.results.has(c._asdict())]
+        rival = [c for c in rival_choices(self.effort.paths) if not self.results.has(c._asdict())]
+        tuned = not self.quick and self.settings.estimator is None and not nearness(self.results.rows)
+        if not todo and not rival and not tuned:
+            return
+        walk, counts = self._walk(), sorted({c.traced for c in self.choices})
+        tasks: list[tuple] = [(Measurer.family, tuple(group)) for _, group in groupby(todo, key=lambda c: c.family)]
+        tasks += [(Measurer.rival, choice) for choice in rival]
+        tasks += [(Measurer.tuned, counts[-1])] if tuned else []
+        if self.machines is None:
+            made: Iterator = (run(self.measurer, what, walk) for run, what in tasks)
+        else:
+            job = Job(self.scene, self.settings, self.effort, counts, walk)
+            made = self.machines.crew(_ready, job).map(_measured, tasks)
+        total, done, started = fixed + sum(fixed + c.photons for c in (*todo, *rival)), 0, time.monotonic()
+        for rows in made:
+            for row in rows:
+                if isinstance(row, Failure):
+                    self.failures.append(row)
+                    continue
+                self.results.add(row)
+                done += fixed + row["photons"]
+                left = time_left((time.monotonic() - started) * max(total - done, 0) / done)
+                self.bar(f"measuring settings{left}", min(done / total, 1.0))
+
+    def _walk(self) -> Walk:
+        for n in sorted({c.traced for c in self.choices}):
+            self.bar("tracing", 0.0)
+            self.measurer.trace(n)
+        self.bar("the light of many photons", 0.0)
+        s = self.base.setting
+        finest = self.measurer.limit(Choice(DEFAULT, 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
+        seed = self.settings.seed
+        made = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
+        return make_walk(finest, self.lap, made, seed)
+
+
+def lamps_of(settings: Settings) -> str:
+    """Return the levels of lamps that differ from the scene file, by name; "" if none does."""
+    return "; ".join(f"{name} {', '.join(f'{c:g}' for c in level)}" for name, level in settings.levels(()).items())
+
+
+class Job(NamedTuple):
+    """Data that all tasks of a chart share, for other processes."""
+
+    scene: Scene
+    settings: Settings
+    effort: Effort
+    counts: list[int]  # photons
+    walk: Walk
+
+
+def _ready(job: Job, threads: int | None) -> tuple[Measurer, Walk]:
+    """Return the measurer of a job, in a process of the cluster."""
+    measurer = Measurer(job.scene, job.settings, job.effort, _silent, threads)
+    for n in job.counts:
+        measurer.trace(n)
+    return measurer, job.walk
+
+
+def _silent(stage: str, fraction: float | None) -> None:
+    pass
+
+
+def _measured(ready: tuple[Measurer, Walk], run: Callable, what) -> list[dict | Failure]:
+    measurer, walk = ready
+    return list(run(measurer, what, walk))
+
+
+def rival_choices(counts: tuple[int, ...]) -> Iterator[Choice]:
+    """Return the rival's settings; `photons` holds its paths per vertex."""
+    for paths in counts:
+        yield Choice(RIVAL, paths, paths, 0.0, 0, False, "photons")

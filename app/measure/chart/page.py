@@ -17,11 +17,12 @@ import numpy as np
 from app.cli.cluster import Machines
 from app.cli.progress import opened
 from app.cli.writable import write_whole
-from app.draw import raycast
 from app.draw.colour_map import signed_colours
-from app.draw.shot import Shot
+from app.draw.false_colour import Display
+from app.draw.shot import Shot, picture
+from app.draw.tonemap import srgb_decode
 from app.measure.chart.figure import draw, need_matplotlib
-from app.measure.chart.run import Run
+from app.measure.chart.measure import Run
 from app.measure.chart.settings import RIVAL, SCENES, Choice, beside, tuned_summary
 from app.measure.results import Failure
 from app.measure.tables import Column, cells, document, fixed, html_table, image, milliseconds, percent
@@ -250,11 +251,6 @@ def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
 
 def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
     """Return an error map (h, w, 3) uint8 of relative errors (R,): blue too dark, red too bright."""
-    display = signed_colours(np.nan_to_num(error) / SCALE)
-    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)  # of sRGB
-    colours = [(linear[m.front], linear[np.maximum(m.back, 0)]) for m in shot.meshes]
-    model, solver = shot.solver.model, shot.solver
-    at, camera = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
-    return raycast.picture(
-        model.accelerator, at, shot.meshes, colours, camera, SHOT_SIZE, 0.0, "clip", shot.settings.cull, textured=False
-    )
+    lit, linear = replace(shot.lit, shows_radiance=False), srgb_decode(signed_colours(np.nan_to_num(error) / SCALE))
+    colours = [(linear[m.front], linear[np.maximum(m.back, 0)]) for m in lit.meshes]
+    return picture(lit, shot.view, Display(0.0, "clip"), colours)

@@ -106,10 +106,6 @@ def light_of(irradiance: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return luminance(irradiance[rows])
 
 
-GLOSS_SHARE = 0.2  # of the sample's points
-RAYS_PER_POINT = 4096  # per point: 1 to 2 % of noise in rooms with lamps
-
-
 class GlossTruth(NamedTuple):
     """Gloss at one pose, at n vertices drawn by area."""
 
@@ -121,8 +117,8 @@ class GlossTruth(NamedTuple):
     weights: np.ndarray  # (n,) float64
 
 
-def gloss_truth(solver: Solver, points: int, seed: int, rays: int = RAYS_PER_POINT) -> GlossTruth | None:
-    """Return the gloss of a solver's poses at GLOSS_SHARE of `points`; None: no vertex in view carries light for it."""
+def gloss_truth(solver: Solver, points: int, seed: int) -> GlossTruth | None:
+    """Return the gloss of a solver's poses at a fifth of `points`; None: no vertex in view carries light for it."""
     s, model = solver.surfaces, solver.model
     face_of, is_back = shining_faces(solver)
     rows = np.flatnonzero((face_of >= 0) & (solver.receivers.areas > 0))
@@ -133,9 +129,11 @@ def gloss_truth(solver: Solver, points: int, seed: int, rays: int = RAYS_PER_POI
     rows = rows[towards[0] & towards[1]]
     if not len(rows):
         return None
-    rows, weights = draw_by_area(rows, solver.receivers.areas, max(1, round(GLOSS_SHARE * points)), seed)
+    rows, weights = draw_by_area(rows, solver.receivers.areas, max(1, round(0.2 * points)), seed)
     views = gloss_views(model, at, rows, face_of[rows], eye)
-    radiance = reference_gloss(model, at, model.lights_at(solver.levels), views, rays, seed)
+    radiance = reference_gloss(
+        model, at, model.lights_at(solver.levels), views, 4096, seed
+    )  # rays per point: 1 to 2 % of noise
     parts = []
     for o, mesh in enumerate(meshes_of(model)):
         mine = rows[(rows >= s.first_receiver[o]) & (rows < s.first_receiver[o + 1])]
@@ -151,7 +149,7 @@ def _vertices(mesh: DrawMesh, rows: np.ndarray, is_back: np.ndarray) -> np.ndarr
         if not mine.any():
             continue
         assert mesh.gloss is not None
-        shining = np.flatnonzero(mesh.gloss[:, side] >= 0)
+        shining = np.flatnonzero(mesh.gloss.receivers[:, side] >= 0)
         order = shining[np.argsort(receivers[shining], kind="stable")]
         out[mine] = order[np.searchsorted(receivers[order], rows[mine])]
     return out

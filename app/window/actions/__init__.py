@@ -106,6 +106,10 @@ ACTIONS = {
     "reset view": Action(views.reset_view, (K.home,), "Home", "reset the view", label="Reset view"),
     "rest": Action(objects.rest, label="Rest on floor"),
     "insert": Action(objects.choose_and_insert, label="Insert object..."),
+    **{
+        f"insert {kind}": Action(partial(objects.insert_shape, kind=kind), label=kind.capitalize())
+        for kind in objects.SHAPES
+    },
     "duplicate": Action(
         _of_selected(lamps.duplicate, objects.duplicate), (_ctrl(K.d),), "Ctrl+D",
         "duplicate the selected objects, or the lamp", label="Duplicate",

@@ -12,15 +12,15 @@ from app.draw.picture_files import next_free, write_screenshot
 from app.session.log import WARNING
 from app.settings import UsageError
 from app.window import dialogs, readout_marks, view_content
-from app.window.actions.lamps import is_photometric, use_file
-from app.window.actions.objects import insert, is_mesh
+from app.window.actions.lamps import use_file
+from app.window.actions.objects import insert
 from app.window.parts import Window
 from app.window.window import rename
 
 
 def choose_scene(window: Window) -> None:
-    folder = str(Path(window.files.suggestion(window.session)).parent)
-    window.files.dialog.open("Open a scene", folder, dialogs.SCENES, window.open_scene)
+    beside = window.files.suggestion(window.session)
+    window.files.dialog.open("Open a scene", beside, dialogs.SCENES, window.open_scene)
 
 
 def open_files(window: Window, names: list[str]) -> None:
@@ -40,8 +40,9 @@ def drop(window: Window, names: list[str]) -> None:
 
     A photometric file on the mark of a lamp is for this lamp.
     """
+    is_photometric = partial(dialogs.fits, filters=dialogs.LUMINAIRES)
     at = window.viewport.place_at(imgui.get_mouse_pos()) if window.session.ready else None
-    if at is None or not all(is_mesh(name) or is_photometric(name) for name in names):
+    if at is None or not all(is_photometric(name) or dialogs.fits(name, dialogs.MESHES) for name in names):
         open_files(window, names)
         return
     for name in names:
@@ -79,7 +80,10 @@ def _write(window: Window, path: str) -> str:
 
 def _not_saved(window: Window, problem: Exception, path: str | Path) -> str:
     """Log a problem with a file, and return it as a sentence."""
-    sentence = f"not saved: {getattr(problem, 'strerror', None) or problem}; {path}"
+    reason = str(problem)
+    if isinstance(problem, OSError):
+        reason = f"{path} cannot be written ({problem.strerror or problem}); name a file in another folder"
+    sentence = f"not saved: {reason}"
     window.log(sentence, WARNING)
     return sentence
 
@@ -103,6 +107,9 @@ def export(window: Window) -> None:
         except OSError as problem:
             return _not_saved(window, problem, file)
 
+    if len(view_content.readouts_csv(window.session, window.viewport.pins.shown).splitlines()) < 2:
+        window.log("there is nothing to export: key I pins a read-out, or switch on the measuring plane", WARNING)
+        return
     suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".csv"))
     window.files.dialog.save("Export the read-outs", suggestion, dialogs.TABLES, write)
 

@@ -26,18 +26,12 @@ if TYPE_CHECKING:
 LEVEL = 0.5  # cosine: flatter surfaces that look up are no ceilings
 
 
-def is_photometric(name: str) -> bool:
-    """Return whether a file is a photometric file by its suffix."""
-    from gi_core.files.formats.photometry_file import SUFFIXES
-
-    return Path(name).suffix.lower() in SUFFIXES
-
-
 def change(window: Window, asked: ChangeLight) -> None:
-    from gi_core.files.edits import Light
+    from gi_core.files.edits import Daylight, Light
 
     light = asked.light
-    window.session.change_scene(Light(light.name, asked.values, number=light.number), first=asked.first)
+    edit = Light(light.name, asked.values, number=light.number) if light is not None else Daylight(asked.values)
+    window.session.change_scene(edit, first=asked.first)
 
 
 def add(window: Window, asked: AddLamp) -> None:
@@ -50,8 +44,8 @@ def add(window: Window, asked: AddLamp) -> None:
 
 def choose_file(window: Window, lamp: LightId | None) -> None:
     """Ask for a photometric file for a lamp, or for a new one."""
-    folder = str(Path(window.files.suggestion(window.session)).parent)
-    window.files.dialog.open("Choose a luminaire", folder, dialogs.LUMINAIRES, partial(use_file, window, lamp))
+    beside, use = window.files.suggestion(window.session), partial(use_file, window, lamp)
+    window.files.dialog.open("Choose a luminaire", beside, dialogs.LUMINAIRES, use)
 
 
 def use_file(window: Window, lamp: LightId | None, name: str, at: np.ndarray | None = None) -> None:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from imgui_bundle import imgui
@@ -17,6 +18,14 @@ from app.window.panel.objects import Move
 from app.window.parts import Window
 from gi_core.scene import Pose
 from gi_core.scene.pose import carried, three
+
+SHAPES: dict[str, dict[str, Any]] = {  # that the window inserts: values in units of that length
+    "box": {"size": (1.0, 1.0, 1.0)},
+    "sphere": {"radius": 0.5},
+    "cylinder": {"radius": 0.5, "height": 1.0},
+    "cone": {"radius": 0.5, "height": 1.0},
+    "arch": {"size": (1.0, 1.0, 1.0), "thickness": 0.2},
+}
 
 
 def move(window: Window, asked: Move) -> None:
@@ -66,13 +75,6 @@ def rest(window: Window) -> None:
         session.history.push(before, {**before, **rested})
 
 
-def is_mesh(name: str) -> bool:
-    """Return whether a file is a mesh file by its suffix."""
-    from gi_core.files.formats.mesh_file import SUFFIXES
-
-    return Path(name).suffix.lower() in SUFFIXES
-
-
 def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
     """Add a mobile from a mesh file, upright and clear of other objects at a place (3,) [m]; None: where one looks."""
     from gi_core.files.edits import Insert
@@ -81,13 +83,35 @@ def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
     file = os.path.abspath(os.path.expanduser(name))
     edit = Insert(_free_name(window, Path(file).stem), file, pose)
     if place is None:
-        window.session.inserted.near[edit.name] = window.viewport.looked_at
+        _look_at(window, edit.name, window.viewport.looked_at)
     window.session.change_scene(edit)
 
 
+def _look_at(window: Window, name: str, point: np.ndarray) -> None:
+    """Tell where an inserted object is to be put."""
+    window.session.inserted.near[name] = np.stack([point, window.viewport.view.camera.eye()])
+
+
+def insert_shape(window: Window, kind: str) -> None:
+    """Add a shape as a mobile at the place that was clicked, else where one looks."""
+    from gi_core.files.edits import Insert
+
+    session, at = window.session, window.viewport.clicked
+    size = float(f"{session.chosen.scene_size / 8:.1g}")  # as meshes in other units get
+    edit = Insert(_free_name(window, kind), shape=shape_of(kind, size))
+    _look_at(window, edit.name, window.viewport.looked_at if at is None else at.point)
+    session.change_scene(edit)
+
+
+def shape_of(kind: str, size: float) -> tuple[tuple[str, Any], ...]:
+    """Return the table of a shape of SHAPES that is `size` [m] high."""
+    scaled = ((k, tuple(size * n for n in v) if isinstance(v, tuple) else size * v) for k, v in SHAPES[kind].items())
+    return ("type", kind), *scaled
+
+
 def choose_and_insert(window: Window) -> None:
-    folder = str(Path(window.files.suggestion(window.session)).parent)
-    window.files.dialog.open("Insert an object", folder, dialogs.MESHES, partial(insert, window))
+    beside = window.files.suggestion(window.session)
+    window.files.dialog.open("Insert an object", beside, dialogs.MESHES, partial(insert, window))
 
 
 def duplicate(window: Window) -> None:

@@ -19,17 +19,7 @@ from typing import NamedTuple
 from imgui_bundle import hello_imgui, imgui
 
 from app.settings import Settings
-from app.window.panel import (
-    chart,
-    lamps,
-    material,
-    objects,
-    picture,
-    quality,
-    readouts,
-    research,
-    scene,
-)
+from app.window.panel import chart, lamps, lights, material, objects, picture, quality, readouts, research, scene
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
@@ -51,6 +41,7 @@ class Steady:
         self._at: dict[str, float] = {}  # section -> its place in the whole of the panel [points]
         self._before: dict[str, float] = {}  # the same of the last frame
         self._used = ""  # the section that the mouse was on last
+        self._gap = "", 0.0  # empty space [points] before a section: how far the scroll is below 0
 
     def load(self) -> None:
         with suppress(ValueError):
@@ -74,17 +65,22 @@ class Steady:
         self._at.clear()
 
     def mark(self, section: str) -> None:
-        """Remember where a section begins."""
-        self._at[section] = imgui.get_cursor_pos_y()
+        """Remember where a section begins, but for the gap."""
+        above, gap = self._gap
+        self._at[section] = imgui.get_cursor_pos_y() - (gap if above in self._at else 0.0)
+        if section == above:
+            imgui.set_cursor_pos_y(self._at[section] + gap)
         if imgui.is_window_hovered() and imgui.get_cursor_screen_pos().y <= imgui.get_mouse_pos().y:
             self._used = section
 
     def end(self) -> None:
-        """Keep the section that the mouse was on where it was, after a click in the picture has made others longer."""
-        if not imgui.is_window_hovered() and self._used in self._at and self._used in self._before:
-            shift = self._at[self._used] - self._before[self._used]
-            if shift:
-                imgui.set_scroll_y(imgui.get_scroll_y() + shift)
+        """Keep the section that the mouse was on where it was, after a click has changed those above."""
+        used, (above, gap), scroll = self._used, self._gap, imgui.get_scroll_y()
+        at, before = self._at, self._before
+        if used in at and used in before and ((shift := at[used] - before[used]) or (gap and scroll)):
+            scroll += shift - (gap if at.get(above, math.inf) <= at[used] else 0.0)
+            imgui.set_scroll_y(max(scroll, 0.0))
+            self._gap = used, max(-scroll, 0.0)
         self._before = dict(self._at)
 
 
@@ -156,6 +152,7 @@ SECTIONS = (
     Section("Objects", objects.draw),
     Section("Material", material.draw, unfolded=False),
     Section("Lamps", lamps.draw),
+    Section("Daylight", lights.daylight, visible=lambda window: window.session.scene.daylight is not None),
     Section("Picture", picture.draw),
     Section("Read-outs", readouts.draw),
     Section("Quality", quality.draw),

@@ -16,9 +16,7 @@ from app.window.parts import Window
 FRAME_MS = 1000 / 60  # a frame at 60 Hz
 COLOURS = ((0.918, 0.655, 0.298), (0.400, 0.700, 0.950), (0.560, 0.800, 0.450), (0.850, 0.550, 0.850))
 MARKERS = (implot.Marker_.circle, implot.Marker_.square, implot.Marker_.diamond, implot.Marker_.up)
-AXIS_MARGIN = 2.0  # factor around the points
 TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 10000)  # 20 would overlap 16.7
-PERCENTS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
@@ -41,9 +39,7 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
         if near is not None:
             imgui.set_tooltip(caption(near))
     imgui.text_disabled("Lower left is better. Line: 60 frames per second.")
-    if imgui.button("Clear chart", (-1, 0)):
-        actions.add("clear chart")
-    ui.tip("Remove all points.")
+    ui.buttons(actions, ui.Button("clear chart", "Clear chart", "Remove all points."))
     return s
 
 
@@ -55,7 +51,7 @@ def caption(point: MeasuredPoint) -> str:
 
 def limits(values: list[float]) -> tuple[float, float]:
     """Return the ends of a logarithmic axis around all values."""
-    low, high = min(values) / AXIS_MARGIN, max(values) * AXIS_MARGIN
+    low, high = min(values) / 2, max(values) * 2
     return low, high
 
 
@@ -65,7 +61,7 @@ def _axes(points: tuple[MeasuredPoint, ...]) -> None:
     implot.setup_axis(y, "error [%]")
     for axis, ticks, values in (
         (x, TIMES_MS, [*(1e3 * p.seconds for p in points), FRAME_MS]),
-        (y, PERCENTS, [100 * p.error for p in points]),
+        (y, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500), [100 * p.error for p in points]),
     ):
         implot.setup_axis_scale(axis, int(implot.Scale_.log10))
         implot.setup_axis_limits(axis, *limits(values), int(implot.Cond_.always))

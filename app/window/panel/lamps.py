@@ -9,7 +9,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_one
+from app.draw.colour_map import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_one
 from app.draw.units import units_of
 from app.session.lights import LightId
 from app.session.session import Session
@@ -23,7 +23,6 @@ from gi_core.lights.lamps import BRIGHTEST
 
 BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
 PERCENT = "   %.0f %%"  # right of the knob at 100 %
-SOLO_EM, FLUX_EM, WIDE_EM = 2.5, 5.0, 25.0  # widths of button and flux; of a row that has room for the flux
 RGB_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr | imgui.ColorEditFlags_.no_small_preview
 NAMELESS = "without a name"  # ImGui takes no empty label
 OF_FILE = "as in the scene file"  # a choice beside the light scenes
@@ -45,7 +44,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         if changed:
             setting_of[name] = lamp
         imgui.pop_id()
-    s = replace(s, lamps=tuple(lamp for lamp in setting_of.values() if lamp != LampLevel(lamp.name)), solo=solo)
+    s = replace(s.in_light_scene(tuple(setting_of.values())), solo=solo)
     flux = sum(_flux(setting_of.get(name, LampLevel(name)), solo, k, session) for k, name in enumerate(lamps))
     ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
     snapshot = session.light.snapshot
@@ -86,11 +85,9 @@ def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
     asked, choices = s.levels(names), of_file | dict(session.settings.light_scenes)
     choices.setdefault(OF_FILE, ())
     shown = (name for name, lamps in choices.items() if s.in_light_scene(lamps).levels(names) == asked)
-    now, chosen = next(shown, None), None
-    if imgui.begin_combo("##Light scene", "as set below" if now is None else now):
-        for name in choices:
-            chosen = name if imgui.selectable(name or NAMELESS, name == now)[0] else chosen
-        imgui.end_combo()
+    now = next(shown, None)
+    names_shown = {name: (name or NAMELESS, "") for name in choices}
+    chosen = ui.one_of("Light scene", "as set below" if now is None else now, names_shown, now)
     ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
            "within a second. Keep adds one.")  # fmt: skip
     if chosen is not None:
@@ -117,6 +114,7 @@ def _row(
 
     names: width of the longest name [points].
     """
+    solo_em = 2.5  # width of the button
     em, before, gap = imgui.get_font_size(), lamp, imgui.get_style().item_inner_spacing.x
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     lit = lamp.on and solo in ("", lamp.name)
@@ -140,11 +138,11 @@ def _row(
         actions.add(lights.SelectLamp(None if chosen else LightId(lamp.name)))
     imgui.pop_style_color()
     ui.tip(f"{lamp.name}: {flux}. Click to select the lamp.")
-    right = left + width - SOLO_EM * em
+    right = left + width - solo_em * em
     colour_at = right - gap - imgui.get_frame_height()
     level_end = colour_at - gap
-    if width > WIDE_EM * em:
-        level_end -= FLUX_EM * em
+    if width > 25.0 * em:  # there is room for the flux
+        level_end -= 5.0 * em
         imgui.same_line(colour_at - gap - imgui.calc_text_size(flux).x)
         imgui.text(flux)
     level_at = name_at + most + gap
@@ -161,7 +159,7 @@ def _row(
     lamp = _colour(lamp, of_luminance_one(session.model.emitters.flux_of_lamps[k]))
     imgui.same_line(right)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, imgui.get_style().frame_padding.y))
-    if imgui.button("Solo" if solo != lamp.name else "All", (SOLO_EM * em, 0)):
+    if imgui.button("Solo" if solo != lamp.name else "All", (solo_em * em, 0)):
         solo = "" if solo == lamp.name else lamp.name
     imgui.pop_style_var()
     ui.tip("This lamp alone; press again for all that are on. The exposure stays, to compare lamps; key A meters it.")

@@ -1,16 +1,20 @@
-"""The selected lamp: place, aim, beam and size of its light; lamps added, copied and removed."""
+"""The selected lamp: place, aim, beam and size of its light; lamps added, copied and removed. Daylight too."""
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from app.session.lights import BULB, NEW, PANEL, SKY, SPOT, SUN, Directed, LightId, aim_of, aimed, beam
+from app import values as readers
+from app.session.lights import BULB, PANEL, SKY, SPOT, SUN, Directed, LightId, aim_of, aimed, beam
 from app.session.session import Session
+from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.lights.daylight import sun_of
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.errors import utf8
 from gi_core.scene.pose import three
@@ -19,14 +23,23 @@ from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, Place
 if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
+FILE = "from a file..."
 KINDS = {
     BULB: "A point that shines equally in all directions.",
     SPOT: "A point that shines into a cone.",
     PANEL: "A rectangle of constant luminance, as a ceiling panel.",
     SUN: "Parallel light.",
     SKY: "An overcast sky: a dome of constant luminance. Rooms need an opening.",
+    FILE: "A luminaire by its maker's IES or EULUMDAT file (.ies, .ldt).",
 }
-FILE = "from a file..."
+DUPLICATE = ui.Button("duplicate lamp", "Duplicate lamp", "Put a copy of the lamp beside it.")
+REPLACE = ui.Button(
+    "replace lamp",
+    "Make movable###lamp",
+    "Put a panel of the same flux and size in place of the light of these surfaces: it can be moved and turned. The "
+    "surfaces stay, dark.",
+)
+REMOVE = ui.Button("remove lamp", "Remove lamp", "Remove the lamp. Surfaces that shine stay, dark.")
 AIM = {
     "Tilt": "Angle from straight down",
     "Heading": "Angle about the vertical",
@@ -44,7 +57,7 @@ _held = [False]  # a field: its next value belongs to the same step of undo
 class ChangeLight(NamedTuple):
     """Request to change a light; not `first`: the next value of a field that is still held."""
 
-    light: LightId
+    light: LightId | None  # None: the daylight
     values: Values
     first: bool = True
 
@@ -56,7 +69,7 @@ class SelectLamp(NamedTuple):
 
 
 class AddLamp(NamedTuple):
-    """Request to add a lamp of a kind of NEW, or FILE."""
+    """Request to add a lamp of a kind of KINDS."""
 
     kind: str
 
@@ -70,16 +83,12 @@ def draw(window: Window, actions: set[Any]) -> None:
         if light is not None:
             _light(selected, light, session, actions)
         imgui.pop_id()
-    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
     if selected is not None and selected.name != OTHERS:
-        _buttons(selected in session.lights, actions, half)
+        ui.buttons(actions, DUPLICATE if selected in session.lights else REPLACE, REMOVE)
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##Add lamp", "Add a lamp..."):
-        for kind in (*NEW, FILE):
-            if imgui.selectable(kind.capitalize(), False)[0]:
-                actions.add(AddLamp(kind))
-            ui.tip(KINDS.get(kind, "A luminaire by its maker's IES or EULUMDAT file (.ies, .ldt)."))
-        imgui.end_combo()
+    kind = ui.one_of("Add lamp", "Add a lamp...", {kind: (kind.capitalize(), about) for kind, about in KINDS.items()})
+    if kind is not None:
+        actions.add(AddLamp(kind))
     ui.tip("It hangs below the ceiling over the middle of the picture, or over the surface clicked last. Photometric "
            "files may be dropped on the picture too.")  # fmt: skip
 
@@ -91,11 +100,9 @@ def head(lamp: LightId, session: Session, actions: set[Any]) -> None:
     several = [light for light in session.lights if light.name == lamp.name]
     if len(several) > 1:
         ui.label("Light")
-        if imgui.begin_combo("##which", f"{lamp.number} of {len(several)}"):
-            for light in several:
-                if imgui.selectable(f"{light.number} of {len(several)}", light == lamp)[0]:
-                    actions.add(SelectLamp(light))
-            imgui.end_combo()
+        names = {light: (f"{light.number} of {len(several)}", "") for light in several}
+        if (light := ui.one_of("which", names[lamp][0], names, lamp)) is not None:
+            actions.add(SelectLamp(light))
         ui.tip("Lights of one name are one lamp. Each has its own place.")
 
 
@@ -108,7 +115,7 @@ def _kind(light: Light | None) -> str:
         case SpotLight():
             return SPOT
         case PhotometricLight():
-            from gi_core.files.formats.lights_table import COSINE
+            from gi_core.files.formats.toml_file import COSINE
 
             return PANEL if light.intensity is COSINE else "photometric"
         case DirectionalLight():
@@ -148,30 +155,39 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
         _changed(lamp, (("size", sides),), done, actions)
         ui.label("File")
         file = session.file_of(lamp)
-        if imgui.button((utf8(Path(file).name) if file else "Choose...") + "###file", (-1, 0)):
-            actions.add("lamp file")
-        ui.tip("Give this lamp the distribution of an IES or EULUMDAT file (.ies, .ldt).")
+        name = (utf8(Path(file).name) if file else "Choose...") + "###file"
+        about = "Give this lamp the distribution of an IES or EULUMDAT file (.ies, .ldt)."
+        ui.buttons(actions, ui.Button("lamp file", name, about))
 
 
-def _changed(lamp: LightId, values: Values, done: list[bool], actions: set[Any]) -> None:
+def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
+    """Draw place, date and hour of the daylight, and where its sun stands."""
+    day = window.session.daylight
+    if day is None:
+        return s
+    (latitude, longitude), *done = ui.fields("Place", day.place, 0.1, "%.2f°", ("latitude", "longitude"))
+    ui.tip("Latitude and longitude [degrees], north and east positive.")
+    place = min(max(latitude, -90.0), 90.0), min(max(longitude, -180.0), 180.0)
+    _changed(None, (("place", place),), done, actions)
+    date = datetime.date.fromisoformat(day.date)
+    first, last = (date.replace(month=m, day=d).toordinal() for m, d in ((1, 1), (12, 31)))
+    moved, number = ui.slider("Date", date.toordinal(), first, last, day.date, read=readers.day)
+    done = [moved, imgui.is_item_activated(), False]
+    ui.tip("Day of the year. Ctrl-click to type one, such as 2026-03-21.")
+    _changed(None, (("date", datetime.date.fromordinal(number).isoformat()),), done, actions)
+    minutes = round(60 * day.hour)
+    moved, hour = ui.slider("Hour", day.hour, 0.0, 24 - 1 / 60, f"{minutes // 60}:{minutes % 60:02}")
+    done = [moved, imgui.is_item_activated(), False]
+    ui.tip(f"Time of the clock, UTC{day.utc_offset:+g}. Ctrl-click to type one: 9.5 is half past nine.")
+    _changed(None, (("hour", round(60 * hour) / 60),), done, actions)
+    sun = sun_of(day)
+    ui.number("Sun", f"{sun.altitude:.1f}°, {sun.azimuth:.1f}°", f"Altitude and azimuth: {sun}.")
+    return s
+
+
+def _changed(lamp: LightId | None, values: Values, done: list[bool], actions: set[Any]) -> None:
     edited, begins, _ = done
     _held[0] &= not begins
     if edited:
         actions.add(ChangeLight(lamp, values, first=not _held[0]))
         _held[0] = True
-
-
-def _buttons(has_place: bool, actions: set[Any], half: float) -> None:
-    if has_place:
-        if imgui.button("Duplicate lamp", (half, 0)):
-            actions.add("duplicate lamp")
-        ui.tip("Put a copy of the lamp beside it.")
-    else:
-        if imgui.button("Make movable###lamp", (half, 0)):
-            actions.add("replace lamp")
-        ui.tip("Put a panel of the same flux and size in place of the light of these surfaces: it can be moved and "
-               "turned. The surfaces stay, dark.")  # fmt: skip
-    imgui.same_line()
-    if imgui.button("Remove lamp", (-1, 0)):
-        actions.add("remove lamp")
-    ui.tip("Remove the lamp. Surfaces that shine stay, dark.")

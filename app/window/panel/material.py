@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 DIFFUSE, METAL_ROUGH = "diffuse", "metal-rough"
-MOST_FACTOR = 1.0  # of a model in a linear combination
 DARKENED = "Darkened: it would reflect more light than arrives."
 COLOURS = "reflectance", "kd", "rho", "C"  # parameters that carry on the colour of another model
 
@@ -111,7 +110,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         values, moved = _draw_scale(values, finish.darkened)
         edited |= moved
     if finish.textured:
-        _dim(_about_texture(model))
+        ui.wrapped(_about_texture(model))
     if edited:
         new_values, target = tuple(values.items()), (surface, part)
         actions.add(Refinish(surface, _kept(new_values) if keeps else new_values, target not in _held, part))
@@ -162,14 +161,10 @@ def _summed(values: dict[str, Any], parts: tuple[Values, ...]) -> Values:
 
 def _draw_added(model: str | tuple) -> str | None:
     """Draw the list of models to add; return the one chosen."""
-    chosen = None
     with ui.idle("metal-rough is not a reflection model" if model == METAL_ROUGH else ""):
         imgui.set_next_item_width(7 * imgui.get_font_size())
-        if imgui.begin_combo("##Add model", "+ model"):
-            for name in models():
-                if name not in (DIFFUSE, METAL_ROUGH) and imgui.selectable(_title(name), False)[0]:
-                    chosen = name
-            imgui.end_combo()
+        names = {name: (_title(name), "") for name in models() if name not in (DIFFUSE, METAL_ROUGH)}
+        chosen = ui.one_of("Add model", "+ model", names)
         ui.tip("Add a reflection model: the surface then reflects the sum of its models, each times its factor.")
     return chosen
 
@@ -190,7 +185,7 @@ def _draw_part(number: int, values: Values, of: int, removed: list[int]) -> Valu
         if imgui.small_button("remove"):
             removed.append(number)
         ui.tip("Remove this model from the sum.")
-    factor = Parameter(1.0, 0.0, max(MOST_FACTOR, part.get("factor", 1.0)), False, "factor of this model in the sum")
+    factor = Parameter(1.0, 0.0, max(1.0, part.get("factor", 1.0)), False, "factor of this model in the sum")
     for name, parameter in ({"factor": factor} | models()[part["model"]]).items():
         value, moved = _edit(name, parameter, part.get(name, parameter.default))
         if moved:
@@ -208,7 +203,7 @@ def _draw_scale(values: dict[str, Any], darkened: str) -> tuple[dict[str, Any], 
     ui.tip("Where the models reflect more light than arrives, the surface is darkened to it. Otherwise it is refused. "
            "The choice of a model ticks it.")  # fmt: skip
     if darkened and values.get("scale"):
-        _dim(DARKENED)
+        ui.wrapped(DARKENED)
         ui.tip(f"{darkened[:1].upper()}{darkened[1:]}.")
     return (values | {"scale": scale} if changed else values), changed
 
@@ -216,12 +211,6 @@ def _draw_scale(values: dict[str, Any], darkened: str) -> tuple[dict[str, Any], 
 def title(surface: str, parts: tuple[str, ...]) -> str:
     """Return the object and its material by the name in its file; of a piece of the static part, the material."""
     return f'{surface}, material "{parts[0]}"' if len(parts) == 1 else surface
-
-
-def _dim(text: str) -> None:
-    imgui.push_text_wrap_pos(0)
-    imgui.text_disabled(text)
-    imgui.pop_text_wrap_pos()
 
 
 def _kept(values: Values) -> Values:
@@ -273,7 +262,7 @@ def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
         value, changed, _, _ = ui.fields(shown, numbers, 0.01, "%.2f", "rgb")
         value = tuple(min(max(c, p.low), p.high) for c in value)
     else:
-        changed, number = ui.float_slider(shown, value, p.low, p.high, f"{value:.3g}", p.high > 10)
+        changed, number = ui.slider(shown, value, p.low, p.high, f"{value:.3g}", p.high > 10)
         value = min(max(float(f"{number:.4g}"), p.low), p.high)
     ui.tip(f"{p.meaning[:1].upper()}{p.meaning[1:]}.")
     return value, changed and value != before

@@ -13,8 +13,6 @@ from app.window.parts import Window
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 
-AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-UPRIGHT = 1e-6  # cosine of the angle about y at which those about x and z are one
 Angles = tuple[float, float, float]
 
 _shown: list[tuple[str, Angles]] = []  # the selected object in motion, and its angles in the last frame
@@ -55,56 +53,27 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
             if edited:
                 moved = pose._replace(position=three(numbers)) if name == "Position" else turned(pose, three(numbers))
             actions.add(Move(selected, moved, first, last))
-    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
-    if imgui.button("Rest on floor", (half, 0)):
-        actions.add("rest")
-    ui.tip("Lower each selected object until it stands on what lies below it.")
-    imgui.same_line()
-    if imgui.button("Frame", (half, 0)):
-        actions.add("frame")
-    ui.tip("Let the camera show the selected objects. Key F.")
     imgui.end_disabled()
-    imgui.begin_disabled(not session.poses)
-    if imgui.button(("Pause" if session.motion.playing else "Play") + "###Play", (half, 0)):
-        actions.add("play")
-    ui.tip("Move the objects along their paths, or one on a circle. Key Space.")
-    imgui.same_line()
-    if imgui.button("Reset poses", (half, 0)):
-        actions.add("reset poses")
-    ui.tip("Return every object to its start pose. Key R resets the view too.")
-    imgui.end_disabled()
-    _edits(bool(selected), window.viewport.clicked is not None, actions, half)
+    any_object, is_selected, play = bool(session.poses), bool(selected), "Pause" if session.motion.playing else "Play"
+    ui.buttons(
+        actions,
+        ui.Button("rest", "Rest on floor", "Lower each selected object until it stands on what lies below it.",
+                  is_selected),
+        ui.Button("frame", "Frame", "Let the camera show the selected objects. Key F.", is_selected),
+        ui.Button("play", f"{play}###Play", "Move the objects along their paths, or one on a circle. Key Space.",
+                  any_object),
+        ui.Button("reset poses", "Reset poses", "Return every object to its start pose. Key R resets the view too.",
+                  any_object),
+        ui.Button("insert", "Insert...", "Add an object from a mesh file. Files may be dropped on the picture too."),
+        ui.Button("duplicate", "Duplicate", "Put copies beside the selected objects.", is_selected),
+        ui.Button("remove", "Remove", "Remove the selected objects.", is_selected),
+        ui.Button("freeze", "Make static",
+                  "Fix the selected objects in place. They join the static part: all that stands still.", is_selected),
+        ui.Button("promote", "Make movable",
+                  "Click on the static part, then make the piece there an object that moves: all its connected "
+                  "triangles.", window.viewport.clicked is not None),
+    )  # fmt: skip
     return s
-
-
-def _edits(selected: bool, piece: bool, actions: set[Any], half: float) -> None:
-    """Draw the buttons that change the scene; piece: a place of the static part has been clicked."""
-    if imgui.button("Insert...", (half, 0)):
-        actions.add("insert")
-    ui.tip("Add an object from a mesh file. Files may be dropped on the picture too.")
-    for name, action, enabled, about in (
-        ("Duplicate", "duplicate", selected, "Put copies beside the selected objects."),
-        ("Remove", "remove", selected, "Remove the selected objects."),
-        (
-            "Make static",
-            "freeze",
-            selected,
-            "Fix the selected objects in place. They join the static part: all that stands still.",
-        ),
-        (
-            "Make movable",
-            "promote",
-            piece,
-            "Click on the static part, then make the piece there an object that moves: all its connected triangles.",
-        ),
-    ):
-        if action in ("duplicate", "freeze"):
-            imgui.same_line()
-        imgui.begin_disabled(not enabled)
-        if imgui.button(name, (-1 if action == "promote" else half, 0)):
-            actions.add(action)
-        ui.tip(about)
-        imgui.end_disabled()
 
 
 def angles_of(pose: Pose, near: Angles = (0.0, 0.0, 0.0)) -> Angles:
@@ -116,7 +85,7 @@ def angles_of(pose: Pose, near: Angles = (0.0, 0.0, 0.0)) -> Angles:
     R = rotation(pose)
     y = math.asin(min(max(-float(R[2, 0]), -1.0), 1.0))
     x, z = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    if math.hypot(R[2, 1], R[2, 2]) < UPRIGHT:  # x and z turn about one axis
+    if math.hypot(R[2, 1], R[2, 2]) < 1e-6:  # x and z turn about one axis
         side = math.copysign(1.0, y)
         z = math.radians(near[2])
         x = side * z + math.atan2(side * R[0, 1], side * R[0, 2])
@@ -132,7 +101,8 @@ def _wrapped(angle: float) -> float:
 
 def turned(pose: Pose, angles: Angles) -> Pose:
     """Return a pose with the rotation of angles [degrees] about x, then y, then z."""
-    x, y, z = (axis_angle(axis, angle) for axis, angle in zip(AXES, angles, strict=True))
+    axes = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+    x, y, z = (axis_angle(axis, angle) for axis, angle in zip(axes, angles, strict=True))
     return pose._replace(quaternion=multiply_quaternions(z, multiply_quaternions(y, x)))
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import re
 from dataclasses import replace
-from typing import Any
 
 from imgui_bundle import imgui
 
 from app import values
 from app.draw.false_colour import Scale
 from app.draw.units import Units, units_of
+from app.session.log import WARNING, Log
 from app.settings import (
     ERROR_RANGES,
     ERRORS,
@@ -24,7 +25,6 @@ from app.settings import (
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
-EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
 TONE_MAP_NAMES = {
     "agx": "AgX",
     "neutral": "Khronos PBR Neutral",
@@ -33,17 +33,12 @@ TONE_MAP_NAMES = {
     "clip": "Clip",
 }
 AUTOMATIC = "Automatic"
-SWITCHES = {
-    "white_balance": (
-        "White balance",
-        "Draw the light of all lamps of the scene file together neutral, as a camera set to it does. A lamp that is "
-        "coloured here, or alone, keeps its colour beside that. Off: all light has its own colour.",
-    ),
-    "cull": (
-        "Back-face culling",
-        "Hide the backs of one-sided faces, to look into closed rooms. Off: backs are dark grey.",
-    ),
-}
+METER = ui.Button(
+    "meter",
+    "Meter exposure",
+    "Set the exposure by the present view and light: the median radiance becomes mid-grey, or less where much of the "
+    "view is bright. Surfaces that shine count too. Key A.",
+)
 
 
 def show_names(units: Units) -> dict[str, str]:
@@ -59,10 +54,10 @@ def show_names(units: Units) -> dict[str, str]:
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     start, units = window.session.start_exposure, units_of(window.session.scene.units)
-    low, high = start - EXPOSURE_MARGIN, start + EXPOSURE_MARGIN
+    low, high = start - 10.0, start + 10.0  # EV
     of_values = "false colours show values of light" if s.show in FALSE_COLOURS else ""
     with ui.idle(of_values):
-        changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
+        changed, exposure = ui.slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV", read=values.exposure)
         if changed:
             s = replace(s, exposure=exposure)
         ui.tip("Exposure in stops; +1 EV doubles brightness. It stays until it is changed here, or metered by key A.")
@@ -72,38 +67,30 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
                 f"{units.on_surface}: light per area on surfaces, in false colours.\n"
                 f"{units.from_surface.capitalize()}: light that the camera sees, in false colours.\n"
                 "Error map: error of irradiance against the reference.")  # fmt: skip
-    s = _scale(s, window.viewport.picture.scale, units)
+    s = _scale(s, window.viewport.picture.scale, units, window.log)
     with ui.idle(of_values):
         s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
                       "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact "
                       "below white.")  # fmt: skip
-    for field, (name, about) in SWITCHES.items():
-        with ui.idle(of_values if field == "white_balance" else ""):
-            changed, on = imgui.checkbox(name, getattr(s, field))
-            if changed:
-                change: dict[str, Any] = {field: on}
-                s = replace(s, **change)
-            ui.tip(about)
+    with ui.idle(of_values):
+        s = ui.switch(s, "White balance", "white_balance",
+                      "Draw the light of all lamps of the scene file together neutral, as a camera set to it does. A "
+                      "lamp that is coloured here, or alone, keeps its colour beside that. Off: all light has its own "
+                      "colour.")  # fmt: skip
+    about = "Hide the backs of one-sided faces, to look into closed rooms. Off: backs are dark grey."
+    s = ui.switch(s, "Back-face culling", "cull", about)
     sizes: dict = {k: f"{k}x the pixels" for k in PICTURE_SCALES}
     s = ui.choice(s, "Saved picture", "picture_scale", sizes, "Size of pictures saved by P, relative to the viewport.")
-    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
-    if imgui.button("Meter exposure", (half, 0)):
-        actions.add("meter")
-    ui.tip("Set the exposure by the present view and light: the median radiance becomes mid-grey, or less where much "
-           "of the view is bright. Surfaces that shine count too. Key A.")  # fmt: skip
-    imgui.same_line()
-    if imgui.button("Reset view", (half, 0)):
-        actions.add("reset view")
-    ui.tip("Return the camera to its start. Key Home.")
+    ui.buttons(actions, METER, ui.Button("reset view", "Reset view", "Return the camera to its start. Key Home."))
     return s
 
 
-def _scale(s: Settings, fitted: Scale | None, units: Units) -> Settings:
+def _scale(s: Settings, fitted: Scale | None, units: Units, log: Log) -> Settings:
     """Draw the choice of the scale: of false colours, of the error map; disabled without either."""
     with ui.idle("" if s.show in (ERRORS, *FALSE_COLOURS) else "only false colours and the error map have a scale"):
         s = _ends(s, fitted, units)
     with ui.idle("" if s.show == ILLUMINANCE else "isolines lie over false colours of light on surfaces"):
-        return _isolines(s)
+        return _isolines(s, log)
 
 
 def _ends(s: Settings, fitted: Scale | None, units: Units) -> Settings:
@@ -127,7 +114,7 @@ def _ends(s: Settings, fitted: Scale | None, units: Units) -> Settings:
 _typed = [""]  # values of the isolines
 
 
-def _isolines(s: Settings) -> Settings:
+def _isolines(s: Settings, log: Log) -> Settings:
     """Draw the switch of the isolines and a field for their values."""
     changed, on = imgui.checkbox("Isolines", s.isolines is not None)
     ui.tip("Lines of equal illuminance over its false colours.")
@@ -141,9 +128,9 @@ def _isolines(s: Settings) -> Settings:
     _, _typed[0] = imgui.input_text_with_hint("##isolines", "round values", _typed[0])
     if imgui.is_item_deactivated_after_edit():
         try:
-            s = replace(s, isolines=values.isolines(",".join(_typed[0].replace(",", " ").split())))
-        except argparse.ArgumentTypeError:
-            pass  # the field shows the last values again
+            s = replace(s, isolines=values.isolines(",".join(re.findall(r"[^,;\s]+", _typed[0]))))
+        except argparse.ArgumentTypeError as problem:  # the field shows the last values again
+            log(f"isolines: they {problem}", WARNING)
     ui.tip(f"Their values, up to {values.MOST_ISOLINES}, with commas; empty: round values.")
     imgui.end_disabled()
     return s

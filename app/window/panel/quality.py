@@ -14,8 +14,6 @@ from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
-PHOTON_SHARE = 0.1  # of the progress; paths take longer
-
 ERROR = "Error of the light in the picture, mean over all surfaces: as its paths state it, then as measured."
 
 
@@ -42,7 +40,7 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     _estimator(s, actions)
     now, k = level_of(s, chosen)
     label = "Quality"
-    changed, new = ui.int_slider(label, k + 1, 1, len(LEVELS), now)
+    changed, new = ui.slider(label, k + 1, 1, len(LEVELS), now)
     if changed:
         s = at_level(s, min(max(new, 1), len(LEVELS)) - 1, chosen)
     ui.tip(_about(chosen, session.points.all))
@@ -99,14 +97,10 @@ def _estimator(s: Settings, actions: set[str]) -> None:
     from gi_core.estimators import ESTIMATORS  # already loaded here; at the top it would delay the window
 
     ui.label("Estimator")
-    if imgui.begin_combo("##Estimator", ui.title(s.estimator)):
-        for k, (key, kind) in enumerate(ESTIMATORS.items()):
-            if imgui.selectable(ui.title(key), key == s.estimator)[0]:
-                actions.add(f"estimator {k}")
-            ui.tip(f"{kind.about}\nKey {k + 1}")
-        imgui.end_combo()
-    else:
-        ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(ESTIMATORS)}.")
+    names = {key: (ui.title(key), f"{kind.about}\nKey {k}") for k, (key, kind) in enumerate(ESTIMATORS.items(), 1)}
+    if (chosen := ui.one_of("Estimator", ui.title(s.estimator), names, s.estimator)) is not None:
+        actions.add(f"estimator {list(ESTIMATORS).index(chosen)}")
+    ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(ESTIMATORS)}.")
 
 
 class Status(NamedTuple):
@@ -116,6 +110,7 @@ class Status(NamedTuple):
 
 def status_of(session: Session) -> Status:
     """Return the state of the light on show."""
+    photon_share = 0.1  # of the progress; paths take longer
     light, gathered = session.light, session.gathered
     if session.in_motion:
         return Status("in motion", 0.0)
@@ -128,7 +123,7 @@ def status_of(session: Session) -> Status:
             at_poses = light.snapshot.rest.at_poses
             paths.append(at_poses.fraction if at_poses is not None else 0.0)
     done = (light.all_done and not session.refining) or min([photons, *paths]) >= 1
-    fraction = PHOTON_SHARE * photons + (1 - PHOTON_SHARE) * sum(paths) / len(paths) if paths else photons
+    fraction = photon_share * photons + (1 - photon_share) * sum(paths) / len(paths) if paths else photons
     fraction = 1.0 if done else min(fraction, 0.99)  # never 100 % before the end
     text = "converged" if done else f"converging {100 * fraction:.0f} %"
     error = error_of(session)

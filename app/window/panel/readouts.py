@@ -17,7 +17,11 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
 
-METRES_PER_PIXEL = 0.01  # of a drag
+PIN = ui.Button(
+    "pin",
+    "Pin a read-out",
+    "Then click a surface in the picture. Key I pins at once what is under the cursor; Del removes it.",
+)
 
 
 class Edit(NamedTuple):
@@ -38,23 +42,16 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         tip = f"{surface} at the probe: red {red}, green {green}, blue {blue}."
         ui.number(name, f"{float(luminance(E)):.4g} {unit}", tip)
     imgui.end_disabled()
-    _pins(s, window.viewport.pins.shown, actions)
-    if imgui.button("Pin a read-out", (-1, 0)):
-        actions.add("pin")
-    ui.tip("Then click a surface in the picture. Key I pins at once what is under the cursor; Del removes it.")
+    _pins(s, window.viewport.pins.shown, session.is_current, actions)
+    ui.buttons(actions, PIN)
     _plane(s, session, actions)
-    imgui.begin_disabled(not (snapshot.probes or s.pins or s.plane))
-    if imgui.button("Export as CSV...", (-1, 0)):
-        actions.add("export")
-    ui.tip("Write probes, pins, and all points of the measuring plane into a table.")
-    imgui.end_disabled()
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-    imgui.text_wrapped("Point at a surface: the status line shows its light.")
-    imgui.pop_style_color()
+    about = "Write probes, pins, and all points of the measuring plane into a table."
+    ui.buttons(actions, ui.Button("export", "Export as CSV...", about, bool(snapshot.probes or s.pins or s.plane)))
+    ui.wrapped("Point at a surface: the status line shows its light.")
     return s
 
 
-def _pins(s: Settings, pinned: tuple[Pinned, ...], actions: set[Any]) -> None:
+def _pins(s: Settings, pinned: tuple[Pinned, ...], is_current: bool, actions: set[Any]) -> None:
     """Draw a row per pin: name, light, remove."""
     readings = {one.pin: one.reading for one in pinned}
     em = imgui.get_font_size()
@@ -73,7 +70,9 @@ def _pins(s: Settings, pinned: tuple[Pinned, ...], actions: set[Any]) -> None:
         ui.tip(reading.text() if reading is not None else "The surface of this pin is no longer there.")
         imgui.same_line(right - width - 2.2 * em)
         imgui.align_text_to_frame_padding()
+        imgui.begin_disabled(not is_current)
         imgui.text(value)
+        imgui.end_disabled()
         imgui.same_line(right - 1.6 * em)
         if imgui.button("x", (1.6 * em, 0)):
             actions.add(Edit("pins", s.pins[:k] + s.pins[k + 1 :]))
@@ -82,6 +81,7 @@ def _pins(s: Settings, pinned: tuple[Pinned, ...], actions: set[Any]) -> None:
 
 
 def _plane(s: Settings, session: Session, actions: set[Any]) -> None:
+    metres_per_pixel = 0.01  # of a drag
     from app.rest.measuring_plane import default_plane, grid_of
 
     changed, on = imgui.checkbox("Measuring plane", s.plane is not None)
@@ -93,11 +93,11 @@ def _plane(s: Settings, session: Session, actions: set[Any]) -> None:
         actions.add(Edit("plane", default_plane(session.level) if on else None))
     if (plane := s.plane) is None:
         return
-    (height,), *done = ui.fields("   height", (plane.height,), METRES_PER_PIXEL, "%.3f m", ("h",))
+    (height,), *done = ui.fields("   height", (plane.height,), metres_per_pixel, "%.3f m", ("h",))
     _edited(plane._replace(height=height), done, actions)
     ui.tip("Height above the floor [m].")
     for k, axis in enumerate(session.level.axes.names):
-        ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), METRES_PER_PIXEL, "%.3f", ("from", "to"))
+        ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), metres_per_pixel, "%.3f", ("from", "to"))
         ui.tip(f"Extent along {axis} [m], from and to.")
         low, high = list(plane.low), list(plane.high)
         low[k], high[k] = ends
@@ -117,8 +117,9 @@ def _points(plane: MeasuringPlane, shape: tuple[int, int], actions: set[Any]) ->
     """Draw the number of points along the axes."""
     ui.label("   points")
     changed, (a, b) = imgui.input_int2("##points", list(shape), imgui.InputTextFlags_.enter_returns_true)
-    ui.tip("Points along the two axes.")
-    if changed and all(1 <= n <= MOST_GRID_POINTS for n in (a, b)):
+    ui.tip(f"Points along the two axes, 1 to {MOST_GRID_POINTS} each.")
+    if changed:
+        a, b = (min(max(n, 1), MOST_GRID_POINTS) for n in (a, b))
         actions.add(Edit("plane", plane._replace(points=(a, b))))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + ui.LABEL_EM * imgui.get_font_size())
     changed, norm = imgui.checkbox("EN 12464 grid", plane.points is None)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 from imgui_bundle import imgui
 
+from app import values
 from app.rest.results import GatherProgress
 from app.settings import CLICKED, POINTED, REFERENCE, Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
-BUDGET_RANGE = (8, 100)  # [ms]; 101: off
 SWITCHES = {  # field -> estimator, name, explanation
     "control": (
         "tangent_plane",
@@ -35,9 +34,6 @@ SWITCHES = {  # field -> estimator, name, explanation
     ),
 }
 LABELS = {"bvh": "BVH", "grid3d": "3D grid", "bsp": "BSP tree"}
-RADIUS_RANGE = (0.002, 0.2)  # of the scene size
-PHOTONS_RANGE = (1_000, 10_000_000)
-NEIGHBOURS_RANGE = (2, 1_000)
 GLOSS_NAMES = {"quadtree": "QuadTree (summarised)", "list": "List", "all_rays": "QuadTree (all rays)"}
 LIGHT_NAMES = {"best": "Best available", "photons": "Photons only"}
 NO_COMPARISON = "None"
@@ -46,10 +42,10 @@ NO_COMPARISON = "None"
 def motion(s: Settings, window: Window, actions: set[str]) -> Settings:
     """The time budget of a frame while something moves."""
     snapshot = window.session.light.snapshot
-    low, high = BUDGET_RANGE
+    low, high = 8, 100  # [ms]; 101: off
     value = round(s.budget) if s.budget > 0 else high + 1
     with ui.idle("" if snapshot.poses else "the scene has no movable object"):
-        changed, value = ui.int_slider("Time budget", value, low, high + 1, f"{value} ms" if value <= high else "off")
+        changed, value = ui.slider("Time budget", value, low, high + 1, f"{value} ms" if value <= high else "off")
         if changed:
             s = replace(s, budget=float(value) if value <= high else 0.0)
         ui.tip(
@@ -67,11 +63,7 @@ def artifacts(s: Settings, window: Window, actions: set[str]) -> Settings:
     """Bias correction: switches of the estimators, and the receivers that artifact control concerns."""
     for field, (of, name, about) in SWITCHES.items():
         with ui.idle(ui.only(of, s)):
-            changed, on = imgui.checkbox(name, getattr(s, field))
-            if changed:
-                change: dict[str, Any] = {field: on}
-                s = replace(s, **change)
-            ui.tip(f"{of}: {about}")
+            s = ui.switch(s, name, field, f"{of}: {about}")
     snapshot = window.session.light.snapshot
     control = snapshot.control
     ui.number(
@@ -81,11 +73,7 @@ def artifacts(s: Settings, window: Window, actions: set[str]) -> Settings:
     )
     ui.number("   stale", ui.thousands(control.stale),
               "Static receivers with a movable object in their disc. The last frame estimated them again.")  # fmt: skip
-    ui.number(
-        "   on mobiles",
-        ui.thousands(control.on_mobiles),
-        "Mobile receivers with another object in their disc.",
-    )
+    ui.number("   on mobiles", ui.thousands(control.on_mobiles), "Mobile receivers with another object in their disc.")
     cost = snapshot.timings.get("contact")
     ui.number("   contact time", ui.DASH if cost is None else ui.ms(cost), "Time to find these in the last frame.")
     return s
@@ -102,9 +90,7 @@ def search(s: Settings, window: Window, actions: set[str]) -> Settings:
     cost = snapshot.timings.get("estimate")
     ui.number("Estimate time", ui.DASH if cost is None else ui.ms(cost),
               "Time to find and sum disc intersections in the last frame.")  # fmt: skip
-    imgui.push_text_wrap_pos(0.0)
-    imgui.text_disabled(snapshot.search_summary)
-    imgui.pop_text_wrap_pos()
+    ui.wrapped(snapshot.search_summary)
     return s
 
 
@@ -152,15 +138,9 @@ def statistics(s: Settings, window: Window, actions: set[str]) -> Settings:
     ui.number("Photons cut", f"{ui.thousands(changes.photons_cut)}   ({100 * changes.photons_cut / n:.2g} %)",
               "Photons with a path that a movable object blocks. Only these are traced again.")  # fmt: skip
     ui.number(
-        "Segments removed",
-        ui.thousands(changes.old_segments),
-        "Path segments behind such an object, subtracted.",
+        "Segments removed", ui.thousands(changes.old_segments), "Path segments behind such an object, subtracted."
     )
-    ui.number(
-        "Segments added",
-        ui.thousands(changes.new_segments),
-        "Path segments from such an object on, added.",
-    )
+    ui.number("Segments added", ui.thousands(changes.new_segments), "Path segments from such an object on, added.")
     triangles = sum(len(mesh.triangles) for mesh in session.meshes)
     ui.number("Triangles", ui.thousands(triangles), "Triangles of the static part and the mobiles.")
     ui.number("Receivers", ui.thousands(len(snapshot.irradiance)), "Sides of vertices; each stores irradiance.")
@@ -170,15 +150,17 @@ def statistics(s: Settings, window: Window, actions: set[str]) -> Settings:
 def method(s: Settings, window: Window, actions: set[str]) -> Settings:
     """Parameters of the method: photons, radius, neighbours, path tracing."""
     session, snapshot = window.session, window.session.light.snapshot
-    changed, photons = ui.int_slider("Photons", s.photons, *PHOTONS_RANGE, ui.thousands(s.photons), logarithmic=True)
+    n = ui.thousands(s.photons)
+    changed, photons = ui.slider("Photons", s.photons, 1_000, 10_000_000, n, logarithmic=True, read=values.photons)
     if changed:
-        s = replace(s, photons=ui.rounded(max(photons, 1)))
+        s = replace(s, photons=ui.rounded(photons))
     ui.tip("Number of photons. More photons give less noise and slower frames.")
 
     size = session.chosen.scene_size
-    low, high = (share * size for share in RADIUS_RANGE)
-    changed, radius = ui.float_slider("Radius", s.radius, low, high, f"{s.radius:.3g} m", logarithmic=True)
-    if changed and radius > 0:
+    low, high = (share * size for share in (0.002, 0.2))  # of the scene size
+    shown = f"{s.radius:.3g} m"
+    changed, radius = ui.slider("Radius", s.radius, low, high, shown, logarithmic=True, read=values.positive)
+    if changed:
         s = replace(s, radius=float(f"{radius:.3g}"))
     ui.tip(
         "Radius around each vertex within which photon paths count. For photon_map: the largest radius. "
@@ -189,9 +171,9 @@ def method(s: Settings, window: Window, actions: set[str]) -> Settings:
 
     with ui.idle(ui.only("photon_map", s)):
         k_now = f"{s.neighbours}"
-        changed, k = ui.int_slider("Neighbours k", s.neighbours, *NEIGHBOURS_RANGE, k_now, logarithmic=True)
+        changed, k = ui.slider("Neighbours k", s.neighbours, 2, 1_000, k_now, logarithmic=True, read=values.neighbours)
         if changed:
-            s = replace(s, neighbours=max(k, 1))
+            s = replace(s, neighbours=k)
         ui.tip("Nearest photon hits per estimate of photon_map.")
     compared = s.compare not in ("", REFERENCE)
     with ui.idle("a comparison with an estimator shows the light of photons alone" if compared else ""):
@@ -227,14 +209,12 @@ def _progress(name: str, g: GatherProgress | None, otherwise: str, about: str) -
 def error(s: Settings, window: Window, actions: set[str]) -> Settings:
     """Error against the unbiased reference, measured at rest, and side-by-side comparison."""
     r = window.session.light.snapshot.rest.report
-    changed, measure_errors = imgui.checkbox("Measure errors", s.measure_errors)
-    if changed:
-        s = replace(s, measure_errors=measure_errors)
-    ui.tip("Measure errors while nothing moves. A drag interrupts the measurement.")
+    about = "Measure errors while nothing moves. A drag interrupts the measurement."
+    s = ui.switch(s, "Measure errors", "measure_errors", about)
     imgui.begin_disabled(not window.session.is_current)  # numbers of the light before
     at = ui.DASH if r is None else f"{ui.thousands(r.receivers)} of {ui.thousands(r.of)}"
-    about = "Receivers store light, one per vertex and side. A large scene is measured at a random sample of them."
-    ui.number("Receivers", at, about)
+    receivers = "Receivers store light, one per vertex and side. A large scene is measured at a random sample of them."
+    ui.number("Receivers", at, receivers)
     ui.number(
         "Total",
         _percent(r and r.total),
@@ -252,6 +232,12 @@ def error(s: Settings, window: Window, actions: set[str]) -> Settings:
         _percent(r and r.bias, "at least "),
         "Error that more photons do not remove, such as blur over the radius: a lower bound.\n"
         "bias² = total² - noise² - reference noise².",
+    )
+    ui.number(
+        "Clouds",
+        ui.DASH if r is None or math.isnan(r.clouds[0]) else " / ".join(f"{100 * c:.1f}" for c in r.clouds) + " %",
+        "Local deviation: of irradiance over the reference, within a tenth of the scene, mean removed. Median and 90th "
+        "percentile of places.",
     )
     paths = "" if r is None else f" So far: {ui.thousands(round(r.paths))} paths per receiver."
     ui.number(
@@ -272,11 +258,7 @@ def _compare(s: Settings) -> Settings:
         "Show another estimator of the same photons, or the reference, right of a line that you drag across the "
         "picture. It is computed while nothing moves. With an estimator, both sides show the light of photons alone.",
     )  # fmt: skip
-    changed, reference = imgui.checkbox("Show reference", s.reference)
-    if changed:
-        s = replace(s, reference=reference)
-    ui.tip("Show the reference in place of the estimate. Key 0.")
-    return s
+    return ui.switch(s, "Show reference", "reference", "Show the reference in place of the estimate. Key 0.")
 
 
 def _percent(value: float | None, bound: str = "") -> str:

@@ -13,6 +13,12 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.scene.errors import utf8
 
+RELOAD = ui.Button(
+    "reload",
+    "Reload",
+    "Read the scene's files again; settings and poses stay. Key F5.\n"
+    "To open another scene: menu File, or drop its file on the window.",
+)
 UNIT_NAMES = ["lx, cd/m², lm", "W/m², W/m²/sr, W"]  # of UNITS
 
 
@@ -20,10 +26,7 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     file = utf8(s.document or s.scene)
     imgui.text_wrapped(Path(file).name)
     ui.tip(file)
-    if imgui.button("Reload", (-1, 0)):
-        actions.add("reload")
-    ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
-           "To open another scene: menu File, or drop its file on the window.")  # fmt: skip
+    ui.buttons(actions, RELOAD)
     ui.label("Units")
     changed, k = imgui.combo("##Units", UNITS.index(window.session.scene.units), UNIT_NAMES)
     ui.tip("Units of the numbers in the scene's files. Lights and emission of glTF are photometric by its standard. "
@@ -31,15 +34,11 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     if changed:
         s = replace(s, units=UNITS[k])
     if window.reload.problem:
-        imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))
-        imgui.text_wrapped(window.reload.problem)
-        imgui.pop_style_color()
+        ui.wrapped(window.reload.problem, theme.ERROR)
     return s
 
 
 def notes(s: Settings, window: Window, actions: set[str]) -> Settings:
-    imgui.push_style_color(imgui.Col_.text, (*theme.DIM_TEXT, 1.0))
     for note in window.session.scene.notes:
-        imgui.text_wrapped(note)
-    imgui.pop_style_color()
+        ui.wrapped(note)
     return s

@@ -1,24 +1,27 @@
-"""Widgets of the sections: label, choice, number, tooltip; and number formats."""
+"""Widgets of the sections: label, choice, switch, buttons, number, tooltip; and number formats."""
 
 from __future__ import annotations
 
+import argparse
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from imgui_bundle import imgui
 
 from app.settings import Settings
+from app.values import finite
 from app.window import theme
 
-LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
+LABEL_EM = 6.6  # width of the column of labels
 SPEED = 1e-3  # of the scene's size, per pixel of a drag
 LEAST_SIDE = 1e-3  # [m] of a plane or panel
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 DASH = "\N{EM DASH}"  # an unknown number
+Number = TypeVar("Number", int, float)
 
 
 def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about: str) -> Settings:
@@ -27,8 +30,64 @@ def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about
     label(name)
     changed, k = imgui.combo(f"##{name}", keys.index(getattr(s, field)), list(choices.values()))
     tip(about)
-    change: dict[str, Any] = {field: keys[k]}
-    return replace(s, **change) if changed else s
+    return with_field(s, field, keys[k]) if changed else s
+
+
+def switch(s: Settings, name: str, field: str, about: str) -> Settings:
+    """Draw a checkbox for a field of the settings."""
+    changed, on = imgui.checkbox(name, getattr(s, field))
+    tip(about)
+    return with_field(s, field, on) if changed else s
+
+
+def with_field(s: Settings, field: str, value: Any) -> Settings:
+    """Return settings with another value of one field."""
+    change: dict[str, Any] = {field: value}
+    return replace(s, **change)
+
+
+def one_of(name: str, shown: str, choices: Mapping[Any, tuple[str, str]], chosen: Any = None) -> Any:
+    """Draw a list of choices that begins with the text `shown`; return the key of one that is clicked, else None.
+
+    choices: displayed name and tooltip by key; chosen: the key that is marked.
+    """
+    clicked = None
+    if imgui.begin_combo(f"##{name}", shown):
+        for key, (text, about) in choices.items():
+            clicked = key if imgui.selectable(text, key == chosen)[0] else clicked
+            if about:
+                tip(about)
+        imgui.end_combo()
+    return clicked
+
+
+class Button(NamedTuple):
+    """A button of an action of the window."""
+
+    action: str  # key of app.window.actions
+    name: str
+    about: str
+    enabled: bool = True
+
+
+def buttons(actions: set[Any], *wanted: Button) -> None:
+    """Draw buttons, two per row; a last one alone fills its row. `actions` receives those that are pressed."""
+    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
+    for k, button in enumerate(wanted):
+        if k % 2:
+            imgui.same_line()
+        imgui.begin_disabled(not button.enabled)
+        if imgui.button(button.name, (half if k % 2 or k + 1 < len(wanted) else -1, 0)):
+            actions.add(button.action)
+        tip(button.about)
+        imgui.end_disabled()
+
+
+def wrapped(text: str, colour: tuple[float, float, float] = theme.DIM_TEXT) -> None:
+    """Write a text of several lines."""
+    imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))
+    imgui.text_wrapped(text)
+    imgui.pop_style_color()
 
 
 _idle: list[str] = []  # reasons why the widgets being drawn have no effect; "": they have
@@ -64,24 +123,30 @@ def label(text: str) -> None:
     imgui.set_next_item_width(-1)
 
 
-def int_slider(name: str, value: int, low: int, high: int, shown: str, logarithmic: bool = False) -> tuple[bool, int]:
-    """Draw a slider between its label and its value in words, so that the knob hides no number."""
-    _beside(name, shown)
-    flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
-    return imgui.slider_int(f"##{name}", value, low, high, "", flags)
+class Typing(NamedTuple):
+    """The slider whose number is typed, with its text and number before."""
+
+    item: int = 0
+    text: str = ""
+    number: Any = 0
 
 
-def float_slider(
-    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False
-) -> tuple[bool, float]:
-    """Draw a slider for a float, as int_slider()."""
-    _beside(name, shown)
-    flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
-    return imgui.slider_float(f"##{name}", value, low, high, "", flags)
+_typing = [Typing()]
 
 
-def _beside(name: str, shown: str) -> None:
-    """Write label and value of a slider; the slider comes between them."""
+def slider(
+    name: str,
+    value: Number,
+    low: Number,
+    high: Number,
+    shown: str,
+    logarithmic: bool = False,
+    read: Callable[[str], Any] | None = None,
+) -> tuple[bool, Number]:
+    """Draw a slider between its label and its value in words, so that the knob hides no number; return a change.
+
+    read: the reader of a number typed after Ctrl+click, see `app.values`; None: any number, to be cut to the range.
+    """
     label(name)
     em = imgui.get_font_size()
     start, right = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
@@ -90,7 +155,28 @@ def _beside(name: str, shown: str) -> None:
     imgui.text(shown)
     imgui.same_line()
     imgui.set_cursor_pos(start)
-    imgui.set_next_item_width(max(right - VALUE_EM * em, 3 * em))
+    imgui.set_next_item_width(max(right - 5.4 * em, 3 * em))
+    flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
+    draw: Any = imgui.slider_int if isinstance(low, int) else imgui.slider_float
+    changed, number = draw(f"##{name}", value, low, high, "", flags)
+    item = imgui.get_item_id()
+    is_typed, was_typed = imgui.internal.temp_input_is_active(item), _typing[0].item == item
+    if is_typed or was_typed:  # ImGui reads 1 from 1e6 and from 1,800,000
+        text = imgui.internal.get_input_text_state(item).get_text()
+        before = _typing[0] if was_typed else Typing(item, text, value)
+        number = before.number if text == before.text else _read(text, before.number, low, high, read)
+        changed, _typing[0] = number != value, before if is_typed else Typing()
+    return changed, number
+
+
+def _read(text: str, before: Number, low: Number, high: Number, read: Callable[[str], Any] | None) -> Number:
+    """Return a typed number, the one before where the text is none. Whole numbers may have groups of digits."""
+    text = text.replace(",", ".")
+    text = text.replace(".", "") if isinstance(low, int) and "e" not in text.lower() else text
+    try:
+        return read(text) if read is not None else type(low)(min(max(finite(text), low), high))
+    except argparse.ArgumentTypeError:
+        return before
 
 
 def fields(
@@ -132,11 +218,14 @@ def write_over(text: str) -> None:
 
 
 def number(name: str, value: str, about: str) -> None:
-    """Write a name and, right-aligned, its value."""
-    right = imgui.get_content_region_avail().x
+    """Write a name and, right-aligned, its value; below it where both do not fit on a line."""
+    start = imgui.get_content_region_avail().x - imgui.calc_text_size(value).x
     imgui.begin_group()  # positions on a line count from the group's left end
     imgui.text_colored((*theme.DIM_TEXT, 1.0), name)
-    imgui.same_line(right - imgui.calc_text_size(value).x)
+    if start > imgui.calc_text_size(name).x:
+        imgui.same_line(start)
+    else:
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(start, 0.0))
     imgui.text(value)
     imgui.end_group()
     tip(about)

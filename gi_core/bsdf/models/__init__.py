@@ -54,7 +54,6 @@ MODELS: dict[str, ModuleType] = {
     "eon": eon,
     "ggx": ggx,
 }
-LARGEST_FACTOR = 1e6  # of a model in a linear combination: its sums stay finite
 
 
 class Lobe(NamedTuple):
@@ -74,6 +73,7 @@ def lobe(model: str, parameters: Mapping[str, object] | None = None, factor: flo
 
     A colour is three numbers, or one for grey. ValueError is one sentence: rule and value found.
     """
+    largest_factor = 1e6  # of a model in a linear combination: its sums stay finite
     if not (isinstance(model, str) and model in MODELS):
         near = get_close_matches(str(model), MODELS, 1) if isinstance(model, str) else []
         hint = f'did you mean "{near[0]}"?' if near else f"the models are {', '.join(MODELS)}"
@@ -84,8 +84,8 @@ def lobe(model: str, parameters: Mapping[str, object] | None = None, factor: flo
     for name in values:
         if name not in rules:
             raise ValueError(f'{model} has no parameter "{name}"; it has {", ".join(rules)}')
-    if not (_is_number(factor) and 0 <= factor <= LARGEST_FACTOR):
-        raise ValueError(f"factor of {model} must be a number from 0 to {LARGEST_FACTOR:g}, got {shown(factor)}")
+    if not (_is_number(factor) and 0 <= factor <= largest_factor):
+        raise ValueError(f"factor of {model} must be a number from 0 to {largest_factor:g}, got {shown(factor)}")
     checked = tuple((name, _checked(model, name, rules[name], values.get(name))) for name in rules)
     return Lobe(model, checked, float(factor))
 

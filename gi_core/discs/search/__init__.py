@@ -54,8 +54,4 @@ __all__ = ["DEFAULT", "PRETESTS", "SEARCHES", "Search"]
 
 DEFAULT = "disc_index"
 
-SEARCHES: dict[str, type[Search]] = {
-    "disc_index": DiscIndex,
-    "ray_cache": RayCache,
-    "brute_force": BruteForce,
-}
+SEARCHES: dict[str, type[Search]] = {"disc_index": DiscIndex, "ray_cache": RayCache, "brute_force": BruteForce}

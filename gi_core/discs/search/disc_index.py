@@ -21,7 +21,6 @@ from gi_core.discs.search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_fo
 from gi_core.discs.search.predicate import LANES, Discs, Lines, to_list
 from gi_core.photons.flux_sums import Sums
 
-LEAST_CROWD = 512  # discs: for fewer, clipping every segment against a grid does not pay
 TRIED_CELL_RADII = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # radii
 # Nanoseconds, of an Intel Xeon 2.1 GHz; only their ratios matter.
 STEP_NS = 6.0  # traversal to the next cell
@@ -51,10 +50,11 @@ class DiscIndex:
 
 def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarray]:
     """Return the rows (n,) of discs per grid."""
+    least_crowd = 512  # discs: for fewer, clipping every segment against a grid does not pay
     low, extent = box_of(discs, rows)
     wanted = cell_radii * float(discs.radius)
     # grids with cells larger than 1.5 times the wanted one are searched for clusters
-    if cell_for(extent, float(discs.radius), cell_radii) <= 1.5 * wanted or len(rows) < LEAST_CROWD:
+    if cell_for(extent, float(discs.radius), cell_radii) <= 1.5 * wanted or len(rows) < least_crowd:
         return [rows]
     edge = float(extent.max()) / 32  # 32 cells along the longest axis of the cluster search
     at = tuple(((discs.positions[rows] - low) / edge).astype(np.int64).T)
@@ -66,7 +66,7 @@ def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarra
     for crowd in np.argsort(-size)[:8]:  # 8 clusters at most
         inside = crowd_of == crowd
         # a cluster's box must be smaller than 0.5 of the box, so that the recursion ends
-        if size[crowd] >= LEAST_CROWD and box_of(discs, rows[inside])[1].max() < 0.5 * extent.max():
+        if size[crowd] >= least_crowd and box_of(discs, rows[inside])[1].max() < 0.5 * extent.max():
             parts += _crowds(discs, rows[inside], cell_radii)
             rest &= ~inside
     return [*parts, rows[rest]] if rest.any() else parts

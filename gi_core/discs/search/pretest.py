@@ -17,7 +17,7 @@ from gi_core.base.jit import inlined
 from gi_core.base.vec import cross, difference, dot
 from gi_core.discs.search.predicate import DISC_FIELDS, LANES, LINE_FIELDS, Discs, offset, three
 
-BADOUEL, PLUECKER, MOELLER = 0, 1, 2
+BADOUEL, PLUECKER, MOELLER = range(3)
 PRETESTS = {"none": None, "badouel": BADOUEL, "pluecker": PLUECKER, "moeller_trumbore": MOELLER}
 MARGIN = 0.05  # of the radius, by which the triangle's inner circle is larger
 # An intersection has an error of some 12 roundings of the coordinates / slope, that of the disc test 8. A line counts

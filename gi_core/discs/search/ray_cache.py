@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.bits import lowest_bit
-from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating, inlined, kernel
+from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.vec import difference, dot, row
 from gi_core.discs.search.predicate import (
     DISC_FIELDS,

@@ -12,12 +12,7 @@ from gi_core.files.completion.camera_view import axes, in_frame
 from gi_core.files.completion.pilot import Box, Rays, corners_of, horizontal, ring, sphere_directions, spread
 from gi_core.scene.types import Scene
 
-COLUMNS_PER_SIDE = 28  # candidate columns along each horizontal side of the useful box
-TRIED_HEIGHTS = (0.12, 0.35, 0.6, 0.9, 1.05)  # heights in the box from which candidates are sought downwards
-LEVEL_COSINE = 0.97  # a floor is level to 14 degrees
 RING = 12  # directions round a column
-SPHERE = 48  # directions that decide whether a place is inside a room
-ENCLOSED = 0.55  # share of them that hit something near: by an open front one is still indoors
 
 
 class Column(NamedTuple):
@@ -43,6 +38,7 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
     standing: (middle (3,), radius) of balls to keep clear of; lit: the scene has light, so that the pilot's hits are
     lit places (in a dark scene they are just surfaces).
     """
+    enclosed = 0.55  # share of them that hit something near: by an open front one is still indoors
     up = np.array(scene.up)
     points = _candidates(rays, box, up)
     if not len(points):
@@ -61,8 +57,8 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
     if lit:
         seen_from_inside |= bright > 0.5  # light from lamps in there: it is a room, whichever way it is wound
     # with fewer than 0.3 of hits on fronts, a closed place is inside a wall or the ground
-    fits &= (closed < ENCLOSED) | (fronts > 0.3) | seen_from_inside
-    indoors = (closed > ENCLOSED) & np.isfinite(headroom) & seen_from_inside
+    fits &= (closed < enclosed) | (fronts > 0.3) | seen_from_inside
+    indoors = (closed > enclosed) & np.isfinite(headroom) & seen_from_inside
     # 0.01 of the places must be indoors: a nook in an armchair is no room
     indoors &= (indoors & fits).sum() > 0.01 * fits.sum()
     score = 20.0 * fits + free + 1.5 * bright
@@ -99,13 +95,14 @@ def _room_for(points, rays: Rays, box: Box, column: Column, up):
 
 def _surroundings(points, rays: Rays, box: Box) -> tuple[np.ndarray, np.ndarray]:
     """Return the share (n,) of directions that hit something before long, and the share of that seen from its front."""
+    sphere = 48  # directions that decide whether a place is inside a room
     hit, front = np.zeros(len(points)), np.zeros(len(points))
-    for d in sphere_directions(SPHERE):
+    for d in sphere_directions(sphere):
         t, face = rays.hits(points, np.broadcast_to(d, points.shape))
         near = t < 1.5 * box.size
         hit += near
         front += near & (rays.surfaces.normals[face] @ d < 0)
-    return hit / SPHERE, front / np.maximum(hit, 1)
+    return hit / sphere, front / np.maximum(hit, 1)
 
 
 def _near_in_view(points, rays: Rays, box: Box, column: Column, up, camera) -> tuple[np.ndarray, np.ndarray]:
@@ -164,9 +161,9 @@ def _candidates(rays: Rays, box: Box, up):
     east, north = horizontal(up)
     corners = corners_of(box.low, box.high)
     u, v, h = corners @ east, corners @ north, corners @ up
-    grid = (np.arange(COLUMNS_PER_SIDE) + 0.5) / COLUMNS_PER_SIDE
+    grid = (np.arange(28) + 0.5) / 28  # candidate columns along each horizontal side of the useful box
     landings = []
-    for share in TRIED_HEIGHTS:
+    for share in (0.12, 0.35, 0.6, 0.9, 1.05):  # heights in the box, sought downwards
         x, y = np.meshgrid(u.min() + grid * np.ptp(u), v.min() + grid * np.ptp(v))
         z = h.min() + share * max(np.ptp(h), 0.01 * box.size)
         start = x.reshape(-1, 1) * east + y.reshape(-1, 1) * north + z * up
@@ -174,7 +171,8 @@ def _candidates(rays: Rays, box: Box, up):
         hit = np.flatnonzero(face >= 0)
         normal = rays.surfaces.normals[face[hit]]
         facing = normal @ up
-        level = (facing > LEVEL_COSINE) | ((facing < -LEVEL_COSINE) & rays.surfaces.two_sided[face[hit]])
+        # A floor is level to 14 degrees.
+        level = (facing > 0.97) | ((facing < -0.97) & rays.surfaces.two_sided[face[hit]])
         dark = rays.surfaces.emission[face[hit]].max(axis=1) == 0
         rows = hit[level & dark]
         landings.append(start[rows] - t[rows, None] * up)

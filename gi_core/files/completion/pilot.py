@@ -18,7 +18,6 @@ from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.rays.accelerator import Accelerator
 from gi_core.scene.types import DirectionalLight, PlacedLight, Scene, SkyLight
 
-PILOT_PATHS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
 COMPLETION_SEED = 0x5EED
 AT_PLACE = 5e-4  # of the distance to a place: a hit so near to it is the surface that the place lies on
@@ -48,7 +47,7 @@ class Rays:
     def __init__(self, scene: Scene):
         statics = Scene(scene.static, scene.materials)
         self.surfaces, _ = flatten(statics, with_receivers=False)
-        self.accelerator = Accelerator(self.surfaces, available_cores())
+        self.accelerator = Accelerator(self.surfaces, available_cores()).opaque
         v = scene.static.vertices[scene.static.faces.reshape(-1)]
         self.low, self.high = box(v)
         self.extent = float((self.high - self.low).max())
@@ -185,7 +184,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     placed = [np.array(light.position) for light in scene.lights if isinstance(light, PlacedLight)]
     distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]
-    n = PILOT_PATHS // max(sum(kinds), 1)
+    n = 6000 // max(sum(kinds), 1)  # with BOUNCES segments each some 20,000 hits
     parts = []
     if emission.any():
         parts.append(_from_faces(mesh, rays, normals, emission, rng, n))

@@ -17,7 +17,7 @@ FINEST = 0.02  # of the scene's size, under the default radius: shadows blur ove
 UNSEEN_FACTOR, DIM_FACTOR = 1.6, 2.0  # factor of edges out of sight, and in dim light; without light DIM_FACTOR^2
 GROWTH = 4.0  # outside the useful box an edge may be as long as its distance from it over this
 COARSEST = 1 / 12  # of the longest side: the first try; and the edges of a mobile that no scene file describes
-TRIES, BUDGET_USED = 5, 0.75  # tries to use the budget up, and the share of it that will do
+BUDGET_USED = 0.75  # share of the budget that will do
 LEAST_STEP = 0.2  # of the edge, from one try to the next: few new faces predict the next count badly
 
 
@@ -41,7 +41,7 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
     # The number goes with the inverse square of the edge, more or less: follow that from the coarse side.
     finest = box.size * FINEST
     edge, best, kept = box.size * COARSEST, box.size, None
-    for _ in range(TRIES):
+    for _ in range(5):
         tried = cut(edge)
         # Each new vertex on a smooth surface makes two new faces.
         made = (float(sided[tried.face_material].sum()) - before) / 2

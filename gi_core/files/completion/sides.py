@@ -20,10 +20,6 @@ from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
 
-RAYS_PER_SIDE = 64  # rays from each side of a lamp
-BLOCKED, OPEN_SHARE = 0.9, 0.5  # from and up to which share of the rays hits something near, or the lamp itself
-PLENTY = 300  # hits on one side of a body and none on the other: the other gets less than a third of a percent
-
 
 def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
     """Return the scene with two-sided lamps turned if their front faces a wall, and a note for each with two open
@@ -31,6 +27,7 @@ def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
 
     Emission leaves the front only. One-sided lamps are left as they are: their file says which side is the front.
     """
+    open_share = 0.5  # of the rays of an open side hits something near, or the lamp; from 0.9 on a side is blocked
     mesh = scene.static
     shines = np.array([m.two_sided and any(m.emission) for m in scene.materials])[mesh.face_material]
     rows = np.flatnonzero(shines)
@@ -47,10 +44,10 @@ def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
             continue
         front, back = (_blocked(mesh, rays, own, s * normals, areas, rng) for s in (1.0, -1.0))
         name = scene.materials[mesh.face_material[own[0]]].name
-        if front > BLOCKED and back < OPEN_SHARE:
+        if front > 0.9 and back < open_share:
             turn[own] = True
             turned.append(name)
-        elif front < OPEN_SHARE and back < OPEN_SHARE:
+        elif front < open_share and back < open_share:
             both.append(name)
     notes = list(scene.notes)
     if turned:
@@ -63,9 +60,10 @@ def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
 
 def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     """Return the share of rays from one side of the faces `own` that meet a near surface or one of `own`."""
+    rays_per_side = 64  # rays from each side of a lamp
     share = np.cumsum(areas[own])
-    pick = own[np.searchsorted(share / share[-1], rng.random(RAYS_PER_SIDE), side="right").clip(0, len(own) - 1)]
-    u, v = np.sort(rng.random((2, RAYS_PER_SIDE)), axis=0)
+    pick = own[np.searchsorted(share / share[-1], rng.random(rays_per_side), side="right").clip(0, len(own) - 1)]
+    u, v = np.sort(rng.random((2, rays_per_side)), axis=0)
     a, b, c = (mesh.vertices[mesh.faces[pick, k]] for k in range(3))
     n = normals[pick]
     origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * lift_off(np.stack([a, b, c], axis=1))
@@ -82,6 +80,7 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
 
     box: of the pilot, with the hits per face and side.
     """
+    plenty = 300  # hits on one side of a body and none on the other: the other gets less than a third of a percent
     mesh = scene.static
     two_sided = np.array([m.two_sided and not any(m.emission) for m in scene.materials])[mesh.face_material]
     rows = np.flatnonzero(two_sided)
@@ -103,8 +102,8 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
     empty = closed & (np.where(volume > 0, back, front) == 0)
     # The pilot starts sunlight where it lands: it does not count there.
     traced = winding.orientable & (not any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights))
-    keep_front = (empty & (volume > 0)) | (traced & (front >= PLENTY) & (back == 0))
-    keep_back = (empty & (volume < 0)) | (traced & (back >= PLENTY) & (front == 0))
+    keep_front = (empty & (volume > 0)) | (traced & (front >= plenty) & (back == 0))
+    keep_back = (empty & (volume < 0)) | (traced & (back >= plenty) & (front == 0))
     keep_back &= ~keep_front
     if not (keep_front | keep_back).any():
         return scene

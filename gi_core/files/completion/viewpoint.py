@@ -11,13 +11,12 @@ from gi_core.files.completion.pilot import AT_PLACE, BOUNCES, Box, Rays, cells, 
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Camera, Scene
 
-OUTSIDE_FOV, INSIDE_FOV = 40.0, 62.0  # degrees
+OUTSIDE_FOV = 40.0  # degrees
 OUTSIDE = {
     8.0: 0.0,
     22.0: 0.1,
     40.0: 0.05,
 }  # elevations [degrees] and their bonus in the open: tables are seen from above
-PICTURE_RAYS = (20, 12)  # rays through the picture
 
 
 def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | None, indoors: bool) -> Camera:
@@ -56,7 +55,7 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
                 t, _ = rays.hits(centre[None], d[None])
                 for share in (0.6, 0.92):
                     at = centre + min(share * float(t[0]), 1.2 * box.size) * d
-                    tries += [(at, target, INSIDE_FOV, 0.0) for target in (centre, 0.5 * (centre + heart))]
+                    tries += [(at, target, 62.0, 0.0) for target in (centre, 0.5 * (centre + heart))]
     far_enough = [t for t in tries if length(t[1] - t[0]) >= 0.15 * box.size]
     cameras = [Camera(tuple(map(float, at)), tuple(map(float, target)), fov) for at, target, fov, _ in far_enough]
     if not cameras:
@@ -84,7 +83,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     """Return the score (cameras,) of each view; the rays of all are cast at once."""
     eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
     # The share of each picture that shows lit surfaces, not too near.
-    d = picture_rays(cameras, up, *PICTURE_RAYS)
+    d = picture_rays(cameras, up, 20, 12)
     through = d.shape[1]
     eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
     t, normal = first_seen(rays, eye, d)

@@ -74,13 +74,13 @@ def without_overlaps(corners: np.ndarray, places: np.ndarray, counts: np.ndarray
     for k in np.unique(polygon[folds & (counts <= MOST_AT_VERTEX)[polygon]]).tolist():  # fans of more are refused
         rows = slice(int(first[k]), int(first[k] + counts[k]))
         outline = np.append(corners[rows, :2].reshape(-1)[:2], corners[rows, 2])
-        cut = _clipped(places[outline], whole[k])
+        cut = clipped(places[outline], whole[k])
         if len(cut) == counts[k]:  # an outline that crosses itself has no such triangles
             corners[rows] = outline[cut]
     return corners
 
 
-def _clipped(outline: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def clipped(outline: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Return triangles (n, 3) of numbers of the corners of an outline (m, 3), wound as its normal (3,) says."""
     import mapbox_earcut
 

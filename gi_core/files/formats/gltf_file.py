@@ -13,16 +13,24 @@ import numpy as np
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.classes import lamps_of_texture
 from gi_core.files.formats.file_parts import FileParts, Part, Placed
+from gi_core.files.formats.glass import LEAST_TRANSMISSION, MOST_COVER, behind_cover, transmitting
 from gi_core.files.formats.gltf_buffers import Document
-from gi_core.files.formats.gltf_material import checked_materials, name_of
-from gi_core.files.formats.gltf_nodes import instances, local_matrix, morphed, node_camera, node_light
+from gi_core.files.formats.gltf_parts import (
+    checked_materials,
+    instances,
+    local_matrix,
+    morphed,
+    name_of,
+    node_camera,
+    node_light,
+)
 from gi_core.files.formats.metallic_roughness import COAT, MATTE, MOST_COAT, is_diffuse, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, NO_FINISH, Images
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material, VariedFinish
 
-TRIANGLES, STRIP, FAN = 4, 5, 6
+TRIANGLES, STRIP, FAN = range(4, 7)
 NEAREST = 9728
 CHOSEN = {"metallicFactor", "roughnessFactor", "metallicRoughnessTexture"}  # without any, a material is diffuse
 FINISH_VALUES = "linear", "linear", "alpha", "sRGB"  # of the textures of Finish
@@ -87,7 +95,7 @@ class _Reader:
                     for k, primitive in enumerate(mesh["primitives"]):
                         what = f"mesh {node['mesh']} primitive {k}"
                         self._primitive(node, matrix @ instance, primitive, weights, what)
-            light = node_light(self.json, node, matrix, len(self.lights))
+            light = node_light(self.json, node, matrix, len(self.lights) + 1)
             if light is not None:
                 self._take("objects")
                 self.lights.append(light)
@@ -232,12 +240,39 @@ class _Reader:
         emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         if "emissiveTexture" in m and emission.any():
             self.notes.append(f'material "{name}": each triangle emits the mean of its emissive texture')
-        if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
-            holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
-            self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64)
         plain = Material(name, three(base), three(emission), bool(m.get("doubleSided", False)))
+        if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
+            if (pane := self._pane(plain, m)) is not None:
+                return pane
+            holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
+            self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, m)
+
+    def _pane(self, plain: Material, described: dict) -> Material | None:
+        """Return a transparent material as a pane; None: light that it reflects or emits counts for more."""
+        pbr, extensions = described.get("pbrMetallicRoughness", {}), described.get("extensions", {})
+        transmission = extensions.get("KHR_materials_transmission", {})
+        share, colour = float(transmission.get("transmissionFactor", 0.0)), np.array(plain.reflectance)
+        if max(plain.emission) > 0:
+            return None
+        if share >= LEAST_TRANSMISSION:
+            if "baseColorTexture" in pbr:
+                image = self.images.pixels(
+                    *self._image(pbr["baseColorTexture"].get("index")), "a pane is clear without"
+                )
+                colour = colour * (1.0 if image is None else self.images.mean(image))
+            colour = share * colour
+        else:
+            cover = float(pbr.get("baseColorFactor", [1, 1, 1, 1])[3])
+            if described.get("alphaMode") != "BLEND" or "baseColorTexture" in pbr or cover >= MOST_COVER:
+                return None
+            colour = behind_cover(cover, colour)
+        frosted = share and float(pbr.get("roughnessFactor", 1.0)) > 0
+        solid = float(extensions.get("KHR_materials_volume", {}).get("thicknessFactor", 0.0)) > 0
+        ways = ", clear though rough in the file" * bool(frosted) + ", thin though solid in the file" * solid
+        self.notes.append(f'material "{plain.name}" is a pane of glass{ways}')
+        return transmitting(plain, colour, float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)))
 
     def _as_metallic_roughness(self, i: int, m: dict) -> dict:
         """Return a material of KHR_materials_pbrSpecularGlossiness as metallic-roughness, others as they are.

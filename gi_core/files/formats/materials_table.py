@@ -10,17 +10,16 @@ import numpy as np
 from gi_core.bsdf.models import MODELS, Lobe, lobe
 from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.toml_fields import Table, nearest, shown
+from gi_core.geometry.mesh_parts import with_colours
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
-from gi_core.scene.rules import SHARE, Rule, is_number
-from gi_core.scene.types import Material, Mesh
+from gi_core.scene.rules import INDEX, SHARE, SHARES
+from gi_core.scene.types import Material, Mesh, Pane
 
 FINISH = "reflectance", "metallic", "roughness", "ior", "brdf", "scale", "grain"
-KEYS = ("emission", "two_sided", *FINISH)
-SHARES = ("metallic", "roughness")
+KEYS = ("emission", "two_sided", *FINISH, "pane", "transmittance")
+OF_GLOSS = ("metallic", "roughness")
 IOR = 1.5  # of glass, varnish and most plastics
-MOST_IOR = 10.0
-INDEX = Rule(f"a number from 1 to {MOST_IOR:g}", lambda value: is_number(value, 1, MOST_IOR), float)
 EXAMPLE = 'brdf = "ward" or brdf = [{ model = "ward", ks = 0.3 }, { model = "lewis", factor = 0.5 }]'
 # A model that has each key of models; "ward" where it has it.
 OF_MODELS = {key: name for name in (*MODELS, "ward") for key in ("model", "factor", *MODELS[name].PARAMETERS)}
@@ -51,8 +50,7 @@ def checked(values: Mapping[str, Any], where: str, keys: tuple[str, ...]) -> Tab
     table.vector("reflectance", 3, None, least=0, below=1)
     table.vector("emission", 3, None, least=0)
     table.flag("two_sided", False)
-    brdf_of(table, Material(""))
-    gloss_of(table, Material(""))
+    finished(table, Material(""))
     return table
 
 
@@ -74,12 +72,34 @@ def overridden(material: Material, table: Table | None) -> Material:
         emission=table.vector("emission", 3, material.emission),
         two_sided=table.flag("two_sided", material.two_sided),
     )
-    return brdf_of(table, gloss_of(table, material))
+    return finished(table, material)
+
+
+def finished(table: Table, material: Material) -> Material:
+    """Return the material with the pane, or the gloss or model of reflection, that its table gives."""
+    if table.flag("pane", False):
+        return pane_of(table, material)
+    if material.pane and ("pane" in table or any(key in table for key in FINISH)):
+        material = material._replace(pane=None)
+    if "transmittance" in table:
+        raise SceneError(f"{table.where}: transmittance belongs to a pane; write pane = true")
+    return gloss_of(table, brdf_of(table, material))
+
+
+def pane_of(table: Table, material: Material) -> Material:
+    """Return the material as the pane that its table describes."""
+    for key in ("reflectance", "emission", "two_sided", "brdf", "scale", "grain", *OF_GLOSS):
+        if key in table:
+            raise SceneError(f"{table.where}: {key} and pane exclude each other; a pane has transmittance and ior")
+    clear = Pane()
+    passes = SHARES.check(f"{table.where}: transmittance", table.values.get("transmittance", clear.transmittance))
+    ior = INDEX.check(f"{table.where}: ior", table.values.get("ior", clear.ior))
+    return material.as_pane(Pane(three(passes), ior))
 
 
 def gloss_of(table: Table, material: Material) -> Material:
     """Return the material with the gloss that its table gives: metallic, roughness and ior, as glTF defines them."""
-    rules = {**dict.fromkeys(SHARES, SHARE), "ior": INDEX}
+    rules = {**dict.fromkeys(OF_GLOSS, SHARE), "ior": INDEX}
     gloss = {key: rule.check(f"{table.where}: {key}", table.values[key]) for key, rule in rules.items() if key in table}
     if gloss and "roughness" not in gloss:
         raise SceneError(f"{table.where}: {next(iter(gloss))} needs a roughness from 0 to 1; write roughness = 0.3")
@@ -96,7 +116,7 @@ def brdf_of(table: Table, material: Material) -> Material:
             if key in table:
                 raise SceneError(f'{table.where}: {key} belongs to a model of reflection; write brdf = "ward"')
         return material
-    for key in ("reflectance", *SHARES, "ior"):
+    for key in ("reflectance", *OF_GLOSS, "ior"):
         if key in table:
             raise SceneError(f"{table.where}: {key} and brdf exclude each other; write the parameters of the model")
     lobes = _lobes(table)
@@ -133,16 +153,9 @@ def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) ->
     changed = [overridden(m, tables.get(m.name)) for m in materials]
     coloured = np.array([m.name in tables and "reflectance" in tables[m.name] for m in materials], bool)
     rows = coloured[mesh.face_material] if materials else np.zeros(0, bool)
-    rho = np.array([m.reflectance for m in changed]).reshape(-1, 3)[mesh.face_material[rows]]
-    if mesh.face_reflectance is not None:
-        colours = mesh.face_reflectance.copy()
-        colours[rows] = rho
-        mesh = mesh._replace(face_reflectance=colours)
-    if mesh.paint is not None:
-        texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
-        texture[rows], colour[rows] = -1, rho[:, None]
-        mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
-    return mesh, changed
+    rho = np.array([m.reflectance for m in changed]).reshape(-1, 3)
+    plain = mesh.face_reflectance is None and mesh.paint is None  # materials give all colours
+    return mesh if plain else with_colours(mesh, rows, rho[mesh.face_material[rows]], rho), changed
 
 
 def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, Table], where: str):

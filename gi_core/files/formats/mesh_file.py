@@ -20,8 +20,7 @@ from gi_core.files.formats.obj_file import read_obj
 from gi_core.files.formats.ply_file import read_ply
 from gi_core.files.formats.stl_file import read_stl
 from gi_core.files.formats.winding import faces_to_turn, with_turned
-from gi_core.geometry.mesh_parts import compact, crease_corner_normals
-from gi_core.geometry.paint import each_layer, rows_of
+from gi_core.geometry.mesh_parts import compact, crease_corner_normals, each_layer, rows_of
 from gi_core.geometry.receivers import FACES_COMPARED, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
@@ -31,7 +30,6 @@ from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint, Pl
 from gi_core.scene.validate import FLUX_OF
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-SHEET_GAP = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
 BRIGHTEST = FARTHEST = BIGGEST  # radiance, coordinates: as in scene files
 FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
 
@@ -223,6 +221,7 @@ def _moved_apart(vertices, faces, look, notes):
     faces of two looks lie back to back where they share an edge, run it in opposite directions and have opposite
     normals, however the sheet is triangulated.
     """
+    sheet_gap = 1e-5  # of the distance from the middle of the mesh: between a sheet and each of two faces back to back
     normals, _ = face_normals(Mesh(vertices, faces, look))
     places = weld(vertices)[faces]
     start, end = places.reshape(-1), places[:, [1, 2, 0]].reshape(-1)
@@ -247,11 +246,11 @@ def _moved_apart(vertices, faces, look, notes):
     apart |= (dot(ways[side], normals[:, None]) > 0.5).all(axis=1)
     corners = faces[apart]
     reach = float(np.abs(vertices[corners] - np.median(vertices, axis=0)).max())
-    moved = vertices[corners] + SHEET_GAP * reach * ways[side[apart]]
+    moved = vertices[corners] + sheet_gap * reach * ways[side[apart]]
     _, first, number = np.unique(weld(moved.reshape(-1, 3)), return_index=True, return_inverse=True)
     faces = faces.copy()
     faces[apart] = len(vertices) + number.reshape(-1, 3)
-    gap = f"{2 * SHEET_GAP * reach:.1g}"
+    gap = f"{2 * sheet_gap * reach:.1g}"
     notes.append(f"{int(apart.sum()):,} triangles back to back are apart by {gap}, each seen from its front")
     return np.concatenate([vertices, moved.reshape(-1, 3)[first]]), faces, apart
 

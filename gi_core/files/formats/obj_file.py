@@ -18,19 +18,26 @@ import numpy as np
 from gi_core.files.formats.boundary import Boundary, like_named, text_of
 from gi_core.files.formats.classes import lamps_of_texture
 from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed, without_overlaps
+from gi_core.files.formats.glass import MOST_COVER, behind_cover, transmitting
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
 from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
-from gi_core.scene.types import Gloss, Material, Texture, VariedFinish
+from gi_core.scene.rules import MOST_IOR
+from gi_core.scene.types import Gloss, Material, Pane, Texture, VariedFinish
 
 NO_MATERIAL = "default"
 FINISH_MAPS = "map_Pr", "map_Pm", "map_Ks", None  # in the order of Finish
 MAPS = {"map_Kd", "map_Ke", "map_d", *FINISH_MAPS[:3]}
-COLOURS = {"Kd": math.inf, "Ke": math.inf, "Ks": 1.0}  # largest value of a channel; Kd is limited with all materials
-NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0)}  # ranges of a material's numbers
-LEAST_SPECULAR, LEAST_EXPONENT = 0.01, 2.0  # of Ks and Ns; less is diffuse
+COLOURS = {
+    "Kd": math.inf,
+    "Ke": math.inf,
+    "Ks": 1.0,
+    "Tf": 1.0,
+}  # largest value of a channel; Kd is limited with all materials
+NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0), "Ni": (0.0, MOST_IOR)}
+GLASS = 4.0, 6.0, 7.0, 9.0  # models of illumination with transparency
 
 
 def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
@@ -41,7 +48,7 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     v, vt, vn, vc = array("d"), array("d"), array("d"), array("d")
     corners, face_material = array("q"), array("q")  # of each corner three indices: position, texture, normal
     fans, astray = array("q"), set[str]()  # triangles of each polygon; what corners name that the file does not hold
-    library, names, current, notes, images = {}, {}, None, [], Images(boundary)
+    library, names, current, notes, images = {}, {}, NO_MATERIAL, [], Images(boundary)
     libraries = set()
     for number, line in enumerate(text.split("\n"), 1):
         word, rest = [*line.split(None, 1), "", ""][:2]
@@ -60,15 +67,13 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
                 boundary.take(where, "triangles", max(len(written) - 2, 0))
                 counts = len(v) // 3, len(vt) // 2, len(vn) // 3
                 polygon = [_corner(c, counts, astray) for c in written]
-                if current is None:
-                    current = names.setdefault(NO_MATERIAL, len(names))
                 for k in range(1, len(polygon) - 1):
                     corners.extend((*polygon[0], *polygon[k], *polygon[k + 1]))
-                    face_material.append(current)
+                    face_material.append(names.setdefault(current, len(names)))
                 if len(polygon) > 2:
                     fans.append(len(polygon) - 2)
             elif word == "usemtl":
-                current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
+                current = rest.strip() or NO_MATERIAL
             elif word == "mtllib" and rest not in libraries:
                 libraries.add(rest)
                 for name in _libraries(path, rest.strip()):
@@ -89,7 +94,7 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     materials = [library[n].material if n in library else Material(n, two_sided=True) for n in names]
     missing = [n for n in names if n not in library and n != NO_MATERIAL]
     if missing:
-        notes.append(f"no definition of material {', '.join(missing)}: taken as grey 0.7")
+        notes.append(f"no definition of material {listed(missing)}: taken as grey 0.7")
     normals = directions[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
     entries = [library.get(n) or _Entry(n) for n in names]
     colour, finish = _textures_of(entries, material, placed, uv_ids)
@@ -137,7 +142,8 @@ class _Entry:
         self.ks, self.ns, self.illum = (0.0, 0.0, 0.0), 0.0, 2  # Phong's colour and exponent; 0, 1: without them
         self.pm, self.pr = 0.0, None  # metallic and roughness, of the PBR extension
         self.maps: dict[str, _Map] = {}  # by the line's first word
-        self.dissolved = False  # the file says that it is transparent all over
+        self.cover: float | None = None  # opacity all over, None: not in the file
+        self.tf, self.ni = None, Pane().ior  # filter of transmitted light, and index of refraction
         self.texture: int | None = None  # into Images.textures
         self.missing = False  # the texture
         self.emissive: Texture | None = None
@@ -147,6 +153,9 @@ class _Entry:
     @property
     def material(self) -> Material:
         plain = Material(self.name, (MISSING,) * 3 if self.missing else self.kd, self.ke, two_sided=True)
+        if self.is_glass:
+            colour = behind_cover(self.cover or 0.0, np.minimum(self.kd, 1.0)) if self.tf is None else self.tf
+            return transmitting(plain, colour, self.ni)
         # A map stands in place of its number: exporters leave that at anything.
         mapped_pr, mapped_pm, mapped_ks, _ = (k is not None for k in self.finish)
         if self.pr is not None or mapped_pr:
@@ -155,7 +164,7 @@ class _Entry:
                 return plain._replace(varied=self._varied(roughness, metallic, (COAT,) * 3))
             return metallic_roughness(plain, metallic, roughness)
         ks = self.means[2:5] if mapped_ks else self.ks
-        if self.illum < 2 or max(ks) < LEAST_SPECULAR or self.ns < LEAST_EXPONENT:
+        if self.illum < 2 or max(ks) < 0.01 or self.ns < 2.0:  # diffuse
             return plain
         # Microfacets whose lobe is as wide as that of the exponent (Walter et al. 2007); the sum stays below 1.
         rest, alpha = 1 - max(ks), math.sqrt(2 / (self.ns + 2))
@@ -163,6 +172,17 @@ class _Entry:
         if mapped_ks:
             return plain._replace(varied=self._varied(math.sqrt(alpha), 0.0, (1.0,) * 3))
         return plain._replace(gloss=Gloss(ks, alpha, max(ks)))
+
+    @property
+    def is_transparent(self) -> bool:
+        """Whether the file says so: exporters disagree about the meaning of 0 and 1 in Tr."""
+        return self.illum in GLASS and self.cover is None or 0 < (self.cover or 0) < 1
+
+    @property
+    def is_glass(self) -> bool:
+        """Whether it becomes a pane: one without a picture or light of its own."""
+        bare = not any(self.ke) and not {"map_Kd", "map_d", "map_Ke"} & self.maps.keys()
+        return bare and self.is_transparent and (self.cover or 0) < MOST_COVER
 
     def _varied(self, roughness: float, metallic: float, f0: tuple[float, float, float]) -> VariedFinish:
         return VariedFinish(roughness, metallic, f0, 1.0, self.means, math.inf)
@@ -227,16 +247,16 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         elif entry is not None and words[0] in NUMBERS and len(words) > 1:
             _read_number(entry, words, changed)
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
-            entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
+            entry.cover = float(words[-1]) if words[0] == "d" else 1 - float(words[-1])
         elif entry is not None and words[0] in MAPS and len(words) > 1:
             _read_map(entry, words, images, [library.parent, obj.parent], boundary, notes)
     for entry in entries.values():
         _make_textures(entry, images)
     for what, names in changed.items():
         notes.append(f"{what} in {listed(list(dict.fromkeys(names)))}")
-    dissolved = [f'"{e.name}"' for e in entries.values() if e.dissolved]
-    if dissolved:
-        notes.append(f"transparent in the file, taken as opaque: {', '.join(dissolved)}")
+    for what, holds in (("panes of glass", True), ("transparent in the file, taken as opaque", False)):
+        if of := [f'"{e.name}"' for e in entries.values() if e.is_transparent and e.is_glass == holds]:
+            notes.append(f"{what}: {listed(of)}")
     return entries
 
 

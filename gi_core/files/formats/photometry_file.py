@@ -17,16 +17,13 @@ import numpy as np
 from gi_core.files.formats.boundary import Boundary
 from gi_core.lights.photometric import flux_of
 from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.validate import CLOSEST
 
 SUFFIXES = (".ies", ".ldt")
 TYPES = {1: "C", 2: "B", 3: "A"}
 ELSEWHERE = 0.05  # relative difference between the stated flux and the table's, above which a note tells
 MOST_ANGLES = 10_000  # in a direction
 DAMAGED = 1e12  # cd, lm: such numbers in a file are damage
-CLOSEST = 1e-3  # degrees between angles
-LINE_WIDTH = 1e-3  # m: width of an opening that is a line
-LEAST_STEP_B, MOST_STEP_B = 0.5, 2.5  # degrees between angles of type B after resampling
-METRES_PER_FOOT = 0.3048  # m
 ROUND = math.sqrt(math.pi) / 2  # side of a square / diameter of the circle of the same area
 
 
@@ -169,7 +166,7 @@ def _ies(lines: list[str], where: str) -> PhotometryFile:
     letter = TYPES[numbers.count("the photometric type", 1, 3)]
     if letter == "A":
         raise SceneError(f"{where}: photometry must be of type C or B, got type A; convert the file to type C")
-    metres = METRES_PER_FOOT if numbers.count("the unit of length", 1, 2) == 1 else 1.0
+    metres = 0.3048 if numbers.count("the unit of length", 1, 2) == 1 else 1.0
     opening = numbers.take("width, length and height of the luminous opening", 3) * metres
     size = _ies_opening(*opening.tolist(), early, numbers.notes)
     scale *= numbers.number("the ballast factor", 1e-12)
@@ -230,7 +227,8 @@ def _opening(along: float, across: float, height: float, notes: list[str]) -> tu
         return 0.0, 0.0
     if height > 0:
         notes.append(f"its luminous opening is {height:g} m high; the light comes from the flat opening alone")
-    return (max(along, LINE_WIDTH), max(across, LINE_WIDTH)) if max(along, across) > 0 else (0.0, 0.0)
+    # A line is 1 mm wide.
+    return (max(along, 1e-3), max(across, 1e-3)) if max(along, across) > 0 else (0.0, 0.0)
 
 
 def _tilt(numbers: _Numbers) -> Tilt:
@@ -272,7 +270,7 @@ def _of_type_b(vertical: np.ndarray, horizontal: np.ndarray, values: np.ndarray)
         vertical, values = np.append(-vertical[:0:-1], vertical), np.concatenate([values[:, :0:-1], values], axis=1)
     if horizontal[0] == 0:
         horizontal, values = np.append(-horizontal[:0:-1], horizontal), np.concatenate([values[:0:-1], values])
-    step = min(max(float(min(np.diff(vertical).min(), np.diff(horizontal).min())), LEAST_STEP_B), MOST_STEP_B)
+    step = min(max(float(min(np.diff(vertical).min(), np.diff(horizontal).min())), 0.5), 2.5)  # degrees
     gammas = np.linspace(0.0, most := 90.0 if np.abs(vertical).max() <= 90 else 180.0, math.ceil(most / step) + 1)
     planes = np.linspace(0.0, 360.0, 4 * math.ceil(90 / step) + 1)
     gamma, plane = np.radians(gammas), np.radians(planes)[:, None]

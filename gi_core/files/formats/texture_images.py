@@ -24,7 +24,6 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA")  # no other plugin of Pillow run
 MISSING = 0.7  # reflectance in place of a texture that cannot be read
 NO_FINISH = "gloss is even where its texture is missing"
 NO_MASK = "surfaces are whole where a mask is missing"
-NAMED = 4  # images listed by name in a note
 
 _decoded: WeakValueDictionary[bytes, np.ndarray] = WeakValueDictionary()  # by contents of the file, while in use
 
@@ -185,10 +184,11 @@ class Images:
 
     def notes(self) -> list[str]:
         """Return one line about all textures that could not be read, or none."""
+        named = 4  # images listed by name in a note
         lines = []
         for otherwise, troubles in self._troubles.items():
-            more = f"; and {len(troubles) - NAMED} more" if len(troubles) > NAMED else ""
-            lines.append(f"{otherwise}: {'; '.join(troubles[:NAMED])}{more}")
+            more = f"; and {len(troubles) - named} more" if len(troubles) > named else ""
+            lines.append(f"{otherwise}: {'; '.join(troubles[:named])}{more}")
         return lines
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import datetime
 import difflib
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from gi_core.files.formats.boundary import MOST_KEY_PARTS, Boundary, text_of
 from gi_core.scene.errors import SceneError, shown
@@ -18,36 +19,57 @@ _QUOTED = re.compile(r"""\"(?:\\.|[^"\\\n])*\"|'[^'\n]*'|#[^\n]*""")
 _DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{MOST_KEY_PARTS}}}")
 
 
+class Field(NamedTuple):
+    """How the value of a key is read: a method of Table, and its arguments besides the key."""
+
+    read: str
+    rule: dict[str, Any]
+
+
+Schema = Mapping[str, Field]  # by key
+
+
+def of(read: str, **rule: Any) -> Field:
+    """Return the field that a method of Table reads by a rule."""
+    return Field(read, rule)
+
+
 class Table:
     """One table of a scene file; an unknown key is an error."""
 
-    def __init__(self, values, where: str, keys: tuple[str, ...] | None):
-        """keys: those that may occur; None: any."""
-        self.where = where
+    def __init__(self, values, where: str, keys: Collection[str] | None, more: Collection[str] = ()):
+        """keys: those that may occur, those of a Schema for `fields`; None: any; more: beside these."""
+        self.where, self.keys = where, keys
         if not isinstance(values, dict):
             raise SceneError(f"{where} must be a table of keys, got {shown(values)}")
         self.values = values
         for key in values:
-            if keys is not None and key not in keys:
-                raise SceneError(f"{where}: unknown key {key!r}; {nearest(key, keys)}")
+            if keys is not None and key not in keys and key not in more:
+                raise SceneError(f"{where}: unknown key {key!r}; {nearest(key, (*keys, *more))}")
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
 
+    def section(self, key: str, keys: Collection[str] | None = None) -> Table:
+        """Return the table [key], an empty one if it is missing."""
+        return Table(self.values.get(key, {}), f"{self.where}: [{key}]", keys)
+
+    def fields(self) -> dict[str, Any]:
+        """Return the value of each key of the schema, defaults included."""
+        schema: Any = self.keys
+        return {key: getattr(self, field.read)(key, **field.rule) for key, field in schema.items()}
+
     def text(self, key: str, default=REQUIRED, choices: tuple[str, ...] = ()) -> str:
         """Return a string, one of `choices` if there are any."""
-        value = self._get(key, default)
+        rule = "must be one of " + ", ".join(f'"{c}"' for c in choices) if choices else "must be a text in quotes"
+        self._get(key, default, f'"{(*choices, "...")[0]}"')
+        return self._value(key, default, rule, lambda v: isinstance(v, str) and (v in choices or (v and not choices)))
+
+    def texts(self, key: str, default=REQUIRED) -> list[str]:
+        """Return one or more strings; a single one may stand without brackets."""
+        value = self._get(key, default, '"..."')
         if value is default:
             return value
-        if choices and value not in choices:
-            self._fail(key, "must be one of " + ", ".join(f'"{c}"' for c in choices), value)
-        if not isinstance(value, str) or not value:
-            self._fail(key, "must be a text in quotes", value)
-        return value
-
-    def texts(self, key: str) -> list[str]:
-        """Return one or more strings; a single one may stand without brackets."""
-        value = self._get(key, REQUIRED)
         listed = [value] if isinstance(value, str) else value
         if not isinstance(listed, list) or not listed or not all(isinstance(v, str) and v for v in listed):
             self._fail(key, "must be a text in quotes, or a list of them", value)
@@ -55,40 +77,21 @@ class Table:
 
     def flag(self, key: str, default: bool) -> bool:
         """Return true or false."""
-        value = self._get(key, default)
-        if not isinstance(value, bool):
-            self._fail(key, "must be true or false", value)
-        return value
-
-    def number(self, key: str, default=REQUIRED, above: float = -math.inf, below: float = math.inf, least=None):
-        """Return a finite number: above < x < below, or least <= x."""
-        value = self._get(key, default)
-        if value is default:
-            return value
-        if not is_number(value) or not above < value < below or (least is not None and value < least):
-            rule = "must be a finite number"
-            if least is not None:
-                rule = f"must be a number >= {least:g}" + (f" and < {below:g}" if below < math.inf else "")
-            elif above > -math.inf:
-                rule = f"must be a number > {above:g}" + (f" and < {below:g}" if below < math.inf else "")
-            self._fail(key, rule + _largest([value], below), value)
-        return float(value)
+        return self._value(key, default, "must be true or false", lambda v: isinstance(v, bool))
 
     def count(self, key: str, default=None) -> int | None:
         """Return a whole number >= 1."""
-        value = self._get(key, default)
-        if value is default:
-            return value
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            self._fail(key, "must be a whole number >= 1", value)
-        return value
+        return self._value(key, default, "must be a whole number >= 1", lambda v: type(v) is int and v >= 1)
 
-    def vector(self, key: str, n: int = 3, default=REQUIRED, least: float | None = None, below: float | None = None):
-        """Return n finite numbers, each >= `least` and < `below` if given; not all zero if they are a direction."""
-        value = self._get(key, default)
-        if value is default:
-            return value
-        return self._vector(key, value, n, least, below)
+    def number(self, key: str, default=REQUIRED, above: float = -math.inf, below: float = math.inf, least=-math.inf):
+        """Return a finite number: above < x < below, least <= x."""
+        value = self._get(key, default, "1.0")
+        return value if value is default else self._numbers(key, value, None, least, below, above)
+
+    def vector(self, key: str, n=3, default=REQUIRED, least=-math.inf, below: float = math.inf, above=-math.inf):
+        """Return n finite numbers, each >= `least`, > `above` and < `below`."""
+        value = self._get(key, default, [1] * n)
+        return value if value is default else self._numbers(key, value, n, least, below, above)
 
     def direction(self, key: str, default=REQUIRED):
         """Return three finite numbers that are not all zero."""
@@ -97,20 +100,40 @@ class Table:
             self._fail(key, "must be three numbers that are not all 0", list(value))
         return value
 
-    def vectors(self, key: str, n: int, count: int):
-        """Return a list of `count` vectors of n finite numbers."""
-        value = self._get(key, REQUIRED)
-        if not isinstance(value, list) or len(value) != count:
+    def date(self, key: str) -> str:
+        """Return a day from 1901 to 2099, such as "2026-03-21"; TOML has dates of its own too."""
+        value = self._get(key, REQUIRED, "2026-03-21")
+        try:
+            day = datetime.date.fromisoformat(str(value))
+        except ValueError:
+            day = datetime.date.min
+        if not 1901 <= day.year <= 2099:
+            self._fail(key, "must be a day from 1901 to 2099 such as 2026-03-21", value)
+        return day.isoformat()
+
+    def place(self, key: str) -> tuple[float, float]:
+        """Return latitude and longitude [degrees]."""
+
+        def holds(v) -> bool:
+            return isinstance(v, list) and len(v) == 2 and is_number(v[0], -90, 90) and is_number(v[1], -180, 180)
+
+        rule = "must be latitude from -90 to 90 and longitude from -180 to 180, north and east positive"
+        latitude, longitude = self._value(key, REQUIRED, rule, holds, "[40.4, -3.7]")
+        return float(latitude), float(longitude)
+
+    def vectors(self, key: str, n: int, count: int | None = None):
+        """Return a list of `count` vectors of n finite numbers, None: three or more."""
+        value = self._get(key, REQUIRED, [[1] * n] * (count or 3))
+        if not isinstance(value, list) or (len(value) != count if count is not None else len(value) < 3):
             value_text = f"a list of {len(value)}" if isinstance(value, list) else shown(value)
-            want = f"a list with {count} entries of {_word(n)} numbers"
+            want = f"a list with {'three or more' if count is None else count} entries of {_word(n)} numbers"
             raise SceneError(f"{self.where}: {key} must be {want}, got {value_text}")
-        return [self._vector(f"{key}[{i}]", v, n, None, None) for i, v in enumerate(value)]
+        return [self._numbers(f"{key}[{i}]", v, n) for i, v in enumerate(value)]
 
     def numbers(self, key: str) -> list[float]:
         """Return a list of finite numbers."""
-        value = self._get(key, REQUIRED)
-        if not isinstance(value, list) or not value or not all(is_number(v) for v in value):
-            self._fail(key, "must be a list of finite numbers", value)
+        rule = "must be a list of finite numbers"
+        value = self._value(key, REQUIRED, rule, lambda v: isinstance(v, list) and v and all(map(is_number, v)))
         return [float(v) for v in value]
 
     def tables(self, key: str, what: str) -> list[dict]:
@@ -122,29 +145,32 @@ class Table:
 
     def table(self, key: str) -> dict:
         """Return a table inside this one."""
-        value = self._get(key, REQUIRED)
-        if not isinstance(value, dict):
-            self._fail(key, "must be a table", value)
+        return self._value(key, REQUIRED, "must be a table", lambda v: isinstance(v, dict), "{ ... }")
+
+    def _numbers(self, key, value, n: int | None, least=-math.inf, below=math.inf, above=-math.inf):
+        """Return n numbers within bounds, or one number for None. Raises SceneError."""
+        values = [value] if n is None else value
+        good = isinstance(values, list) and len(values) == (n or 1) and all(map(is_number, values))
+        if not (good and all(least <= v < below and v > above for v in values)):
+            bound = f" >= {least:g}" if least > -math.inf else f" > {above:g}" if above > -math.inf else ""
+            kind = f"{_word(n)}{'' if bound else ' finite'} numbers" if n else f"a{'' if bound else ' finite'} number"
+            limit = f" and < {below:g}" if bound and below < math.inf else ""
+            self._fail(key, f"must be {kind}{bound}{limit}{_largest(values, below)}", value)
+        made = tuple(map(float, values))
+        return made if n else made[0]
+
+    def _value(self, key: str, default, rule: str, holds: Callable[[Any], Any], example: str = "[0, 1]"):
+        """Return a value that holds to a rule, or the default. Raises SceneError."""
+        value = self._get(key, default, example)
+        if value is not default and not holds(value):
+            self._fail(key, rule, value)
         return value
 
-    def _vector(self, key, value, n, least, below):
-        good = isinstance(value, list) and len(value) == n and all(is_number(v) for v in value)
-        if good and least is not None:
-            good = min(value) >= least
-        if good and below is not None:
-            good = max(value) < below
-        if not good:
-            rule = f"must be {_word(n)} finite numbers"
-            if least is not None:
-                rule = f"must be {_word(n)} numbers >= {least:g}" + (f" and < {below:g}" if below is not None else "")
-            self._fail(key, rule + _largest(value, below), value)
-        return tuple(float(v) for v in value)
-
-    def _get(self, key, default):
+    def _get(self, key, default, example=""):
         if key in self.values:
             return self.values[key]
         if default is REQUIRED:
-            raise SceneError(f"{self.where}: {key} is missing; write {key} = ...")
+            raise SceneError(f"{self.where}: {key} is missing; write {key} = {example}")
         return default
 
     def _fail(self, key, rule, value):
@@ -176,9 +202,9 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
         raise SceneError(f"{where}: a scene file must be TOML, which this is not: {error}") from None
 
 
-def _largest(values, below: float | None) -> str:
+def _largest(values, below: float) -> str:
     """Return the further rule of values that are too large, "" for others."""
-    numbers = values if isinstance(values, list) and below in (None, math.inf) else []
+    numbers = values if isinstance(values, list) and below == math.inf else []
     large = (is_number(v, -math.inf, math.inf) and BIGGEST < abs(v) < math.inf for v in numbers)
     return f", at most {BIGGEST:g}" if any(large) else ""
 

@@ -1,48 +1,158 @@
 """Scene files: TOML, read into descriptions with every value checked. Meshes are loaded by `load.py`.
 
-`scenes/cornell.toml` shows every table with comments.
+`scenes/cornell.toml` shows every table with comments. A table [[light]] is read by its type, and changed key by key.
 """
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.lights_table import Luminaires, read_light
 from gi_core.files.formats.materials_table import read_materials
-from gi_core.files.formats.photometry_file import PhotometryFile
-from gi_core.files.formats.toml_fields import Table, read_toml, shown
+from gi_core.files.formats.photometry_file import PhotometryFile, read_photometry
+from gi_core.files.formats.shapes import Shape, read_shape
+from gi_core.files.formats.toml_fields import Schema, Table, of, read_toml, shown
 from gi_core.scene.errors import SceneError, utf8
-from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions
+from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
 from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
     Camera,
+    Daylight,
     Defaults,
+    DirectionalLight,
     KeyFrames,
     LampLevel,
     Light,
     LightScene,
+    PhotometricLight,
+    PointLight,
     Pose,
     Probe,
+    SkyLight,
+    SpotLight,
 )
 
+PLACE, AXIS, STRENGTH = of("vector"), of("direction"), of("vector", least=0)
+PANEL = {  # c0: None: see c0_of()
+    "position": PLACE, "direction": AXIS, "c0": of("direction", default=None), "flux": STRENGTH,
+    "size": of("vector", n=2, least=0),
+}  # fmt: skip
+CONE = {
+    "inner_degrees": of("number", default=0.0, least=0),
+    "outer_degrees": of("number", above=0, below=math.nextafter(90, 91)),
+}
+LIGHTS: dict[str, tuple[type[Light], Schema]] = {  # by type: record and keys
+    "point": (PointLight, {"position": PLACE, "flux": STRENGTH}),
+    "spot": (SpotLight, {"position": PLACE, "direction": AXIS, "intensity": STRENGTH} | CONE),
+    "panel": (PhotometricLight, PANEL),
+    "photometric": (PhotometricLight, {"file": of("text")} | PANEL),
+    "directional": (DirectionalLight, {"direction": AXIS, "irradiance": STRENGTH}),
+    "sky": (SkyLight, {"radiance": STRENGTH}),
+}
+# A surface of constant radiance: intensity falls with the cosine, linear between whole degrees within 4e-5.
+GAMMAS, PLANES = np.arange(0.0, 91.0), np.array([0.0, 360.0])
+COSINE = np.tile(np.append(np.cos(np.radians(GAMMAS[:-1])), 0.0), (2, 1))
+
+
+class Luminaires:
+    """Photometric files of a scene, each read once, and facts of the scene that their lights need."""
+
+    def __init__(self, folder: Path, boundary: Boundary, units: str, up: tuple[float, float, float]):
+        self.files: dict[Path, PhotometryFile] = {}
+        self.photometric, self.up = units == "photometric", np.array(up)
+        self._folder, self._boundary = folder, boundary
+
+    def read(self, name: str, where: str) -> PhotometryFile:
+        path = self._folder / name
+        if path not in self.files:
+            self.files[path] = read_photometry(path, f"{where}: {name}", self._boundary)
+        return self.files[path]
+
+
+def read_light(values: dict, where: str, default_name: str, luminaires: Luminaires) -> Light:
+    """Return the light of a table [[light]]. Raises SceneError."""
+    kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
+    record, schema = LIGHTS[kind]
+    t = Table(values, where, schema, ("type", "name"))
+    name = t.text("name", default_name)
+    fields = _of_file(t, luminaires) if kind == "photometric" else t.fields()
+    if kind == "panel":
+        fields |= {"gammas_degrees": GAMMAS, "planes_degrees": PLANES, "intensity": COSINE}
+    if "c0" in fields:
+        fields["c0"] = fields["c0"] or c0_of(fields["direction"])
+    if kind == "spot" and fields["inner_degrees"] > (outer := fields["outer_degrees"]):
+        inner = fields["inner_degrees"]
+        raise SceneError(f"{where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
+    return record(name, **fields)
+
+
+def changed_light(light: Light, table: Table) -> Light:
+    """Return a light with the values that a table gives in place of its own. Raises SceneError for a wrong key."""
+    keys = light._fields[1:] if not isinstance(light, PhotometricLight) else PANEL
+    t, changes = Table(table.values, table.where, keys), {}
+    for key in t.values:
+        changes[key] = t.number(key) if key.endswith("degrees") else t.vector(key, 2 if key == "size" else 3)
+    return light._replace(**changes)
+
+
+def _of_file(t: Table, luminaires: Luminaires) -> dict[str, Any]:
+    """Return the fields of a light by a photometric file, whose flux and size stand for missing ones."""
+    file = luminaires.read(t.text("file"), t.where)
+    direction = np.array(t.direction("direction"))
+    axis = direction / np.sqrt((direction * direction).sum())
+    if "flux" in t:
+        flux = t.vector("flux", least=0)
+    elif luminaires.photometric:
+        tilt = math.degrees(math.acos(min(max(-float((axis * luminaires.up).sum()), -1.0), 1.0)))
+        flux = (file.flux * (file.tilt.factor(tilt) if file.tilt else 1.0),) * 3
+    else:
+        raise SceneError(
+            f"{t.where}: flux is missing; write flux = [r, g, b] in watts, or units = "
+            f'"photometric" at the top of the file for the {file.flux:.0f} lm of {t.text("file")}'
+        )
+    own = Table({"size": list(file.size), "flux": list(flux)} | t.values, t.where, PANEL, t.values)
+    return own.fields() | {
+        "gammas_degrees": file.gammas, "planes_degrees": file.planes, "intensity": file.intensity
+    }  # fmt: skip
+
+
+def c0_of(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the axis of coordinates, x, y or z, that is most perpendicular to a direction; the first of several."""
+    axis = np.array(direction) / np.sqrt((np.array(direction) ** 2).sum())
+    x, y, z = np.eye(3)[int(np.argmin(np.abs(axis)))].tolist()
+    return x, y, z
+
+
 UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+LENGTH, SCALE, NAME = of("number", default=None, above=0), of("number", default=1.0, above=0), of("text")
 ROOT = (
-    "title",
-    "up",
-    "units",
-    "static",
-    "mobile",
-    "light",
-    "materials",
-    "camera",
-    "probe",
-    "defaults",
-    "light_scenes",
-)
+    "title", "up", "units", "static", "shape", "mobile", "light", "materials", "camera", "probe", "defaults",
+    "light_scenes", "daylight",
+)  # fmt: skip
+STATIC = {"mesh": of("texts"), "scale": SCALE, "max_edge": LENGTH}
+MOBILE = {
+    "name": NAME, "mesh": NAME, "scale": SCALE, "max_edge": LENGTH, "material": of("text", default=None),
+    "position": of("vector", default=None),
+}  # fmt: skip
+ROTATION = ("rotation", "axis", "angle", "path")  # keys of a mobile, besides
+PLACED = {"mobile": of("flag", default=False), "position": of("vector", default=None)}  # keys of a shape, besides
+PATH = ("times", "positions", "rotations", "spin", "spin_axis")
+PROBE = {"name": NAME, "position": PLACE, "normal": of("direction")}
+CAMERA = {"position": PLACE, "target": PLACE, "fov": of("number", default=45.0, above=0, below=180)}
+DAYLIGHT = {
+    "place": of("place"), "date": of("date"), "hour": of("number", least=0, below=24),
+    "utc_offset": of("number", least=-12, below=math.nextafter(15, 16)),
+    "turbidity": of("number", default=3.0, least=1, below=math.nextafter(10, 11)),
+    "north": of("direction", default=None),
+}  # fmt: skip
+DEFAULTS = {
+    "photons": of("count"), "radius": LENGTH, "neighbours": of("count"), "estimator": of("text", default=None),
+    "exposure": of("number", default=None, above=-65, below=65), "scene_size": LENGTH,
+}  # fmt: skip
 Z_UP = (".ply", ".stl")  # mesh formats that are z up
 
 
@@ -50,12 +160,13 @@ class StaticEntry(NamedTuple):
     meshes: list[Path]
     scale: float
     max_edge: float | None  # [m], after scaling
+    shapes: list[Shape]
 
 
 class MobileEntry(NamedTuple):
     name: str
     where: str
-    mesh: Path
+    mesh: Path | Shape
     scale: float
     max_edge: float | None
     material: str | None
@@ -78,6 +189,7 @@ class SceneFile(NamedTuple):
     defaults: Defaults
     light_scenes: list[LightScene]
     photometry: dict[Path, PhotometryFile]  # files of luminaires
+    daylight: Daylight | None = None
 
 
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
@@ -88,21 +200,25 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     boundary = boundary or Boundary(path.parent)
     root = Table(read_toml(path, where, boundary), where, ROOT)
     up = read_up(root)
-    if "static" not in root:
-        raise SceneError(f'{where}: [static] is missing; write [static] and below it mesh = "room.glb"')
-    static = Table(root.values["static"], f"{where}: [static]", ("mesh", "scale", "max_edge"))
-    entry = StaticEntry(
-        [path.parent / m for m in static.texts("mesh")],
-        static.number("scale", 1.0, above=0),
-        static.number("max_edge", None, above=0),
-    )
-    tables = [root.tables(key, key) for key in ("mobile", "light", "probe")]
+    tables = [root.tables(key, key) for key in ("mobile", "light", "probe", "shape")]
     boundary.take(where, "objects", sum(map(len, tables)))
+    of_static = [t for t in tables[3] if t.get("mobile") is not True]
+    if "static" not in root and not of_static:
+        raise SceneError(f'{where}: [static] is missing; write [static] and below it mesh = "room.glb"')
+    keys = STATIC | {"mesh": of("texts", default=[])} if of_static else STATIC
+    meshes, *split = root.section("static", keys).fields().values()
+    paths = [path.parent / mesh for mesh in meshes]
+    convention = UP["z" if paths and paths[0].suffix.lower() in Z_UP else "y"]
+    axis = int(np.argmax(np.abs(up or convention)))
+    shapes = [_shape(t, i, where, up, axis, boundary) for i, t in enumerate(tables[3])]
+    entry = StaticEntry(paths, *split, [shape for shape in shapes if isinstance(shape, Shape)])
     mobiles = [_mobile(path.parent, t, i, where, up, boundary) for i, t in enumerate(tables[0])]
+    mobiles += [shape for shape in shapes if isinstance(shape, MobileEntry)]
     units = root.text("units", "radiometric", ("radiometric", "photometric"))
-    convention = UP["z" if entry.meshes[0].suffix.lower() in Z_UP else "y"]
     luminaires = Luminaires(path.parent, boundary, units, up or convention)
-    lights = [read_light(t, _entry(where, "light", t, i), f"light {i}", luminaires) for i, t in enumerate(tables[1])]
+    lights = [
+        read_light(t, _entry(where, "light", t, i), f"light {i + 1}", luminaires) for i, t in enumerate(tables[1])
+    ]
     probes = [_probe(t, i, where) for i, t in enumerate(tables[2])]
     for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
         names = [n.name for n in named]
@@ -117,19 +233,19 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
         mobiles,
         lights,
         read_materials(root),
-        _camera(root, where),
+        read_camera(root.section("camera", CAMERA)) if "camera" in root else None,
         probes,
-        _defaults(root, where),
+        Defaults(**root.section("defaults", DEFAULTS).fields()),
         read_light_scenes(root),
         luminaires.files,
+        Daylight(**root.section("daylight", DAYLIGHT).fields()) if "daylight" in root else None,
     )
 
 
 def read_light_scenes(root: Table) -> list[LightScene]:
     """Return the tables [light_scenes.NAME]. Raises SceneError."""
     out = []
-    tables = Table(root.values.get("light_scenes", {}), f"{root.where}: [light_scenes]", None)
-    for name, values in tables.values.items():
+    for name, values in root.section("light_scenes").values.items():
         table = Table(values, f'{root.where}: light scene "{name}"', None)
         out.append(LightScene(name, tuple(lamp_level(table, lamp) for lamp in table.values)))
     return out
@@ -166,8 +282,12 @@ def read_up(root: Table) -> tuple[float, float, float] | None:
         return UP[value]
     if not isinstance(value, list):
         raise SceneError(f'{root.where}: up must be "x", "y", "z" or three numbers in brackets, got {shown(value)}')
-    v = np.array(root.direction("up"))
-    return tuple(float(x) for x in v / np.sqrt((v * v).sum()))
+    return _unit(root.direction("up"))
+
+
+def _unit(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    v = np.array(direction)
+    return three(v / np.sqrt((v * v).sum()))
 
 
 def _entry(scene: str, kind: str, values: dict, i: int) -> str:
@@ -176,12 +296,29 @@ def _entry(scene: str, kind: str, values: dict, i: int) -> str:
 
 
 def _mobile(folder, values, i, scene, up, boundary) -> MobileEntry:
-    keys = ("name", "mesh", "scale", "max_edge", "material", "position", "rotation", "axis", "angle", "path")
     where = _entry(scene, "mobile", values, i)
-    t = Table(values, where, keys)
-    position = t.vector("position", 3, None)
-    turn = _rotation(t)
-    path = None
+    t = Table(values, where, MOBILE, ROTATION)
+    fields = t.fields()
+    pose, path = _place(t, fields.pop("position"), up, boundary)
+    return MobileEntry(**fields | {"where": where, "mesh": folder / fields["mesh"], "pose": pose, "path": path})
+
+
+def _shape(values, i, scene, up, axis: int, boundary) -> Shape | MobileEntry:
+    """Return a shape of the static part, or the mobile that it is."""
+    where = _entry(scene, "shape", values, i)
+    shape = read_shape(values, where, i + 1, axis, (*PLACED, *ROTATION))
+    mobile, position = Table({k: v for k, v in values.items() if k in PLACED}, where, PLACED).fields().values()
+    pose, path = _place(Table(values, where, None), position, up, boundary)
+    if mobile:
+        return MobileEntry(shape.name, where, shape, 1.0, shape.max_edge, None, pose, path)
+    if path is not None:
+        raise SceneError(f"{where}: a path needs a mobile; write mobile = true")
+    return shape._replace(pose=pose or Pose())
+
+
+def _place(t: Table, position, up, boundary) -> tuple[Pose | None, KeyFrames | None]:
+    """Return the start pose and the path of a table; None: it has none."""
+    where, turn, path = t.where, _rotation(t), None
     if "path" in t:
         path = _path(Table(t.values["path"], f"{where}: path", PATH), turn or (1.0, 0.0, 0.0, 0.0), up, boundary)
     pose = None
@@ -189,19 +326,7 @@ def _mobile(folder, values, i, scene, up, boundary) -> MobileEntry:
         at = position if position is not None else (path.positions[0] if path is not None else (0.0, 0.0, 0.0))
         first = tuple(path.quaternions[0]) if path is not None and turn is None else turn or (1.0, 0.0, 0.0, 0.0)
         pose = as_pose(Pose(tuple(at), first), where)
-    return MobileEntry(
-        t.text("name"),
-        where,
-        folder / t.text("mesh"),
-        t.number("scale", 1.0, above=0),
-        t.number("max_edge", None, above=0),
-        t.text("material", None),
-        pose,
-        path,
-    )
-
-
-PATH = ("times", "positions", "rotations", "spin", "spin_axis")
+    return pose, path
 
 
 def _rotation(t: Table):
@@ -244,29 +369,15 @@ def _path(t: Table, rest, up, boundary) -> KeyFrames:
 
 
 def _probe(values, i, scene) -> Probe:
-    t = Table(values, _entry(scene, "probe", values, i), ("name", "position", "normal"))
-    n = np.array(t.direction("normal"))
-    return Probe(t.text("name"), t.vector("position"), tuple(float(x) for x in n / np.sqrt((n * n).sum())))
+    probe = Probe(**Table(values, _entry(scene, "probe", values, i), PROBE).fields())
+    return probe._replace(normal=_unit(probe.normal))
 
 
-def _camera(root: Table, where: str) -> Camera | None:
-    if "camera" not in root:
-        return None
-    t = Table(root.values["camera"], f"{where}: [camera]", ("position", "target", "fov"))
-    position, target = t.vector("position"), t.vector("target")
+def read_camera(t: Table) -> Camera:
+    """Return the camera of a table of the keys CAMERA. Raises SceneError."""
+    position, target, fov = t.fields().values()
     if position == target:
-        raise SceneError(f"{where}: [camera]: target must differ from position, got {list(target)} for both")
-    return Camera(position, target, t.number("fov", 45.0, above=0, below=180))
-
-
-def _defaults(root: Table, where: str) -> Defaults:
-    keys = ("photons", "radius", "neighbours", "estimator", "exposure", "scene_size")
-    t = Table(root.values.get("defaults", {}), f"{where}: [defaults]", keys)
-    return Defaults(
-        t.count("photons"),
-        t.number("radius", None, above=0),
-        t.count("neighbours"),
-        t.text("estimator", None),
-        t.number("exposure", None, above=-65, below=65),
-        t.number("scene_size", None, above=0),
-    )
+        raise SceneError(
+            f"{t.where}: target must differ from position, got {list(target)} for both; write the centre of the picture"
+        )
+    return Camera(position, target, fov)

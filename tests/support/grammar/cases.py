@@ -1,7 +1,5 @@
 """Cases: one scene file with all that it names, per seed."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Random choices that all productions share, and the odd values among them."""
 
-from __future__ import annotations
-
 import math
 import random
 
@@ -10,34 +8,13 @@ Files = dict[str, bytes]  # by name
 NUMBERS = [0, -1, 1, 2, -0.0, 0.5, 1e-45, 1e-300, 1e-12, 1e7, 1e15, 1e30, 1e300, 1.7e308, math.inf, -math.inf, math.nan]
 WHOLES = [0, -1, 1, 2, 3, 7, 255, 256, 65535, 65536, 10**6, 2**31 - 1, 2**31, 2**32, 2**63 - 1, 2**63, 10**30, -(2**63)]
 TEXTS = [
-    "",
-    " ",
-    ".",
-    "..",
-    "/",
-    "~",
-    "a/b",
-    "../room.obj",
-    "/dev/zero",
-    "/etc/passwd",
-    "C:\\a",
-    "a\x00b",
-    "\x1b[31m",
+    "", " ", ".", "..", "/", "~", "a/b", "../room.obj", "/dev/zero", "/etc/passwd", "C:\\a", "a\x00b", "\x1b[31m",
     "é\u202e\U0001f600",
-]
+]  # fmt: skip
 TEXTS += [
-    "x" * 300,
-    "x" * 70000,
-    "pipe",
-    "folder",
-    "loop",
-    "%2e%2e/x",
-    "http://localhost:9/a",
-    "file:///etc/passwd",
-    "data:,",
-    "None",
-    "-0",
-]
+    "x" * 300, "x" * 70000, "pipe", "folder", "loop", "%2e%2e/x", "http://localhost:9/a", "file:///etc/passwd",
+    "data:,", "None", "-0",
+]  # fmt: skip
 
 
 class Grammar:

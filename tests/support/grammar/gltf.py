@@ -1,7 +1,5 @@
 """glTF 2.0 files, as text and as GLB."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Images: valid ones of each format, and damaged ones."""
 
-from __future__ import annotations
-
 import functools
 import io
 import struct
@@ -44,17 +42,12 @@ def images() -> tuple[list[bytes], list[bytes]]:
                     mode
                 )
                 picture.save(stream := io.BytesIO(), kind)
-                good.append(stream.getvalue())
+                good.append(stream.getvalue())  # fmt: skip
     colour = Image.fromarray(rng.integers(0, 256, (8, 8, 3), dtype=np.uint8))
     forms = [
-        ("1", "PNG"),
-        ("I;16", "PNG"),
-        ("CMYK", "JPEG"),
-        ("RGB", "BMP"),
-        ("RGB", "TIFF"),
-        ("RGB", "TGA"),
+        ("1", "PNG"), ("I;16", "PNG"), ("CMYK", "JPEG"), ("RGB", "BMP"), ("RGB", "TIFF"), ("RGB", "TGA"),
         ("RGB", "PPM"),
-    ]
+    ]  # fmt: skip
     for mode, kind in [*forms, ("P", "GIF"), ("RGB", "WEBP"), ("RGB", "EPS"), ("RGB", "ICO"), ("RGB", "PCX")]:
         (colour.convert("L") if mode == "I;16" else colour).convert(mode).save(stream := io.BytesIO(), kind)
         odd.append(stream.getvalue())

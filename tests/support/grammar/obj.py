@@ -1,7 +1,5 @@
 """OBJ and MTL files."""
 
-from __future__ import annotations
-
 from tests.support.grammar.choices import Files, Grammar, shape
 from tests.support.grammar.images import image
 
@@ -77,27 +75,12 @@ def obj(g: Grammar, files: Files, stem: str) -> str:
 def _statement(g: Grammar, materials: list[str]) -> str:
     known = g.pick(*materials) if materials else "none"
     others = [
-        "g",
-        "s off",
-        "s 1",
-        "mg 1 0.5",
-        "l 1 2 3",
-        "p 1",
-        "usemap off",
-        "lod 1",
-        "bevel on",
-        "c_interp off",
-        "end",
-    ]
+        "g", "s off", "s 1", "mg 1 0.5", "l 1 2 3", "p 1", "usemap off", "lod 1", "bevel on", "c_interp off", "end",
+    ]  # fmt: skip
     others += ["d_interp on", "shadow_obj a.obj", "trace_obj a.obj", "cstype rat bspline", "deg 3", "curv 0 1 1 2 3 1"]
     others += [
-        "surf 0 1 0 1 1 2 3",
-        "parm u 0 0 1 1",
-        "vp 0.5 0.5",
-        "call a.obj 1",
-        "csh -touch nothing",
-        "maplib a.map",
-    ]
+        "surf 0 1 0 1 1 2 3", "parm u 0 0 1 1", "vp 0.5 0.5", "call a.obj 1", "csh -touch nothing", "maplib a.map",
+    ]  # fmt: skip
     named = [f"usemtl {g.leaf(known)}", f"o {g.name()}", f"g {g.name()} {g.name()}"]
     return g.pick(*named * 4, *others, "", "# comment", "unknown 1 2 3")
 
@@ -124,17 +107,9 @@ def _property(g: Grammar, files: Files) -> str:
         return str(g.leaf(name))
 
     options = [
-        "-s 2 2 1",
-        "-s 3",
-        "-o 0.5 0.5",
-        "-t 0.1",
-        "-mm 0 1",
-        "-bm 0.5",
-        "-clamp on",
-        "-clamp off",
-        "-blendu on",
+        "-s 2 2 1", "-s 3", "-o 0.5 0.5", "-t 0.1", "-mm 0 1", "-bm 0.5", "-clamp on", "-clamp off", "-blendu on",
         "-blendv off",
-    ]
+    ]  # fmt: skip
     options += ["-texres 64", "-imfchan l", "-boost 2", "-type sphere", "-cc on"]
     some = g.rng.sample(options, g.pick(0, 0, 0, 1, 2))
     glow, glowing = (0.0, "map_Kd") if g.dark else (20.0, "map_Ke")

@@ -1,32 +1,17 @@
 """PLY 1.0 files."""
 
-from __future__ import annotations
-
 import struct
 
 from tests.support.grammar.choices import Files, Grammar, shape
 from tests.support.grammar.images import image
 
 PLY_TYPES = {
-    "char": "b",
-    "uchar": "B",
-    "short": "h",
-    "ushort": "H",
-    "int": "i",
-    "uint": "I",
-    "float": "f",
-    "double": "d",
-}
+    "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
+}  # fmt: skip
 PLY_TYPES |= {
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "float32": "f",
+    "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f",
     "float64": "d",
-}
+}  # fmt: skip
 WHOLE_TYPES = [name for name, code in PLY_TYPES.items() if code not in "fd"]
 REAL_TYPES = ["float", "double", "float32", "float64"]
 

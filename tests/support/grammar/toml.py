@@ -1,10 +1,9 @@
 """Scene files in TOML 1.0, and the meshes that they name."""
 
-from __future__ import annotations
-
 import json
 import math
 import string
+from functools import partial
 
 from gi_core.bsdf.models import MODELS
 from tests.support.grammar.choices import Files, Grammar
@@ -188,10 +187,25 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
                 {"name": f"lamp {i}"} | ({"inner_degrees": 5} if kind == "spot" else {}),
             )
         )
+    shapes, long = [], partial(g.real, 0.6, 2.0)
+    for i in range(g.pick(0, 0, 1, 2)):
+        solids = {"sphere": {"radius": long()}, "cone": {"radius": long(), "height": long(), "top": long()}}
+        solids |= {"box": {"size": g.reals(3, 0.6, 2.0)}, "plane": {"size": g.reals(2, 0.6, 2.0)}}
+        solids["extrusion"] = {"outline": [[0, 0], [long(), 0], [2, 1], [0, 0.5]], "height": long()}
+        hole = {"wall": g.pick("left", "back", "ceiling"), "position": [-0.2, 0.1], "size": [0.3, 0.2]}
+        solids["room"] = {"size": g.reals(3, 0.6, 3.0), "openings": [hole], "thickness": long()}
+        kind = g.pick(*solids)
+        may = {"name": f"shape {i}", "mobile": g.chance(0.5), "position": g.reals(3), "max_edge": long()}
+        shapes.append(_some(g, {"type": kind} | solids[kind], may))
     top = {"title": g.name(), "up": g.pick("x", "y", "z", direction), "units": g.pick("radiometric", "photometric")}
     lines = [f"{_toml_key(g, k)} = {_toml_value(g, v)}" for k, v in _some(g, {}, top).items()]
     parts = [_toml_table(g, "static", static)]
+    parts += [_toml_table(g, "shape", shape, many=True) for shape in shapes]
     parts += [_toml_table(g, "light", light, many=True) for light in lights]
+    if g.chance(0.2):
+        when = {"place": g.pick([40.4, -3.7], [-90, 180]), "date": "2026-03-21", "hour": g.pick(0, 9.5, 23)}
+        clear = {"turbidity": g.pick(1, 2.5, 10), "north": [direction[1], -direction[0], 0.1]}
+        parts.append(_toml_table(g, "daylight", _some(g, when | {"utc_offset": g.pick(0, 5.5, -3)}, clear)))
     if g.chance(0.6):
         name = g.pick(*materials)
         parts.append(_toml_table(g, f"materials.{_toml_key(g, str(name))}", _material(g, dark=bool(mobiles))))

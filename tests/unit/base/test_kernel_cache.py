@@ -1,7 +1,5 @@
 """Kernels on disk: only a folder of this user is read, damaged files are compiled again, a full disk ends caching."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -1,7 +1,5 @@
 """More photons than fit into memory: as many as fit are traced, and the solver reports it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -118,10 +116,11 @@ def test_command_traces_the_photons_that_fit():
 
 @limited
 def test_command_ends_in_one_sentence(tmp_path):
+    """At 80 MB, of which kernels take some 30: with 40, LLVM sometimes aborts where it loads them."""
     words = ["render", "cornell", "--photons", "500000", "--out", str(tmp_path / "a.png"), "--size", "16384x16384"]
     words += ["--seconds", "0"]
     code = f"sys.exit(main({words!r}))"
-    done = run_limited(code, 40 << 20, "app.__main__", "main", "(['info', 'furnace', '--photons', '100'])")
+    done = run_limited(code, 80 << 20, "app.__main__", "main", "(['info', 'furnace', '--photons', '100'])")
     assert done.returncode == 2, done.stderr
     *warnings, line = done.stderr.strip().splitlines()
     assert line.startswith("gi-viewer: memory is full (")

@@ -1,7 +1,5 @@
 """Random numbers of photons: even in every projection, and no lamp is noisier than with independent numbers."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """GGX over a base that takes all that single reflections between facets leave."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

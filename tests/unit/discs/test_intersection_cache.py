@@ -1,7 +1,5 @@
 """Disc intersections of the background are cached: removed suffixes are looked up, with the bits of a search."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -11,7 +9,7 @@ from gi_core.discs import intersection_cache
 from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.search import SEARCHES
 from gi_core.frames import background
-from gi_core.photons.subsets import LOWEST
+from gi_core.photons.flux_sums import LOWEST
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver

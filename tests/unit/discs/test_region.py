@@ -3,8 +3,6 @@
 Each test is a closed form that fails without control, and by how much.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Vertices inside other objects are drawn like their visible neighbours, and no light leaks."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

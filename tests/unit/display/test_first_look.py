@@ -1,15 +1,18 @@
-"""The first look at a scene."""
+"""The first look at a scene. Probes of an estimator that counts hits on faces: linear interpolation within the face."""
 
-from __future__ import annotations
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gi_core.display.first_look import first_looks
+from gi_core.frames.frame import probe_irradiance
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
+from gi_core.scene.types import Mesh, Probe
+from tests.support.scene_builders import plane_scene
 from tests.support.viewer_support import room
 
 
@@ -22,7 +25,7 @@ def test_light_of_a_first_look_is_close_to_the_reference():
     points, normals = evaluation_points(model.surfaces, receivers)
     truth, _ = reference_irradiance(scene, points, normals, 1 << 10, 1, model=model)
     level = 0.25
-    looks = list(first_looks(scene, model, np.full((1, 3), level), 0))
+    looks = list(first_looks(scene, model, np.full((1, 3), level), 1.0, 0))
     found = [look.drawn for look in looks]
     seen = np.minimum(*(1.0 if drawn.weights is None else drawn.weights for drawn in found)) == 1.0
     weights = receivers.areas * seen
@@ -32,3 +35,23 @@ def test_light_of_a_first_look_is_close_to_the_reference():
     ]
     assert max(errors) < 0.08
     assert all(0.3 < look.noise / error < 1.5 for look, error in zip(looks, errors, strict=True))
+
+
+TURNED = np.array([(0.36, 0.48, -0.8), (-0.8, 0.6, 0.0), (0.48, 0.64, 0.6)]).T
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), TURNED], ids=["level", "tilted"])
+@pytest.mark.parametrize("height", [0.0, 1e-9, 1e-3, 0.3, 40.0])
+def test_probes_read_linear_light_exactly(turn, height):
+    local = np.array([(0.67, 0.33, height), (-0.9, 0.2, height), (0.01, -0.4, height)])
+    places, normal = local @ turn.T, turn[:, 2]
+    probes = tuple(Probe(str(k), tuple(p), tuple(normal)) for k, p in enumerate(places))
+    floor = plane_scene(divisions=3).static
+    static = Mesh((floor.vertices + (0, 0, height)) @ turn.T, *floor[1:])
+    model = Model(replace(plane_scene(), static=static, probes=probes), threads=1)
+
+    def light(points: np.ndarray) -> np.ndarray:
+        return 1 + np.outer((points @ turn)[:, 0], (0.1, 0.2, 0.3))
+
+    read = probe_irradiance(model, light(model.receivers_at({}).positions), on_faces=True)
+    assert np.allclose([read[p.name] for p in probes], light(places), rtol=1e-5)

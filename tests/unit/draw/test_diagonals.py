@@ -1,13 +1,10 @@
 """Quadrilaterals of a mesh, and the diagonals that a picture gives them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from app.draw import raycast
-from app.draw.diagonals import Turning, along_light, quad_around, with_diagonals
-from app.draw.draw_mesh import draw_meshes, quads_of
+from app.draw import shot as shots
+from app.draw.draw_mesh import Turning, along_light, draw_meshes, quad_around, quads_of, with_diagonals
 from app.draw.shot import Shot
 from app.settings import Settings
 from gi_core.model import Model
@@ -100,7 +97,7 @@ def test_light_that_is_linear_does_not_show_the_diagonals(monkeypatch):
     pictures = []
     for share in (0, 1):
         given = with_all if share else lambda mesh, *_: mesh
-        monkeypatch.setattr(raycast, "along_light", given)
+        monkeypatch.setattr(shots, "along_light", given)
         pictures.append(shot.take().astype(int))
     assert np.ptp(pictures[0]) > 50 and np.abs(pictures[0] - pictures[1]).max() <= 1
 
@@ -126,7 +123,7 @@ def teeth(mesh) -> float:
 def test_a_border_of_light_has_fewer_teeth():
     """0.60 of the variation along the border in this grid, 0.60 to 0.66 in grids of 8 to 20 cells."""
     shot = striped(plane(20))
-    mesh, colours = shot.meshes[0], shot.colours(0)
+    mesh, colours = shot.lit.meshes[0], shot.lit.sides[0]
     drawn = along_light(mesh, *colours)
     assert teeth(drawn) < 0.7 * teeth(mesh)
     wrong = with_diagonals(drawn, drawn.quads.beside[drawn.quads.faces[:, 0]] < 0)
@@ -135,7 +132,7 @@ def test_a_border_of_light_has_fewer_teeth():
 
 def test_a_quad_with_an_unreached_corner_keeps_its_diagonal():
     shot = striped(plane())
-    mesh, colours = shot.meshes[0], shot.colours(0)
+    mesh, colours = shot.lit.meshes[0], shot.lit.sides[0]
     free = along_light(mesh, *colours).quads.beside >= 0
     weights = np.ones((len(mesh.positions), 2), np.float32)
     corner = mesh.quads.corners[2, free[mesh.quads.faces[:, 0]]][0]
@@ -151,15 +148,15 @@ def test_both_pictures_have_the_same_diagonals():
     """A slab that is lit only on its back is in the picture too: backs count."""
     shot = striped(merge(plane(), quad((0.1, 0.1, 0.2), (0, 0.4, 0), (0.4, 0, 0), (5, 5), 1)))
     shot.exposure = 1.0
-    assert any((along_light(m, *shot.colours(0)).quads.beside >= 0).any() for m in shot.meshes)
+    assert any((along_light(m, *shot.lit.sides[0]).quads.beside >= 0).any() for m in shot.lit.meshes)
     traced, drawn = shot.take().astype(int), gl_picture(shot).astype(int)
     assert (np.abs(traced - drawn).max(axis=2) > 4).mean() < 0.01, "but for edges"
-    plain = raycast.along_light
+    plain = shots.along_light
     try:
-        raycast.along_light = lambda mesh, *_: mesh
+        shots.along_light = lambda mesh, *_: mesh
         shared = shot.take().astype(int)
     finally:
-        raycast.along_light = plain
+        shots.along_light = plain
     assert (np.abs(shared - drawn).max(axis=2) > 4).mean() > 0.01, "the shared diagonals look different"
 
 

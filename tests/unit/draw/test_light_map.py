@@ -1,11 +1,9 @@
 """Light maps: what bilinear filters and smaller copies read is the light of the surface, nothing of other charts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from app.draw.light_map import PADDING, Unwrapped, light_map, unwrap
+from app.draw.baking import PADDING, Unwrapped, light_map, unwrap
 from tests.support.viewer_support import box
 
 SIZE = 96

@@ -1,7 +1,5 @@
 """The read-out equals the picture at its point."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -10,18 +8,19 @@ import pytest
 
 from app.draw.camera import from_camera
 from app.draw.picking import Picker
-from app.draw.readout import STATIC, UNLIT, Reading, read
+from app.draw.readout import STATIC, UNLIT, Reading, read, read_pin
 from app.draw.shot import Shot
 from app.draw.tonemap import to_display
 from app.draw.units import PHOTOMETRIC, RADIOMETRIC
 from app.settings import Settings, make_solver
+from app.values import Pin
 from gi_core.display.dilation import Drawn
 from gi_core.scene import Camera, Material, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Gloss
 from tests.support import closed_form
 from tests.support.projection import projected
-from tests.support.scene_builders import quad
+from tests.support.scene_builders import merge, quad
 
 SETTINGS = Settings(photons=2000, radius=0.1, size=(161, 121), tone_map="clip", exposure=0.0)
 INTENSITY, HEIGHT = 500.0, 2.0  # [cd], [m]
@@ -59,11 +58,8 @@ def reading_at(shot: Shot, point=None, uv=None, weights=None, cull=True) -> Read
     origin, direction = shot.camera.ray(u, v, width / height)
     poses = [solver.poses[m.name] for m in solver.scene.mobiles]
     hit = Picker(solver.surfaces, solver.model.origins).pick(origin, direction, poses, cull)
-    drawn = Drawn(solver.irradiance, weights)
-    if hit is None:
-        return None
-    given = solver.scene, solver.model, solver.poses, shot.meshes[hit.object], drawn, solver.frame.gloss
-    return read(hit, direction, shot.camera, height, *given)
+    lit = replace(shot.lit, drawn=Drawn(solver.irradiance, weights))
+    return None if hit is None else read(lit, hit, direction, shot.camera, height)
 
 
 @pytest.mark.parametrize(("units", "expected"), [("photometric", PHOTOMETRIC), ("radiometric", RADIOMETRIC)])
@@ -82,6 +78,18 @@ def test_a_point_lamp_over_a_floor_reads_as_its_closed_form(units, expected):
         "radiometric": "Irradiance 125 W/m²  ·  radiance 19.9 W/m²/sr  ·  static part, oak",
     }
     assert text == shown[units]
+
+
+def test_a_pin_under_a_roof_reads_its_floor_whatever_is_far_away():
+    """It was looked for from 0.001 of the size of everything: 448 m above the floor."""
+    roofed = merge(floor().static, quad((-2, -2, 3), (4, 0, 0), (0, 4, 0), (2, 2)), quad((448e3, 0, 0), *np.eye(3)[:2]))
+    shot = shot_of(replace(floor(), static=roofed))
+    s = shot.solver
+    del s.model.lit_part  # of the fixture's brief pilot
+    picker, lit = Picker(s.surfaces, s.model.origins), replace(shot.lit, drawn=Drawn(s.irradiance, None))
+    pinned = read_pin(Pin("P1", (0.33, -0.21, 0), (0, 0, 1)), picker, lit)
+    expected = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(0.33, 0.21))
+    assert pinned.reading.irradiance == pytest.approx(expected, rel=2e-3)
 
 
 def test_a_mobile_reads_at_its_pose():
@@ -154,7 +162,7 @@ def test_the_luminance_of_gloss_is_that_of_the_picture():
 
 def test_a_reflection_is_said_to_be_missing():
     shot = glossy(0.0)
-    reading, rho = reading_at(shot, (0.2, 0.1, 0.0)), float(shot.meshes[0].reflectance[0, 0])
+    reading, rho = reading_at(shot, (0.2, 0.1, 0.0)), float(shot.lit.meshes[0].reflectance[0, 0])
     assert reading.is_sharp and reading.text().endswith("cd/m² without its reflection  ·  static part, oak")
     assert reading.radiance == pytest.approx(rho * reading.irradiance / math.pi, rel=1e-3)
 

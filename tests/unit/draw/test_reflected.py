@@ -1,16 +1,13 @@
 """Rays to lamps in sharp gloss: the same light as rays drawn from the lobe alone, with less noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from app.draw import reflected, visible
+from app.draw import fine_mesh, reflected, visible
 from app.draw.bare_lights import bare_lights
-from app.draw.layers import layers
-from app.draw.shot import Shot
+from app.draw.shot import Shot, layers
 from app.settings import Settings, make_solver
 from gi_core.bsdf.models import lobe
 from gi_core.geometry.error import luminance
@@ -147,6 +144,16 @@ def test_a_picture_does_not_depend_on_the_number_of_threads(monkeypatch):
         np.testing.assert_array_equal(one, several)
 
 
+def test_reflections_of_faces_in_fine_pieces_are_those_of_whole_faces(monkeypatch):
+    """Pieces have other numbers than faces of the model, which rays to lamps look up."""
+    shot = shot_of(ROUGH["GGX of alpha 0.1"])
+    whole, of_ball = drawn(shot), kind_of(shot) == 4
+    monkeypatch.setattr(fine_mesh, "takes_fine_points", lambda solver: True)
+    shot.refine()
+    assert len(shot.lit.meshes[0].triangles) > len(shot.solver.model.surfaces.faces[0])
+    assert drawn(shot)[of_ball].sum() == pytest.approx(whole[of_ball].sum(), rel=0.05)
+
+
 def test_reflections_and_highlights_stay_where_a_triangle_is_far_away():
     """Rays left sharp faces at a share of the size of everything: 9 m off with a triangle at 448 km."""
     pictures = []
@@ -155,7 +162,7 @@ def test_reflections_and_highlights_stay_where_a_triangle_is_far_away():
         light = PointLight("bulb", (0.5, -0.5, 1.2), (2.0, 2.0, 2.0))
         shot = shot_of(ROUGH["GGX of alpha 0.1"], stray, lights=(light,))
         pictures.append(drawn(shot, 16))
-        lights = bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels)
+        lights = bare_lights(shot.lit)
         pictures.append(lights.strength[1])
     near, strength, there, strength_there = pictures
     assert noise(there, near) < 0.02

@@ -1,6 +1,7 @@
-"""Exposure, tone maps, sRGB and the meter: numbers on which shader and picture must agree."""
+"""Exposure, tone maps, sRGB and the meter: numbers on which shader and picture must agree.
 
-from __future__ import annotations
+White balance: lamps of one colour become neutral, in the picture and in the shader alike.
+"""
 
 from dataclasses import replace
 
@@ -9,10 +10,21 @@ import pytest
 
 from app.draw.camera import from_camera, scene_bounds
 from app.draw.draw_mesh import draw_meshes
-from app.draw.metering import metered
-from app.draw.tonemap import MID_GREY, TONE_MAPS, meter, srgb_encode, to_display, view_weights
-from app.draw.vertex_colours import colours
+from app.draw.lit_scene import LitScene, metered
+from app.draw.tonemap import (
+    MID_GREY,
+    MOST_GAIN,
+    NEUTRAL,
+    TONE_MAPS,
+    gains_for,
+    meter,
+    srgb_encode,
+    to_display,
+    view_weights,
+)
 from app.settings import TONE_MAPS as NAMES
+from gi_core.display.dilation import Drawn
+from gi_core.geometry.error import luminance
 from gi_core.model import Model
 from tests.support.viewer_support import room
 
@@ -106,9 +118,8 @@ def test_lamps_in_view_are_not_metered(glow):
         model = Model(replace(scene, materials=(scene.materials[0], red, *scene.materials[2:])))
         meshes, E = draw_meshes(model.surfaces), np.ones((len(model.object_receivers.areas), 3))
         camera = from_camera(scene.camera, scene.up, scene_bounds(model, model.start_poses()))
-        receivers = model.receivers_at(model.start_poses())
-        none = [None] * len(meshes)
-        exposures.append(metered(receivers, meshes, lambda o: colours(meshes[o], E), none, False, 1.0, camera))  # noqa: B023
+        lit = LitScene(model, model.start_poses(), model.emitters.lamps.full(), meshes, Drawn(E, None))
+        exposures.append(metered(lit, camera, 1.0))
     assert exposures[1] == pytest.approx(exposures[0], abs=0.1)
 
 
@@ -117,3 +128,24 @@ def test_view_weights_count_visible_front_faces():
     normals = np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0], [0, 0, 1.0]])
     weights = view_weights(positions, normals, np.ones(4), (0, 0, 0), (0, 0, -1), 45.0)
     assert weights[0] == pytest.approx(1 / 25) and weights[1:].tolist() == [0, 0, 0]
+
+
+def test_a_warm_lamp_becomes_neutral_and_keeps_its_luminance():
+    flux = np.array([20.0, 13.0, 5.0])
+    gains = np.array(gains_for(flux))
+    balanced = gains * flux
+    assert balanced == pytest.approx([balanced[0]] * 3)
+    assert luminance(balanced) == pytest.approx(luminance(flux))
+    grey = to_display(0.02 * flux[None], 0.0, "clip", tuple(gains.tolist()))[0]
+    assert len(set(grey.tolist())) == 1 and 0 < grey[0] < 255
+
+
+def test_neutral_light_and_darkness_have_no_gains():
+    assert gains_for(np.full(3, 7.0)) == pytest.approx(NEUTRAL)
+    assert gains_for(np.zeros(3)) == NEUTRAL
+
+
+def test_light_of_one_colour_keeps_it():
+    gains = np.array(gains_for(np.array([1.0, 0.0, 0.0])))
+    assert np.isfinite(gains).all() and gains.max() / gains.min() <= MOST_GAIN / 0.2126 + 1e-9
+    assert np.argmax(gains * [1.0, 0.0, 0.0]) == 0

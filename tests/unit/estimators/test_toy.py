@@ -1,7 +1,5 @@
 """A new estimator is one class and one entry of the registry: solver, command line, chart and window then offer it."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable
 
@@ -14,20 +12,17 @@ from app.measure.chart import page as pictures
 from app.measure.chart import settings as chart_settings
 from app.measure.tuning import candidates
 from app.settings import Settings, make_solver, open_scene
-from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
+from gi_core.discs.stale_receivers import ControlFacts
 from gi_core.estimators import CHEAPEST, ESTIMATORS, Estimator
+from gi_core.estimators.base import Setting
 from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
-from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated
+from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated, SubsetStore
 from gi_core.photons.paths import Segments, bounced
-from gi_core.photons.subsets import SubsetStore
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
 from tests.support.viewer_hand import errors, keys
-
-pytest_plugins = ["tests.support.viewer_fixtures"]
 
 SCENE = ["cornell", "--max-edge", "0.2", "--estimator", "toy"]
 
@@ -151,8 +146,6 @@ def test_the_chart_draws_its_curve(tmp_path, monkeypatch):
     assert "toy" in (out / "chart.svg").read_text()
 
 
-@pytest.mark.gl
-@pytest.mark.usefixtures("gl", "folder")
 def test_window_lists_a_new_estimator(play):
     def script(hand, viewer):
         session, number = viewer.session, list(ESTIMATORS).index("toy")

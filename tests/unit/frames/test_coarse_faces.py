@@ -1,7 +1,5 @@
 """Mobiles in rooms of few large triangles, with corners that hardly represent their light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 from gi_core.frames.mobile_light import CoarseFaces
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad

@@ -1,7 +1,5 @@
 """A frame of few photons combines the static light of all photons with the changes of the few."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,8 +8,7 @@ from gi_core.frames.frame import _controlled
 from gi_core.gather.denoise import VARIANCE
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
-from gi_core.photons.flux_sums import CHUNK, NOT_ADDITIVE, CutFlux, Evaluated
-from gi_core.photons.subsets import LOWEST
+from gi_core.photons.flux_sums import CHUNK, LOWEST, NOT_ADDITIVE, CutFlux, Evaluated
 from gi_core.scene import Pose, SceneError
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room

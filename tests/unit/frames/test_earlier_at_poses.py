@@ -1,7 +1,5 @@
 """Light gathered at resting poses before an edit that keeps the static part."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

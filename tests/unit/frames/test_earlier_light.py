@@ -1,7 +1,5 @@
 """Static light after an edit: that before it, changed as photons say."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Backgrounds of recent settings: a return to a setting estimates nothing again and gives the same bits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,6 +1,7 @@
-"""The parts of a frame's light share one setting; a twin has its own."""
+"""The parts of a frame's light share one setting; a twin has its own.
 
-from __future__ import annotations
+A twin of a solver: shared photons, separate settings and poses.
+"""
 
 from types import SimpleNamespace
 
@@ -16,6 +17,8 @@ from gi_core.gather.static import StaticGather
 from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
+from gi_core.solver import Solver
+from tests.support import viewer_support as support
 from tests.support.scene_builders import box_mobile, coloured_room
 
 
@@ -130,3 +133,28 @@ def test_before_the_search_no_receiver_is_unreached(model):
     unreached, E = UnreachedReceivers(model), np.ones((len(model.object_receivers.areas), 3))
     drawn = unreached.drawn(E, model.transforms(model.start_poses()))
     assert unreached.static is NONE_UNREACHED and drawn.irradiance is E and drawn.weights is None
+
+
+def test_twin_shares_photons_but_not_settings():
+    """Settings and poses are separate; both equal a solver without a twin, bit for bit."""
+    solver = Solver(support.room(), photons=8192, radius=0.06)
+    solver.solve()
+    before, pose = solver.irradiance, solver.poses["block"]
+    twin = solver.twin()
+    twin.configure(estimator="photon_map", neighbours=20)
+    twin.solve()
+    twin.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
+    assert np.array_equal(twin.irradiance, twin.from_scratch())
+    assert solver.setting.estimator == "tangent_plane" and solver.poses["block"] == pose and solver.irradiance is before
+    alone = Solver(support.room(), "photon_map", photons=8192, radius=0.06, neighbours=20)
+    alone.solve()
+    twin.move("block", pose)
+    assert np.array_equal(twin.irradiance, alone.irradiance)
+    solver.move("block", pose)
+    assert np.array_equal(solver.irradiance, before)
+    # Photons traced by the twin are available to both.
+    twin.configure(photons=10_000)
+    twin.solve()
+    solver.configure(photons=10_000)
+    solver.solve()
+    assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.frame.photons == 10_000

@@ -1,7 +1,5 @@
 """The light of photons, averaged along surfaces in proportion to its noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -13,8 +11,8 @@ from gi_core.frames.static_light import NEAR
 from gi_core.gather.denoise import smoothed_by_subset
 from gi_core.gather.estimate import Estimate
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample
-from gi_core.lights.mix import mix, sum_of_lamps
-from gi_core.photons.subsets import LOWEST
+from gi_core.lights.lamps import mix, sum_of_lamps
+from gi_core.photons.flux_sums import LOWEST
 from gi_core.scene import PointLight, Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room

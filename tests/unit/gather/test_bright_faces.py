@@ -1,7 +1,5 @@
 """Bright static faces as lamps of mobiles: no bias, less noise, and the bits of frames."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise is removed, edges stay, and the remaining noise is reported correctly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Direct light of static receivers, and the part that mobiles block."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,9 @@
 """The reference in rounds: no bias for any allocation of paths, and the same bits with and without interruption."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.gather import reference as rounds
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, reference_irradiance, set_sizes
 from gi_core.model import Model
@@ -52,7 +50,7 @@ def test_every_number_is_uniform_and_pairs_are_independent():
 
 
 def numbers(first: int, count: int, dimension: int, m: int) -> np.ndarray:
-    return np.array([strata.uniform(11, first + k, 1, dimension, m) for k in range(count)])
+    return np.array([random_numbers.stratified(11, first + k, 1, dimension, m) for k in range(count)])
 
 
 def test_smaller_sets_come_first_and_leave_no_trace():

@@ -1,7 +1,5 @@
 """The error stated for gathered static light includes its bias, in a room lit through one deep window."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -28,11 +26,11 @@ def truth() -> ReferenceSample:
     return truth
 
 
-@pytest.mark.parametrize(("photons", "enough", "off"), [(1 << 12, 0.014, 0.025), (1 << 15, 0.02, 0.01)])
-def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, off, truth, monkeypatch):
-    """Of the light of few photons the noise is at the end 0.6 of the error, and of many the total is right."""
+@pytest.mark.parametrize(("photons", "enough"), [(1 << 12, 0.014), (1 << 15, 0.02)])
+def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, truth, monkeypatch):
+    """The first and the last light are measured; others may state too much. Few photons do no harm: none count."""
     monkeypatch.setattr(static, "ENOUGH", enough)
-    solver = Solver(SCENE, photons=photons, light="best")
+    solver = Solver(SCENE, photons=photons, light="best", seed=1)
     solver.solve()
     stated, true = [], []
     for progress in solver.gather_steps():
@@ -42,9 +40,9 @@ def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, off
         if progress.picture:
             stated.append(g.estimate.error)
             true.append(truth.error(solver.irradiance))
-    assert len(stated) > 1 and max(true) > 0.04
-    assert all(0.7 < a / b < 1.5 for a, b in zip(stated, true, strict=True)), (stated, true)
-    assert truth.relative_total(solver.irradiance) == pytest.approx(1, abs=off)
+    over = np.array(stated) / true
+    assert len(over) > 1 and max(true) > 0.04 and 0.7 < over.min() and over.max() < 2 and max(over[[0, -1]]) < 1.5
+    assert truth.relative_total(solver.irradiance) == pytest.approx(1, abs=0.01)
 
 
 def test_a_sample_without_two_rounds_has_no_error():

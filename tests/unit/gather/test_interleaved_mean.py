@@ -1,7 +1,5 @@
 """Means over neighbours: which ones, of which kinds, and how much each counts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,7 @@ from gi_core.gather.interleaved_mean import (
     shared_directions,
 )
 from gi_core.gather.mobile import MobileGather
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from tests.support.scene_builders import box, grey, merge, quad, sphere

@@ -1,7 +1,5 @@
 """Gathered light of mobiles: closed forms, the reference, and the bits of whole frames."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace
@@ -20,7 +18,7 @@ from gi_core.gather.hit_cache import BounceRays
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR
 from gi_core.rays.all_objects import nearest_in_world

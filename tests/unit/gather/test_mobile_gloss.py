@@ -1,7 +1,5 @@
 """Directions of the light on mobiles by the paths of a frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Light gathered at resting poses: unbiased, exact under moves, kept for the last poses, right at mobiles' feet."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 from gi_core.gather import pose_gather, static
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import Mobile, Pose, Scene
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, box_mobile, coloured_room, grey, lamp, merge, quad
@@ -195,7 +193,7 @@ def test_the_fraction_gathered_only_grows(monkeypatch):
 
 def test_gathering_ends_after_the_most_rounds(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 1e-9)
-    monkeypatch.setattr(pose_gather, "MOST", 6)
+    monkeypatch.setattr(pose_gather, "LAST_ROUND", 6)
     solver = solved(False)
     light = gather_pose(solver)
     assert light.enough and light.fraction == 1.0 and light._rounds.state.rounds == 6

@@ -1,7 +1,5 @@
 """Radiosity by kept bounces: closed forms, the reference, and conditions of its use."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,8 @@ from gi_core.base.pause import steps
 from gi_core.gather import radiosity, static
 from gi_core.gather.radiosity import Radiosity
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.error import local_deviation, relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.error import local_deviation, luminance, relative_error
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.lights.candidates import candidates
 from gi_core.model import Model
 from gi_core.scene.types import Mesh, PointLight, Pose, Scene, SkyLight
@@ -46,9 +44,9 @@ def final(scene: Scene, seed: int = 0, threads: int = 2) -> tuple[Radiosity, np.
 
 
 def pairs(gather: Radiosity, count: int) -> None:
-    """Gather so many pairs; light at hits is not scaled."""
+    """Gather so many pairs."""
     for _ in range(count):
-        gather.add_pair(lambda E: np.ones(E.shape[1]))
+        gather.add_pair()
 
 
 def test_closed_room_of_glowing_walls_has_the_light_of_the_geometric_series():
@@ -71,10 +69,11 @@ def test_more_delta_lights_than_paths_are_picked_and_fewer_are_all_sampled():
         way = np.array(bulb.position) - gather._starts[0]
         cosine, d2 = (way * gather._starts[1]).sum(axis=1), (way**2).sum(axis=1)
         exact[:, k] = (np.maximum(cosine, 0) / d2**1.5 / (4 * np.pi))[:, None] * bulb.flux
+    pairs(gather, 1)
     found = {3: [], 4: []}
     for m, each in found.items():
         for number in range(400 if m == 3 else 1):
-            out, none = np.zeros((len(areas), 36)), candidates(0, 1 << m, gather._lights.area)
+            out, none = np.zeros((len(areas), 36)), (candidates(0, 1 << m, gather._lights.area),) * 2
             hits = np.empty((len(gather._lit), 1 << m), np.int32)
             gather._gather(0, len(gather._lit), number, m, none, out, hits)
             each.append(out.reshape(len(areas), 12, 3))
@@ -96,20 +95,19 @@ def test_open_receivers_see_the_sky():
 
 @pytest.mark.slow
 def test_early_light_has_no_clouds():
-    """Local deviation, median and 90th percentile, in a room lit through one deep window: at most 9.7 and 25 %.
-
-    The truth of 1000 paths adds 6 % of its own noise to 6.5 %.
-    """
+    """Local deviation, median and 90th percentile, in a room lit through one deep window: of the first picture, of the
+    last one before more photons, and of all radiosity. In living_room they come 0, 1.3 and 9.5 s after the first."""
     scene = classroom(0.5)
-    solver = Solver(scene, light="best")
-    pictures = (p for p in solver.solve_steps() if p.picture)
-    next(pictures)
-    early, r = solver.static_irradiance, solver.model.object_receivers
-    n, rows = len(early), np.flatnonzero(r.areas > 0)[::7]
-    truth, _ = reference_irradiance(scene, *(a[:n] for a in solver.model.evaluation_points), 1000, 3)
-    deviation = local_deviation(early, truth, r, 0.1 * solver.scene_size, rows[rows < n])
-    assert solver.frame.photons < solver.photons and solver.frame_light.is_gathered
-    assert (np.nanquantile(deviation, [0.5, 0.9]) < [0.097, 0.25]).all(), np.nanquantile(deviation, [0.5, 0.9])
+    solver, shown = Solver(scene, light="best"), {}
+    for progress in solver.solve_steps():
+        if progress.picture:
+            shown.setdefault(solver.frame_light.static.gathered._radiosity.paths, solver.static_irradiance)
+    n, r = len(solver.static_irradiance), solver.model.object_receivers
+    truth, error = reference_irradiance(scene, *(a[:n] for a in solver.model.evaluation_points), 1000, 3)
+    places = r.positions[:n], r.normals[:n], r.areas[:n]
+    for paths, most in ((16, (0.08, 0.25)), (112, (0.05, 0.15)), (1008, (0.03, 0.1))):
+        deviation = local_deviation(shown[paths], truth, places, 0.1 * solver.scene_size, luminance(error))
+        assert (np.array(deviation) < most).all(), (paths, deviation)
 
 
 @pytest.mark.slow
@@ -123,8 +121,8 @@ def test_radiosity_equals_the_reference_within_its_noise():
     first = relative_error(gather.mean, truth, areas).l1
     assert 0.7 < gather.noise / first < 1.4
     more, _ = final(scene)
-    pairs(more, 4)
-    assert more.is_complete and relative_error(more.mean, truth, areas).l1 < 0.5 * first
+    pairs(more, radiosity.PAIRS)
+    assert more.is_complete and relative_error(more.mean, truth, areas).l1 < 0.6 * first
     assert np.allclose(more.mean.sum(axis=0), truth.sum(axis=0), rtol=0.02)
 
 
@@ -138,7 +136,7 @@ def test_a_dropped_pair_is_gathered_again_with_the_same_light():
     assert np.array_equal(whole.per_lamp, dropped.per_lamp) and np.array_equal(whole.lamp_error, dropped.lamp_error)
 
 
-@pytest.mark.parametrize(("paths", "pairs"), [(1, 1), (16, 1), (47, 1), (48, 2), (240, 4), (10_000, 4)])
+@pytest.mark.parametrize(("paths", "pairs"), [(1, 1), (16, 1), (47, 1), (48, 2), (240, 4), (10_000, 6)])
 def test_hits_of_many_receivers_are_bounded(paths, pairs, monkeypatch):
     gather, _ = final(SCENE)
     monkeypatch.setattr(radiosity, "MOST_HITS", paths * len(gather._lit))
@@ -183,7 +181,7 @@ def test_frames_over_gathered_light_equal_from_scratch():
 
 @pytest.mark.slow
 def test_radiosity_beats_photons_and_whole_paths_replace_it(monkeypatch):
-    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    monkeypatch.setattr(static, "ENOUGH", 0.01)
     solver = Solver(fine_room(), photons=50_000, radius=0.02)
     solver.configure(light="best")
     solver.solve()
@@ -197,9 +195,9 @@ def test_radiosity_beats_photons_and_whole_paths_replace_it(monkeypatch):
         if progress.picture and g.state is None:
             noises.append(g.estimate.noise)
             off.append(relative_error(g.estimate.irradiance, truth, g.weights).l1)
-    assert len(noises) >= 2 and noises == sorted(noises, reverse=True) and noises[-1] <= 1.4 * 0.02
+    assert len(noises) >= 2 and noises == sorted(noises, reverse=True) and noises[-1] <= 1.4 * 0.01
     assert off[0] < 0.5 * photons and off[-1] < 0.25 * photons
-    assert g.enough and g.estimate.noise <= 0.02 and fractions[-1] == 1.0
+    assert g.enough and g.estimate.noise <= 0.01 and fractions[-1] == 1.0
     assert fractions == sorted(fractions)
 
 
@@ -229,7 +227,7 @@ def test_scene_of_mobiles_alone_gathers_nothing():
 @pytest.mark.slow
 def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     """Walls of few vertices: single bounces keep an error that their noise does not show."""
-    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    monkeypatch.setattr(static, "ENOUGH", 0.01)
     solver = noisy()
     solver.solve()
     for progress in solver.gather_steps():
@@ -240,4 +238,4 @@ def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     bare = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up)
     truth, _ = reference_irradiance(bare, points, normals, 2000, 5)
     first, last = (relative_error(E, truth, g.weights).l1 for E in (early, g.estimate.irradiance))
-    assert g.enough and g.estimate.noise <= 0.02 and first > 0.04 and last < 0.03
+    assert g.enough and g.estimate.noise <= 0.01 and first > 0.04 and last < 0.03

@@ -1,6 +1,7 @@
-"""The reference against closed forms, and against other ways to compute the same value."""
+"""The reference against closed forms, and against other ways to compute the same value.
 
-from __future__ import annotations
+Receivers drawn by area, the reference there, and errors without its noise.
+"""
 
 import math
 import threading
@@ -11,9 +12,10 @@ import pytest
 
 from gi_core.gather import path_tracer
 from gi_core.gather.point_gather import Gatherer
-from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.geometry.surfaces import flatten
+from gi_core.gather.reference import ReferenceRounds, reference_irradiance
+from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample, gather_until
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.surfaces import evaluation_points, flatten
 from gi_core.lights.kinds import arrived
 from gi_core.lights.light_sampling import delta_lights
 from gi_core.model import Model
@@ -22,6 +24,7 @@ from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
 from tests.support import closed_form
 from tests.support import scene_builders as build
+from tests.support.scene_builders import ROOM_POINTS, coloured_room, plane_scene
 from tests.support.significance import seeds_test, z_test
 
 LIFT = 1e-4  # relative: a lifted point is some 1e-5 of the scene nearer to a delta light
@@ -34,9 +37,6 @@ def points(*rows, normal=UP):
 
 
 ALONG_X = points(*((x, 0.0, 0.0) for x in (0.0, 0.2, 0.5, 0.9)))
-
-
-# -- lights without size: no noise at all in the open ----------------------------------------------
 
 
 def test_point_light_over_a_plane():
@@ -87,9 +87,6 @@ def test_spot_falloff():
         assert s == pytest.approx(closed_form.spot_over_plane(1.0, 1.0, x, inner, outer), abs=1e-12)
 
 
-# -- area lights, sky -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("light_sampling", [True, False])
 def test_parallel_rectangles(light_sampling):
     P, N = points((0, 0, 0), (0.5, 0.1, 0), (-0.9, 0.9, 0))
@@ -124,9 +121,6 @@ def test_sky_on_a_tilted_plane(tilt):
     z_test(E[0], closed_form.sky(1.0, math.cos(b)) * np.array([1, 2, 3]), error[0] + 1e-9, "tilted sky")
 
 
-# -- many bounces -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("reflectance", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("light_sampling", [True, False])
 def test_furnace(reflectance, light_sampling):
@@ -158,9 +152,6 @@ def test_standard_error_equals_the_scatter_of_seeds():
     seeds_test(
         runs, reference_irradiance(scene, *build.ROOM_POINTS, 100_000, 98, model=model)[0], "short runs against a long"
     )
-
-
-# -- sides and poses --------------------------------------------------------------------------------
 
 
 def test_a_two_sided_sphere_is_black_inside_and_lit_outside():
@@ -197,9 +188,6 @@ def test_mobile_moved_by_pose_equals_one_built_there():
     z_test(a[0], b[0], 1e-4 + 0 * b[0], "same paths")  # the worlds differ by the lift: some 1e-6
     away = reference_irradiance(moved, *build.ROOM_POINTS, 2000, 12)[0]
     assert np.abs(a[0] - away).max() > 1e-3
-
-
-# -- determinism, subsets, errors ------------------------------------------------------------------
 
 
 def test_same_seed_same_answer_and_points_do_not_depend_on_each_other():
@@ -261,3 +249,52 @@ def test_a_step_at_rest_takes_all_threads(monkeypatch):
     monkeypatch.setattr(path_tracer.PathTracer, "follow", follow)
     gatherer.paths(np.arange(4), 0, 1 << 10)
     assert len(taken) == 4
+
+
+def test_draws_are_by_area_with_repeats():
+    areas = np.array([0.0, 1.0, 3.0, 0.0, 4.0])
+    rows, times = draw_by_area(np.array([1, 2, 4]), areas, 8000, 1)
+    assert rows.tolist() == [1, 2, 4] and times.sum() == 8000
+    assert np.abs(times - [1000, 3000, 4000]).max() < 200  # four deviations
+
+
+def test_a_sum_over_draws_has_the_mean_of_the_sum_by_area():
+    random = np.random.default_rng(1)
+    areas, f = random.exponential(size=400), random.random(400)
+    means = []
+    for seed in range(300):
+        rows, times = draw_by_area(np.arange(400), areas, 60, seed)
+        means.append((times * f[rows]).sum() / 60)
+    error = np.std(means, ddof=1) / np.sqrt(len(means))
+    assert abs(np.mean(means) - (areas * f).sum() / areas.sum()) < 4 * error
+
+
+def test_reference_noise_is_subtracted():
+    random = np.random.default_rng(2)
+    noisy = 1 + 0.05 * random.standard_normal((4000, 1)) * np.ones(3)
+    sample = ReferenceSample(np.arange(4000), np.ones(4000), noisy, 0.05 * np.sqrt(2 / np.pi), 1.0)
+    assert sample.error(np.ones((4000, 3))) < 0.01
+    wrong = 1 + 0.1 * random.standard_normal((4000, 1)) * np.ones(3)
+    assert sample.error(wrong) == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.05)
+    assert sample._replace(irradiance=np.zeros((4000, 3))).squared_error(wrong) == 0
+
+
+def test_gathering_ends_at_the_noise_at_the_paths_and_without_light():
+    scene, weights = coloured_room(), np.ones(len(ROOM_POINTS[0]))
+    rounds = ReferenceRounds(scene, *ROOM_POINTS, 3, weights)
+    *on_the_way, last = gather_until(rounds, weights, 0.02)
+    assert on_the_way and last.noise <= 0.02 and last.fraction == 1 and rounds.state is last.state
+    assert len(list(gather_until(rounds, weights, 0.02))) == 1, "good enough: nothing is gathered"
+    *_, few = gather_until(ReferenceRounds(scene, *ROOM_POINTS, 3, weights), weights, 1e-9, 500)
+    assert few.noise > 0.02 and few.state.rounds > 1
+    dark = ReferenceRounds(plane_scene(), *ROOM_POINTS, 3, weights)
+    *_, none = gather_until(dark, weights, 0.02)
+    assert np.isnan(none.noise)
+
+
+def test_a_sample_is_the_reference_at_its_receivers():
+    model = Model(coloured_room())
+    rows, weights = draw_by_area(np.arange(len(model.object_receivers.areas)), model.object_receivers.areas, 50, 0)
+    a, b = ([*gather_sample(model, model.start_poses(), rows, weights, seed, 0.03)][-1] for seed in (1, 2))
+    both = np.hypot(a.noise, b.noise)
+    assert 0.3 * both < relative_error(a.irradiance, b.irradiance, weights).l1 < 2 * both

@@ -1,7 +1,5 @@
 """The static part's light gathered by paths: unbiased, used once it is better, and exact under moves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +13,8 @@ from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.reference import ReferenceState, reference_irradiance
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
-from gi_core.lights.mix import sum_of_lamps
+from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import PointLight, Pose, Scene, SpotLight
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, box_mobile, coloured_room, grey, plane_scene
@@ -202,26 +199,6 @@ def test_settings_of_a_twin_are_separate(gathered):
     assert gathered.light == "best" and twin.frame_light.static.gathered is gathered.frame_light.static.gathered
 
 
-def test_total_of_photons_counts_but_not_their_distribution():
-    """Photons with a fifth of the true light in one half of the room, and too much in the other."""
-    solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
-    solver.solve()
-    areas, right = solver.receivers.areas, solver.frame.background.irradiance(200_000)
-    wrong = np.where(solver.receivers.positions[:, :1] < 0.5, 0.2, 1.8) * right
-    wrong *= (areas @ right) / (areas @ wrong)
-
-    def early(photons):
-        g = static.StaticGather(solver.model, 0)
-        g._radiosity.add_pair(lambda E: g._factors(E, photons))
-        return g._radiosity.per_lamp
-
-    light = early(right)
-    assert np.allclose(early(wrong), light, rtol=1e-9)
-    scaled = sum_of_lamps(light * static.StaticGather(solver.model, 0)._factors(light, right))
-    assert areas @ scaled == pytest.approx(areas @ right)
-    assert (areas @ sum_of_lamps(early(0.5 * right)) < 0.9 * (areas @ right)).all(), "light at hits is halved"
-
-
 def test_light_without_noise_is_gathered_to_the_end():
     """A bulb over a floor: no path has any variance."""
     bulb = PointLight("p", (0.0, 0.0, 1.0), (1.0, 1.0, 1.0))
@@ -253,7 +230,7 @@ def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gather
 def test_light_that_few_paths_find_has_its_noise_stated(monkeypatch):
     """A narrow spot lights a room by its patch on the floor: pilots of most receivers miss it, those beside meet it."""
     monkeypatch.setattr(reference, "PILOT", 1 << 10)
-    monkeypatch.setattr(reference, "MOST", 8)
+    monkeypatch.setattr(reference, "MOST_PILOT", 8)
     monkeypatch.setattr(reference, "AIM", 0.06)
     spot = SpotLight("spot", (0.5, 0.5, 0.9), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 2.5, 3.0)
     room = Scene(box((0, 0, 0), (1, 1, 1), 16, 0, inward=True), (grey(0.5),), lights=(spot,), up=(0, 0, 1))

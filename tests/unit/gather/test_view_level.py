@@ -1,7 +1,5 @@
 """Weights of light in view: a sunlit outside does not decide whether a room has little noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +8,7 @@ import pytest
 from gi_core.base.pause import steps
 from gi_core.gather import static
 from gi_core.gather.estimate import Estimate, Source
-from gi_core.gather.static import StaticGather
-from gi_core.gather.view_level import BACKS, WHITE, visual_shares
+from gi_core.gather.static import BACKS, WHITE, StaticGather, visual_shares
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.origin import translated

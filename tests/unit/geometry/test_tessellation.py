@@ -1,7 +1,5 @@
 """Tessellation: no T-junctions, nothing lost, the same for any order of the faces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree

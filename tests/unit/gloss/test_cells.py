@@ -1,7 +1,5 @@
 """Directional light at glossy receivers: cells, their sums in frames, and the radiance that they send to an eye."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

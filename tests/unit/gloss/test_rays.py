@@ -1,7 +1,5 @@
 """Rays at glossy receivers, kept one by one: the list of report 2.10 and the QuadTree with all rays."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels are compiled before a user waits for one."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -30,7 +28,7 @@ def test_the_warm_up_runs_every_search(name, monkeypatch):
 
 HELPED = """
 import numpy as np
-from gi_core.base import strata
+from gi_core.base import random_numbers
 from gi_core.display.first_look import first_looks
 from gi_core.gather import denoise, path_ends, path_tracer, reference
 from gi_core.geometry import mesh_neighbours
@@ -40,14 +38,14 @@ from gi_core.model import Model
 from gi_core.rays import all_objects
 from tests.support.viewer_support import room
 
-kernels = [strata.uniform, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_ends.arrive]
+kernels = [random_numbers.stratified, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_ends.arrive]
 kernels += [path_tracer.scatter, next_event.add_lit, all_objects._occluded_by_any, denoise._average]
 kernels += [denoise._pass]
 compile_ahead._light_backwards(compile_ahead._tiny_scene(), None)
 before = [k.signatures for k in kernels]
 assert all(len(s) == 1 for s in before), before
 model = Model(room())
-next(first_looks(room(), model, np.ones((1, 3)), 0))
+next(first_looks(room(), model, np.ones((1, 3)), 1.0, 0))
 assert [k.signatures for k in kernels] == before
 """
 
@@ -71,7 +69,7 @@ SHONE = """
 import numpy as np
 from app.draw.bare_lights import bare_lights
 from gi_core.gather import gloss_gather, mobile_gloss, path_ends, path_tracer
-from gi_core.gloss import highlights
+from gi_core.gloss import lobe_rays
 from gi_core.instruments import compile_ahead
 from gi_core.model import Model
 from gi_core.solver import Solver
@@ -81,7 +79,7 @@ from tests.window.test_highlights import LIGHTS, scene, shot_of
 
 kernels = [gloss_gather._aim, gloss_gather._deposit, path_ends.arrive, path_tracer.scatter]
 kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.add_exchanged]
-kernels += [highlights._aim, highlights._add]
+kernels += [lobe_rays._aim_at_lights, lobe_rays._add]
 for surfaces in (compile_ahead.TABLES, compile_ahead.GLOSS):  # of the room, and of the plate under lights
     compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(surfaces), None))
 before = [k.signatures for k in kernels]
@@ -90,7 +88,7 @@ model = Model(ROOM)
 gathered(model, np.ones((len(model.object_receivers.areas), 3)), rounds=1)
 Solver(ROOM, **GIVEN, light="best").solve()
 shot = shot_of(scene(LIGHTS["point"]), size=(16, 12))
-assert bare_lights(shot.solver.model, shot.meshes, shot.solver.poses, shot.solver.levels).strength[0].any()
+assert bare_lights(shot.lit).strength[0].any()
 shot.take()
 assert [k.signatures for k in kernels] == before
 """
@@ -103,13 +101,22 @@ def test_kernels_of_gathered_gloss_are_compiled_ahead():
 
 
 RECORDED = """
+import sys
+from dataclasses import replace
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.instruments import compile_ahead
-from gi_core.scene.types import Pose
+from gi_core.scene.types import Material, Pane, Pose
 from gi_core.solver import Solver
+from tests.support.scene_builders import merge, quad
 from tests.support.viewer_support import room
 
-scene = compile_ahead._with_second(compile_ahead._tiny_scene())
+walls = room()
+if panes := sys.argv[1]:
+    glass = quad((0.2, 0.2, 0.9), (0.5, 0, 0), (0, 0.5, 0), (1, 1), len(walls.materials))
+    materials = *walls.materials, Material("glass").as_pane(Pane())
+    walls = replace(walls, static=merge(walls.static, glass), materials=materials)
+assert compile_ahead.surfaces_of(walls) == compile_ahead.DIFFUSE + panes
+scene = compile_ahead._with_second(compile_ahead._tiny_scene(compile_ahead.DIFFUSE + panes))
 compile_ahead.record(scene, None)
 late, load = [], KernelCache.load_overload
 
@@ -118,7 +125,7 @@ def noted(self, signature, context):
     return load(self, signature, context)
 
 KernelCache.load_overload = noted  # called once per kernel and types, before it is compiled
-solver = Solver(room(), photons=20_000, light="best")
+solver = Solver(walls, photons=20_000, light="best")
 for _ in solver.solve_steps():
     pass
 for steps in (solver.gather_steps(), solver.gather_pose_steps()):
@@ -131,6 +138,7 @@ assert not late, late
 
 
 @pytest.mark.slow
-def test_no_kernel_is_needed_first_by_a_drag_or_at_rest():
+@pytest.mark.parametrize("panes", ["", compile_ahead.GLAZED])
+def test_no_kernel_is_needed_first_by_a_drag_or_at_rest(panes):
     """Some were compiled there: of direct light, regions and lamps, for arrays that the tiny scene never had."""
-    subprocess.run([sys.executable, "-c", RECORDED], cwd=ROOT, check=True)
+    subprocess.run([sys.executable, "-c", RECORDED, panes], cwd=ROOT, check=True)

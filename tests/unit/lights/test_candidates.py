@@ -1,7 +1,5 @@
 """Shadow rays chosen among candidates: no bias, shadow or not, and less noise than rays to random points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,12 +1,9 @@
 """Guided emission of sun and sky."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from gi_core.lights.emission import emit
-from gi_core.lights.emission_guide import EVEN, Guide, guided
+from gi_core.lights.emission import EVEN, Guide, emit, guided
 from gi_core.lights.kinds import SKY, SUN
 from gi_core.model import Model
 from gi_core.scene.types import SkyLight

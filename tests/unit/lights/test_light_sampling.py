@@ -1,7 +1,5 @@
 """Lamps chosen by their possible light on a mobile: correct densities, and lamps with much light preferred."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

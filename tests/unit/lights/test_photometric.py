@@ -1,7 +1,5 @@
 """Luminaires: directions drawn in proportion to their candela table, and light on a plane by the inverse square law."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,13 +1,11 @@
 """Subsets of the photons: each is a smaller solution, stored with its background and chosen by time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.frames.frame_budget import FrameTimes
-from gi_core.photons.subsets import LOWEST, SubsetStore, next_level
+from gi_core.photons.flux_sums import LOWEST, SubsetStore, next_level
 from gi_core.scene import Pose, SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver

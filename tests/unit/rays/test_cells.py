@@ -1,7 +1,5 @@
 """Cells list the triangles that they touch and no others, and few of them are tested per ray."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

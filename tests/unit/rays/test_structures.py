@@ -1,7 +1,5 @@
 """Our structures of rays agree with a loop over all triangles bit for bit, and with Embree in all but stray rays."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

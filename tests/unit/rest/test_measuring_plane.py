@@ -1,7 +1,5 @@
 """The measuring plane: its grid by EN 12464-1, its numbers by hand, its light against closed forms."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -1,7 +1,5 @@
 """The store: a reference is loaded again for the same scene, poses and receivers only, after any interruption."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Work at rest on a machine with nothing stored: it ends, it is stored, and a failed job ends nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +17,7 @@ from gi_core.gather import static
 from gi_core.gather.reference import ReferenceState
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
+from tests.support.lit_from_outside import l_room
 from tests.support.scene_builders import box_mobile, coloured_room
 
 SCENE = coloured_room((box_mobile(size=0.2),))
@@ -81,6 +80,26 @@ def test_work_at_rest_ends_without_light():
     rest(session)
     assert errors(session) == [] and not session.irradiance.any()
     assert session.light.snapshot.rest.report.done and not session.points.all
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_fine_points_come_before_all_photons(fails, monkeypatch):
+    """Once all radiosity is known: photons take longer. If they fail, photons go on."""
+    calls = []
+
+    def fail(*_):
+        calls.append(1)
+        raise RuntimeError("out of luck")
+
+    monkeypatch.setattr(static, "ENOUGH", 0.007)
+    if fails:
+        monkeypatch.setattr("app.rest.jobs.FineJob.step", fail)
+    session = opened(l_room())
+    session.light.configure({"photons": 1 << 19}, 1.0)
+    while session.light.snapshot.rest.fine is None and session.refining:
+        session.tick(1 / 60, budget=2 * TASK)
+    assert session.refining != fails and len(calls) == fails
+    assert errors(session) == ["refining the picture has failed and stops until F5: out of luck"] * fails
 
 
 JOBS = {

@@ -1,7 +1,5 @@
 """The scan: every background segment that passes near a mobile, and few others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

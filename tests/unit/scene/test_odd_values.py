@@ -1,7 +1,5 @@
 """Odd values of every public parameter: refused in one sentence, or a finite picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

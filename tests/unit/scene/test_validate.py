@@ -1,7 +1,5 @@
 """Scenes built from arrays: invalid ones are refused in one sentence."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

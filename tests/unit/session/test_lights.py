@@ -1,7 +1,5 @@
 """Angles of lights, new lights, and panels in place of faces."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

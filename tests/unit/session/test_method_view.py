@@ -1,16 +1,22 @@
-"""The method made visible: the segments drawn are those of the estimate, the colours those of the frame."""
+"""The method made visible: the segments drawn are those of the estimate, the colours those of the frame.
 
-from __future__ import annotations
+The picture of a hemisphere: outlines of cells and contours of the lobe on the unit disc. The hemisphere over a glossy
+receiver.
+"""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from app.session import method_view as mv
-from app.session.method_view import MOST_DRAWN
+from app.session.method_view import MOST_DRAWN, hemisphere_view
+from app.window import method_marks
 from gi_core.estimators import ESTIMATORS
 from gi_core.files.load import load_scene
+from gi_core.gloss.hemisphere import CELLS, cell_of, direction_of, on_disc
+from gi_core.gloss.sharp import is_sharp
 from gi_core.photons.flux_sums import NOT_ADDITIVE
 from gi_core.photons.paths import ADDED, KEPT, REMOVED
 from gi_core.scene import Pose
@@ -171,9 +177,9 @@ def test_colours_tell_what_the_frame_computed_again():
     assert (found[static.stop :] == mv.ANEW).all()
     solver.move("block", Pose((0.5, 30.0, 0.5)))  # outside all light
     assert (mv.recomputed(solver)[static] == mv.BACKGROUND).all()
-    twin = solver.twin()
-    twin.move_all({})
-    assert mv.recomputed(solver) is None, "another frame has overwritten its sums"
+    solver.move("block", Pose((0.5, 0.3, 0.5)))
+    solver.twin().move_all({"block": Pose((0.3, 0.6, 0.4))})  # overwrites the sums, as a measurement of errors does
+    assert np.array_equal(mv.recomputed(solver), found), "key C showed nothing at rest, without a word"
 
 
 def test_receivers_estimated_anew_are_told_from_those_with_changed_sums():
@@ -189,3 +195,58 @@ def test_a_scene_without_objects_or_photons_has_kept_paths_or_nothing():
     solver.solve()
     view = mv.method_view(solver, PARTS._replace(receiver=0))
     assert set(view.paths.kind.tolist()) == {KEPT} and view.counted.counts[1:] == (0, 0)
+
+
+GRID = method_marks.LOBE_GRID
+
+
+def area(outline: np.ndarray) -> float:
+    (x, y), (u, v) = outline.T, np.roll(outline, -1, axis=0).T
+    return 0.5 * float((x * v - u * y).sum())
+
+
+def test_cells_have_equal_areas_and_lie_where_their_directions_do():
+    outlines = method_marks._cell_outlines()
+    assert len(outlines) == CELLS
+    sizes = np.abs([area(outline) for outline in outlines])
+    np.testing.assert_allclose(sizes, math.pi / CELLS, rtol=0.02)  # arcs are drawn as chords
+    assert sizes.sum() == pytest.approx(math.pi, rel=0.01)
+    for cell, outline in enumerate(outlines):
+        x, y = outline.mean(axis=0)
+        r = math.hypot(x, y)  # z = 1 - r^2 on the disc of equal areas
+        flat = math.sqrt(2 - r * r)
+        assert cell_of(flat * x, flat * y, 1 - r * r) == cell
+
+
+def test_the_grid_of_the_lobe_lies_on_the_disc():
+    a, b = method_marks._grid().T
+    for k in range(0, len(a), 37):
+        x, y, z = direction_of(a[k], b[k])
+        r = np.hypot(*on_disc(np.array([[a[k], b[k]]]))[0])
+        assert z == pytest.approx(1 - r * r, abs=1e-12) and math.hypot(x, y) == pytest.approx(r * math.sqrt(2 - r * r))
+
+
+def test_contours_lie_on_their_level():
+    """Of a cone about a point: a circle about it, closed."""
+    square = method_marks._grid()
+    disc, middle, radius = on_disc(square), np.array([0.2, -0.1]), 0.4
+    values = -np.linalg.norm(disc - middle, axis=1)
+    ends = method_marks._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), -radius)
+    np.testing.assert_allclose(np.linalg.norm(ends - middle, axis=1), radius, atol=4e-3)
+    lengths = np.linalg.norm(ends[::2] - ends[1::2], axis=1)
+    assert lengths.sum() == pytest.approx(2 * math.pi * radius, rel=0.01)
+    assert len(method_marks._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), 1.0)) == 0
+
+
+def test_receivers_that_a_reflection_shows_have_no_light_by_direction():
+    """Their cells are even, whatever arrives."""
+    solver = Solver(load_scene("showroom"), photons=4096)
+    solver.solve()
+    s, rows = solver.surfaces, solver.frame.gloss.rows
+    corners = np.concatenate([c[is_sharp(s)].ravel() for c in (s.corner_front, s.corner_back)])
+    by_probe, none = np.isin(rows, corners), (np.zeros((0, 2, 3)), np.zeros(0, np.int64))
+
+    for reflected in (True, False):
+        views = [hemisphere_view(solver, int(r), *none) for r in rows[by_probe == reflected][::200]]
+        assert views and all(v.reflected is reflected for v in views)
+        assert any(v.cells[:, :3].any() for v in views) is not reflected

@@ -1,7 +1,5 @@
 """Frames with contact and without, as `studies.contact_cost` compares them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from app.settings import Settings, make_solver, open_scene

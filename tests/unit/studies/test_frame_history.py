@@ -1,7 +1,5 @@
 """Rows of the frame history, beside those of an earlier commit, and their plot."""
 
-from __future__ import annotations
-
 import csv
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The error of resting light (`studies.light_error`): its receivers, and its result for known light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

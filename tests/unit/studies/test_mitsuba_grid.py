@@ -1,7 +1,5 @@
 """Loaded glTF surfaces beside Mitsuba's `principled`, where Mitsuba is installed."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("mitsuba")

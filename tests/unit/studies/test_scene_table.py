@@ -1,7 +1,5 @@
 """The table of scenes (`studies.scene_table`): files found, comments kept, files that do not load."""
 
-from __future__ import annotations
-
 import pytest
 from PIL import Image
 

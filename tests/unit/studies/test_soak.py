@@ -1,7 +1,5 @@
 """The soak's criterion: memory may grow while it warms up, not afterwards."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Automatic settings: error models are recovered from synthetic trials, and the choice is the best setting."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from dataclasses import replace
@@ -13,19 +11,22 @@ from app import __main__ as cli
 from app.commands.tune import _models
 from app.measure.tuning import Tuned, compared, tune
 from gi_core.estimators import ESTIMATORS
-from gi_core.estimators.setting import Setting
+from gi_core.estimators.base import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
-from gi_core.tuning.error_model import (
+from gi_core.tuning import (
+    RECEIVERS,
     ErrorModel,
+    Trial,
     TunedChoice,
     fitted,
     mean_scatter,
     over_radii,
+    reference_samples,
+    trial,
     within_error,
     within_time,
 )
-from gi_core.tuning.setting_trials import RECEIVERS, Trial, reference_samples, trial
 from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
 
 COUNTS = np.array([8192, 16384, 32768, 65536, 131072])
@@ -162,11 +163,11 @@ def test_trial_predicts_the_error_of_more_photons(solver, monkeypatch):
     _, sample = samples[0]
     assert len(sample.rows) > 30 and 0 < sample.noise < 0.05
     assert sample.weights.sum() == RECEIVERS, "large receivers are drawn more than once"
-    monkeypatch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 16_384)
+    monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 16_384)
     law = fitted(trial(judge, samples, radius=0.08))
     assert law.noise > 0 and law.slope >= 0
     before = solver.irradiance.copy()
-    monkeypatch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 60_000)
+    monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 60_000)
     large = trial(judge, samples, radius=0.08)
     assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
     assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
@@ -176,7 +177,7 @@ def test_trial_predicts_the_error_of_more_photons(solver, monkeypatch):
 
 def test_an_estimator_without_subsets_is_tried_at_each_number_of_photons(solver, monkeypatch):
     """One number alone gave a model without bias and without a start, which won every comparison of fast frames."""
-    monkeypatch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 32_768)
+    monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 32_768)
     judge = solver.twin()
     samples = reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}], lambda done: None)
     tried = trial(judge, samples, estimator="photon_map", neighbours=80)
@@ -195,7 +196,7 @@ def test_an_estimator_without_subsets_uses_all_photons_in_motion():
 @pytest.mark.slow
 def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
     """Squared errors, summed over four seeds: at one seed the ratio of few receivers scatters from 0.8 to 1.5."""
-    monkeypatch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 60_000)
+    monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 60_000)
     alone, moving = np.zeros(5), np.zeros(5)
     for seed in range(4):
         solver = Solver(coloured_room((box_mobile(size=0.2),), grid=8), photons=60_000, radius=0.08, seed=seed)
@@ -210,8 +211,8 @@ def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
 
 
 def test_tuned_choice_is_accepted_by_the_solver(solver, monkeypatch):
-    monkeypatch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 16_384)
-    monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_TRIAL_PATHS", 64)
+    monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 16_384)
+    monkeypatch.setattr("gi_core.tuning.MOST_TRIAL_PATHS", 64)
     reports = []
     found = tune(solver, 0.01, lambda *now: reports.append(now), error=0.2)
     shares = [share for _, share in reports]
@@ -225,8 +226,8 @@ def test_tuned_choice_is_accepted_by_the_solver(solver, monkeypatch):
 
 @pytest.mark.slow
 def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
-    monkeypatch.setattr("gi_core.tuning.setting_trials.TRIAL_PHOTONS", 8192)
-    monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_TRIAL_PATHS", 32)
+    monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 8192)
+    monkeypatch.setattr("gi_core.tuning.MOST_TRIAL_PATHS", 32)
     assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30"]) == 0
     text = capsys.readouterr().out
     assert "impact_count" in text and "for frames of 30 ms: " in text and "measured: " in text
@@ -240,7 +241,6 @@ def test_the_printed_command_line_opens_the_window_with_the_choice():
     from app.__main__ import parse
     from app.cli.options import settings_of
     from app.commands.tune import command_line
-    from app.measure.tuning import Tuned
     from app.settings import LampLevel, Settings
 
     chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}

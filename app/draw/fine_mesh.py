@@ -1,0 +1,97 @@
+"""The static part's draw mesh with fine points (`gi_core.display.fine_points`) as further draw vertices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.draw.draw_mesh import DrawMesh, GlossVertices, quads_of
+from gi_core.display.fine_points import FinePoints, fine_points, halfway
+from gi_core.gather.estimate import Source
+from gi_core.gather.static import ALL_PATHS
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
+
+
+def takes_fine_points(solver: Solver) -> bool:
+    """Return whether whole paths or complete radiosity light the static part.
+
+    Other light is smoothed across borders of direct light.
+    """
+    light = solver.frame_light
+    if not light.is_gathered or light.static.is_early(ALL_PATHS):
+        return False
+    return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
+
+
+def fine_points_of(solver: Solver, mesh: DrawMesh) -> FinePoints | None:
+    """Return the fine points of a solver's poses; None where its light or its lamps suit none.
+
+    mesh: of the static part, whose draw vertices are further ids.
+    """
+    model = solver.model
+    if not takes_fine_points(solver):
+        return None
+    return fine_points(model, solver.seed, model.transforms(solver.poses), mesh.triangles[:, :, None])
+
+
+def fine_mesh(mesh: DrawMesh, points: FinePoints) -> DrawMesh:
+    """Return a mesh with each face in the pieces that fine points cut it into.
+
+    The first further ids of the points are draw vertices. A new vertex takes the means of its two parents, and the
+    directions of light of the first one.
+    """
+    pairs, ids, source = points.pairs[0], points.ids[..., 2], points.source
+    count, corner = len(mesh.positions) + len(pairs), mesh.triangles[source, 0]
+
+    def mean(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        out = np.concatenate([values, np.empty((len(pairs), values.shape[1]))])
+        halfway(pairs, len(values), out)
+        return out.astype(values.dtype)
+
+    def of_face(values: np.ndarray | None) -> np.ndarray | None:
+        """Return values (D, ...) that are equal at all corners of a face."""
+        if values is None:
+            return None
+        out = np.empty((count, *values.shape[1:]), values.dtype)
+        out[ids] = values[corner][:, None]
+        return out
+
+    def at_corners(k: int) -> np.ndarray:
+        out = np.empty(count, np.int32)
+        out[ids] = points.ids[..., k]
+        return out
+
+    gloss = mesh.gloss
+    if gloss is not None:
+        receivers = np.concatenate([gloss.receivers, np.empty((len(pairs), 2), np.int32)])
+        halfway(pairs, len(gloss.receivers), receivers)
+        gloss = GlossVertices(of_face(gloss.lobe), receivers, mean(gloss.normal), mean(gloss.tangent), gloss.tables)
+    triangles, uv = ids.astype(np.int32), mean(mesh.uv)
+    emission = of_face(mesh.emission)
+    positions = mean(mesh.positions)
+    whole = np.bincount(source, minlength=len(mesh.triangles))[source] == 1
+    if mesh.reflector is not None:
+        whole &= mesh.reflector[source] < 0
+    return mesh._replace(
+        positions=positions,
+        triangles=triangles,
+        front=at_corners(0),
+        back=at_corners(1),
+        reflectance=mean(mesh.reflectance),
+        emission=emission,
+        texture=of_face(mesh.texture),
+        uv=uv,
+        texel=mean(mesh.texel),
+        lamp=of_face(mesh.lamp),
+        pane=of_face(mesh.pane),
+        gloss=gloss,
+        reflector=None if mesh.reflector is None else mesh.reflector[source],
+        quads=quads_of(positions, triangles, uv, whole),
+        source=source.astype(np.int32),
+        glowing=np.flatnonzero(emission.any(axis=1)),
+    )

@@ -1,1 +1,0 @@
-"""Dynamic occluders: regions of discs that other objects shorten at a pose."""

@@ -1,0 +1,164 @@
+"""Fine points: where they lie, their light, and the mesh that draws them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.draw.draw_mesh import meshes_of
+from app.draw.fine_mesh import fine_mesh
+from gi_core.display.dilation import Drawn
+from gi_core.display.fine_points import SHORTEST_EDGE, FinePoints, fine_points
+from gi_core.gather.direct_light import Places
+from gi_core.model import Model
+from gi_core.scene.types import DirectionalLight, Mobile, Pose, Scene
+from tests.support.lit_from_outside import l_room
+from tests.support.scene_builders import box, grey, merge, quad
+
+SUN = np.array((0.0, -0.6, -0.8))
+E_FLOOR = 50.0 * 0.8
+EDGE = 0.4 * 0.6 / 0.8  # m from the rim of the plate, at y = 0.6 and z = 0.4, to that of its shadow on the floor
+
+
+def scene() -> Scene:
+    """A floor of 2 x 2 m under a plate that covers y > 0.6, a sun, and a small box that moves."""
+    floor = quad((0, 0, 0), (2, 0, 0), (0, 2, 0), (5, 5), 0)
+    plate = quad((-1, 0.6, 0.4), (4, 0, 0), (0, 3, 0), (1, 1), 0)
+    thing = Mobile("thing", box((-0.1, -0.1, 0.0), (0.1, 0.1, 0.2), 1, 0), Pose((0.5, 5.0, 0.0)))
+    sun = DirectionalLight("sun", tuple(SUN), (50.0, 50.0, 50.0))
+    return Scene(merge(floor, plate), (grey(0.5, two_sided=True),), (thing,), (sun,), up=(0.0, 0.0, 1.0), name="plate")
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return Model(scene(), threads=2)
+
+
+def found(model: Model, y: float = 5.0) -> tuple[FinePoints, tuple]:
+    """Return fine points with the mobile at y, and transforms there."""
+    at = model.transforms({"thing": Pose((0.5, y, 0.0))})
+    mesh = meshes_of(model)[0]
+    points = fine_points(model, 3, at, mesh.triangles[:, :, None])
+    assert points is not None
+    return points, at
+
+
+def places(model: Model, points: FinePoints) -> np.ndarray:
+    """Return the positions (R + n, 3) of receivers and points."""
+    p = np.concatenate([model.object_receivers.positions, np.zeros((len(points.parents), 3))])
+    for k, pair in enumerate(points.parents, len(model.object_receivers.areas)):
+        p[k] = p[pair].mean(axis=0)
+    return p
+
+
+def test_a_half_plane_before_the_sun_has_a_sharp_shadow(model):
+    points, at = found(model)
+    light, first = points.at(at, model.emitters.lamps.full()), len(model.object_receivers.areas)
+    p, size = places(model, points)[first:], model.world.size
+    fronts = np.isin(np.arange(first, first + len(p)), points.ids[..., 0])
+    floor = fronts & (np.abs(p[:, 2]) < 1e-6)
+    lit = light.own[floor, 0] > 0
+    assert np.allclose(light.own[floor][lit], E_FLOOR)
+    border = 0.6 - EDGE
+    sure = np.abs(p[floor, 1] - border) > 1e-3
+    assert np.array_equal(lit[sure], p[floor, 1][sure] < border)
+    y = p[floor, 1]
+    nearest = y[lit].max(), y[~lit].min()
+    assert nearest[1] - nearest[0] < 2 * SHORTEST_EDGE * size < 0.02, "points lie on both sides of the border"
+
+
+@pytest.mark.parametrize("direction", [(-1.0, 0.0, -0.75), (-1.0, 0.17, -0.7), (-0.9, -0.31, -0.77)])
+def test_sunlight_by_a_window_takes_few_points(direction):
+    """Where its border passes a corner of a face, each round cut slivers from slivers, up to 50,000 points."""
+    room = replace(l_room(), mobiles=(), lights=(DirectionalLight("sun", direction, (1.0, 1.0, 1.0)),))
+    model = Model(room)
+    corners = np.zeros((int(model.world.first_face[1]), 3, 0), int)
+    points = fine_points(model, 0, model.transforms({}), corners)
+    assert 500 < len(points.parents) < 2500
+
+
+def test_light_of_receivers_stays_bit_for_bit(model):
+    points, at = found(model)
+    E = np.random.default_rng(1).uniform(0, 60, (len(model.object_receivers.areas), 3))
+    drawn = points.at(at, model.emitters.lamps.full()).of(Drawn(E, None))
+    assert np.array_equal(drawn.irradiance[: len(E)], E) and (drawn.irradiance >= 0).all()
+    assert len(drawn.irradiance) == len(E) + len(points.parents) == len(drawn.weights)
+
+
+def test_bounced_light_is_interpolated_under_direct_light(model):
+    """Light that is the direct light and a slope is the slope between receivers."""
+    points, at = found(model)
+    light = points.at(at, model.emitters.lamps.full())
+    E, slope = np.zeros((len(model.object_receivers.areas), 3)), places(model, points) @ (1.0, 2.0, 0.5) + 2.0
+    E[: len(light.receivers)] = light.receivers
+    drawn = light.of(Drawn(E + slope[: len(E), None], None)).irradiance
+    assert np.allclose(drawn[len(E) :], light.own + slope[len(E) :, None], rtol=1e-12, atol=1e-9)
+
+
+def test_an_unreached_receiver_gives_no_light(model):
+    points, at = found(model)
+    light, n = points.at(at, model.emitters.lamps.full()), len(model.object_receivers.areas)
+    weights, E = np.ones(n, np.float32), np.full((n, 3), 90.0)
+    p, q = points.parents[0]
+    weights[p], E[p] = 1e-6, 0.0
+    drawn = light.of(Drawn(E, weights))
+    expected = 90.0 - light.receivers[q] + light.own[0]
+    assert np.allclose(drawn.irradiance[n], expected, rtol=1e-4) and drawn.weights[n] == 1.0
+
+
+def test_light_at_the_poses_of_points_equals_that_measured_anew(model):
+    full = model.emitters.lamps.full()
+    for y in (5.0, 0.05):
+        points, at = found(model, y)
+        fresh = points.direct[1].measured_at(Places(*points.direct[1]._places))
+        assert np.array_equal(points.at(at, full).own, fresh.at(at, full))
+
+
+def test_shadows_of_mobiles_are_interpolated_at_other_poses(model):
+    """Whatever the poses: where no mobile stands in the light, light is that of no mobile."""
+    points, at = found(model)
+    elsewhere, full = model.transforms({"thing": Pose((0.5, 9.0, 0.0))}), model.emitters.lamps.full()
+    assert np.array_equal(points.at(elsewhere, full).own, points.at(at, full).own)
+    light, n = points.at(elsewhere, full), len(model.object_receivers.areas)
+
+    def drawn(share: float) -> np.ndarray:
+        """Return the light of points where receivers have a share of their direct light."""
+        E = np.zeros((n, 3))
+        E[: len(light.receivers)] = share * light.receivers
+        return light.of(Drawn(E, None)).irradiance[n:]
+
+    of_receivers = drawn(2.0) - light.own
+    assert of_receivers.any() and np.allclose(drawn(0.25), np.maximum(light.own - 0.75 * of_receivers, 0.0))
+
+
+def test_a_shadow_at_other_poses_takes_no_bounced_light(model):
+    """Beside the border of sunlight, points were black where the shadow of a mobile touched their parents."""
+    points, at = found(model)
+    there, full = model.transforms({"thing": Pose((0.5, 0.2, 0.0))}), model.emitters.lamps.full()
+    light, n = points.at(there, full), len(model.object_receivers.areas)
+    E = np.zeros((n, 3))
+    E[: len(light.receivers)] = light.receivers + 5.0
+    assert (light.of(Drawn(E, None)).irradiance > 5.0 - 1e-9)[n:].all()
+    shaded = light.own < points.at(at, full).own - 1.0
+    assert shaded.any() and (light.own >= 0).all()
+
+
+def test_a_mobiles_shadow_has_points_along_it(model):
+    shade = [len(found(model, y)[0].parents) for y in (5.0, 0.05)]
+    assert shade[1] > shade[0] + 50
+
+
+@pytest.mark.parametrize("y", [5.0, 0.05])
+def test_pieces_cover_faces_without_gaps(model, y):
+    points, _ = found(model, y)
+    before, mesh = meshes_of(model)[0], fine_mesh(meshes_of(model)[0], points)
+    area = [np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1)
+            for c in (m.positions[m.triangles].astype(float) for m in (before, mesh))]  # fmt: skip
+    assert np.allclose(np.bincount(mesh.source, area[1]), area[0], rtol=1e-4)
+    corners, p = points.ids[..., 0], places(model, points)
+    edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    rims = (0, 0), (0, 2), (1, 0), (1, 2), (0, -1), (0, 3), (1, 0.6), (1, 3.6)
+    within = ~np.any([np.isclose(p[edges][..., k], at).all(axis=1) for k, at in rims], axis=0)
+    assert (count[within] == 2).all(), "an edge within the floor has faces on both sides"
+    assert (mesh.front[mesh.triangles] == points.ids[..., 0]).all()
