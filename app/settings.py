@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app import values
-from app.values import MeasuringPlane, Pin
-from gi_core.scene.types import LampLevel, LightScene
+from app.values import Pin
+from gi_core.scene.types import CalculationSurface, LampLevel, LightScene
 
 if TYPE_CHECKING:
     from gi_core.base.results import Results
@@ -238,10 +238,10 @@ class View:
     )
     pins: tuple[Pin, ...] = unlisted((), kept="pins", **OF_SCENE)  # read-outs
     cameras: tuple[tuple[str, tuple[float, ...]], ...] = unlisted((), kept="cameras", **OF_SCENE)  # by name
-    plane: MeasuringPlane | None = option(  # None: nothing is measured
-        None, values.plane, "A0,B0,A1,B1,H[,M,N]",
-        "measuring plane: extent along the two horizontal axes, height above the floor [m], points (by EN 12464-1)",
-        kept="measuring_plane", **OF_SCENE,
+    surfaces: tuple[CalculationSurface, ...] | None = option(  # None: those of the scene file
+        None, values.surface, "KEYS",
+        "calculation surface instead of the scene's: keys of [[surface]], such as 'name = \"desk\", height = 0.75'",
+        "surface", kept="surface", **OF_SCENE,
     )  # fmt: skip
     fallback: bool = unlisted(True, resets=False)  # without a window, render to a file instead of failing
 

@@ -12,12 +12,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from gi_core.scene.types import LampLevel
+from gi_core.scene.types import CalculationSurface, LampLevel
 
 LONGEST_SIDE = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
-MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 TINIEST, BIGGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
 
 
@@ -28,15 +27,6 @@ class Pin(NamedTuple):
     position: tuple[float, float, float]  # [m], in the scene, or in the space of `object`
     normal: tuple[float, float, float]  # of the side that is read
     object: str = ""  # a mobile; "": the static part
-
-
-class MeasuringPlane(NamedTuple):
-    """A horizontal grid of points; see `app.rest.measuring_plane`."""
-
-    low: tuple[float, float]  # [m] along the two horizontal axes
-    high: tuple[float, float]
-    height: float  # [m] above the floor
-    points: tuple[int, int] | None = None  # along the two axes; None: by EN 12464-1
 
 
 def _require(holds: object, rule: str, text: str) -> None:
@@ -174,21 +164,20 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
     return name, values
 
 
-def plane(text: str) -> MeasuringPlane:
-    """Return a measuring plane of five numbers, or seven with the points of its grid."""
+def surface(text: str) -> CalculationSurface:
+    """Return the calculation surface of keys of a table [[surface]], with commas between them."""
+    import tomllib
+
+    from gi_core.files.formats.toml_file import read_surface
+    from gi_core.scene.errors import SceneError
+
     try:
-        n = [finite(part) for part in text.split(",")]
-    except argparse.ArgumentTypeError:
-        n = []
-    fits = len(n) in (5, 7) and n[0] < n[2] and n[1] < n[3] and all(is_grid_number(x) for x in n[5:])
-    rule = f"A0,B0,A1,B1,HEIGHT[,M,N]: A0 < A1, B0 < B1, whole numbers M, N in 1 .. {MOST_GRID_POINTS}"
-    _require(fits, rule, text)
-    return MeasuringPlane((n[0], n[1]), (n[2], n[3]), n[4], (int(n[5]), int(n[6])) if len(n) > 5 else None)
-
-
-def is_grid_number(n: float) -> bool:
-    """Return whether a measuring plane may have so many points along an axis."""
-    return n == int(n) and 1 <= n <= MOST_GRID_POINTS
+        return read_surface(tomllib.loads(f"keys = {{{text}}}")["keys"], "surface")
+    except SceneError as problem:
+        raise argparse.ArgumentTypeError(str(problem).removeprefix("surface: ")) from None
+    except tomllib.TOMLDecodeError:
+        _require(False, """keys of [[surface]] such as 'name = "desk", height = 0.75'""", text)
+        raise
 
 
 def camera(text: str) -> tuple[float, ...]:

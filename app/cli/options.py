@@ -45,9 +45,9 @@ def picture(parser: argparse.ArgumentParser, *fields: str) -> None:
     _add(parser.add_argument_group("picture").add_argument, *(fields or named(Display)))
 
 
-def plane(add: Callable) -> None:
-    """Add --plane."""
-    _add(add, "plane")
+def surface(add: Callable) -> None:
+    """Add --surface."""
+    _add(add, "surfaces")
 
 
 def measuring(parser: argparse.ArgumentParser) -> Callable:
@@ -80,9 +80,9 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """
     chosen = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
     settings = opened(Settings(scene=chosen.pop("scene")), chosen.get("allow_outside", False))
-    for name in ("mobiles", "poses", "lamps"):
+    for name in ("mobiles", "poses", "lamps", "surfaces"):
         if name in chosen:
-            before = () if name == "mobiles" else getattr(settings, name)
+            before = () if name in ("mobiles", "surfaces") else getattr(settings, name)
             chosen[name] = (*before, *chosen[name])
     settings = replace(settings, **chosen)
     check_names(settings)

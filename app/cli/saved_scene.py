@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.cli.writable import remove_parts, replacing, write_whole
-from app.settings import OPTIONS, TABLE, TOGETHER, LampLevel, MeasuringPlane, Pin, Settings, flag_of, open_scene
-from app.values import MOST_GRID_POINTS, is_grid_number
+from app.settings import OPTIONS, TABLE, TOGETHER, LampLevel, Pin, Settings, flag_of, open_scene
+from gi_core.scene.types import CalculationSurface
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = tuple(dict.fromkeys(row.kept for row in TABLE.values() if row.kept))
+KEYS = (*dict.fromkeys(row.kept for row in TABLE.values() if row.kept), "measuring_plane")
 SAVED = tuple(name for name, row in TABLE.items() if row.kept == TOGETHER)
 VALUES = "material", "light", "shape"  # fields of edits that are tables of a scene file
 
@@ -60,8 +60,8 @@ def _word(field: str, value: Any) -> str:
     """Return a value as its option takes it."""
     if field in ("poses", "lamps"):
         return f"{value[0]}={_word('', value[1])}"
-    if field == "plane":
-        return ",".join(map(repr, (*value.low, *value.high, value.height, *(value.points or ()))))
+    if field == "surfaces":
+        return ", ".join(f"{key} = {_inline(v)}" for key, v in _surface_table(value).items())
     if field == "size":
         return f"{value[0]}x{value[1]}"
     return ",".join(map(repr, value)) if isinstance(value, tuple) else str(value)
@@ -135,7 +135,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
         light_scenes=scenes,
         pins=pins,
         cameras=cameras,
-        plane=_plane(root),
+        surfaces=_surfaces(root),
         **values,
     )
 
@@ -148,25 +148,42 @@ def _camera(table: Table) -> tuple[float, ...]:
     return *camera.position, *camera.target, camera.vertical_fov_degrees
 
 
-def _plane(root: Table) -> MeasuringPlane | None:
-    from gi_core.scene.errors import SceneError, shown
+def _surfaces(root: Table) -> tuple[CalculationSurface, ...] | None:
+    """Return the surfaces of a saved scene; a table [measuring_plane] of earlier versions becomes one."""
+    from gi_core.files.formats.toml_fields import Table
+    from gi_core.files.formats.toml_file import SURFACE, read_surfaces
+    from gi_core.scene.errors import SceneError
 
     if "measuring_plane" not in root:
-        return None
-    t = root.section("measuring_plane", MeasuringPlane._fields)
-    low, high, height, points = t.vector("low", 2), t.vector("high", 2), t.number("height"), t.vector("points", 2, None)
-    if not all(a < b for a, b in zip(low, high, strict=True)):
-        above = [b if a < b else a + 1 for a, b in zip(low, high, strict=True)]
+        return read_surfaces(root) if "surface" in root else None
+    values = root.section("measuring_plane", ("low", "high", "height", "points"))
+    low, high, height = values.vector("low", 2), values.vector("high", 2), values.number("height")
+    sides = list(zip(low, high, strict=True))
+    if not all(a < b for a, b in sides):
+        above = [b if a < b else a + 1 for a, b in sides]
         raise SceneError(
-            f"{t.where}: high must be above low on both axes, got low {list(low)}, high {list(high)}; "
+            f"{values.where}: high must be above low on both axes, got low {list(low)}, high {list(high)}; "
             f"write high = {above}"
         )
-    if points is not None and not all(map(is_grid_number, points)):
-        raise SceneError(
-            f"{t.where}: points must be two whole numbers from 1 to {MOST_GRID_POINTS}, "
-            f"got {shown(t.values['points'])}; leave them out for the grid of EN 12464-1"
-        )
-    return MeasuringPlane(low, high, height, points and (int(points[0]), int(points[1])))
+    keys = {"name": "measuring plane", "position": [(a + b) / 2 for a, b in sides], "size": [b - a for a, b in sides]}
+    keys["height"] = height
+    points = {"points": values.values["points"]} if "points" in values else {}
+    return (CalculationSurface(**Table(keys | points, values.where, SURFACE).fields()),)
+
+
+def _inline(value: Any) -> str:
+    """Return a value of a table of a surface, as TOML on one line."""
+    import tomli_w
+
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_inline(v)}' for key, v in value.items())} }}"
+    return tomli_w.dumps({"k": value}).removeprefix("k = ").strip() if isinstance(value, str) else repr(value)
+
+
+def _surface_table(surface: CalculationSurface) -> dict[str, Any]:
+    """Return a surface as a table of a scene file, without keys at their defaults."""
+    changed = {key: v for key, v in surface._asdict().items() if v != surface._field_defaults.get(key)}
+    return {key: dict(v) if key == "targets" else list(v) if isinstance(v, tuple) else v for key, v in changed.items()}
 
 
 def write(path: Path, settings: Settings, files: Iterable[tuple[str, ...]] | None = None) -> list[Path]:
@@ -207,8 +224,8 @@ def _text_of(settings: Settings, names: Mapping[str, str]) -> str:
         document["cameras"] = {name: _camera_table(camera) for name, camera in settings.cameras}
     if settings.pins:
         document["pins"] = [{key: v for key, v in pin._asdict().items() if v != ""} for pin in settings.pins]
-    if (plane := settings.plane) is not None:
-        document["measuring_plane"] = {key: v for key, v in plane._asdict().items() if v is not None}
+    if settings.surfaces is not None:
+        document["surface"] = [_surface_table(surface) for surface in settings.surfaces]
     lamps = _lamps_table("lamps", settings.lamps) if settings.lamps else ""
     scenes = "".join(_lamps_table(f"light_scenes.{_key(name)}", kept) for name, kept in settings.light_scenes)
     return HEADER + tomli_w.dumps(document) + lamps + scenes

@@ -29,7 +29,7 @@ COMMANDS = {
     ),
     "info": Command("app.commands.info", "print the contents of a scene, its default settings and their reasons"),
     "measure": Command(
-        "app.commands.measure", "illuminance on a measuring plane and at probes: mean, minimum, uniformity"
+        "app.commands.measure", "illuminance on calculation surfaces and at probes: mean, minimum, uniformity, targets"
     ),
     "reference": Command(
         "app.commands.reference", "path trace the unbiased light of a scene and keep it; resumes a run that was stopped"

@@ -1,4 +1,4 @@
-"""`gi-viewer measure`: illuminance on a measuring plane and at probes, as numbers, without a window."""
+"""`gi-viewer measure`: illuminance on calculation surfaces and at probes, as numbers, without a window."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
     options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
-    options.plane(add)
+    options.surface(add)
     add("--error", type=values.percent, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
     add("--csv", type=Path, metavar="FILE.csv", help="write the table with all points")
@@ -30,14 +30,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def measure(settings: Settings, error: float, file: Path | None = None) -> list[str]:
-    """Path trace the light on the measuring plane, at probes and at pins; return the table, write it as CSV.
+    """Path trace the light on calculation surfaces, at probes and at pins; return the tables, write them as CSV.
 
     error: relative l1 noise at the end. Raises SceneError, UsageError, OSError.
     """
     import time
 
     from app.draw.units import units_of
-    from app.rest.measuring_plane import default_plane, level_of, plane_steps
+    from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, surfaces_of
     from app.session.readouts import csv_text, text_lines
 
     if file is not None:
@@ -49,22 +49,21 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
             check_no_input("--csv", file, settings, scene)
         solver = make_solver(scene, settings)
         level, units = level_of(solver.model), units_of(scene.units)
-        plane, started = settings.plane or default_plane(level), time.monotonic()
-        for light in plane_steps(solver.model, plane, level, solver.poses, solver.levels, solver.seed, error):
-            spent = time.monotonic() - started
-            left = spent * (1 / light.fraction - 1) if light.fraction > 0 else None
-            bar(f"measuring{time_left(left)}", light.fraction)
+        surfaces, started = surfaces_of(settings, scene) or (WORKING_PLANE,), time.monotonic()
+        for lights in all_steps(solver.model, surfaces, level, solver.poses, solver.levels, solver.seed, error):
+            done, spent = sum(light.fraction for light in lights) / len(lights), time.monotonic() - started
+            bar(f"measuring{time_left(spent * (1 / done - 1) if done > 0 else None)}", done)
         rows = _points(settings, solver, error)
     if file is not None:
-        write_whole(file, csv_text(rows, light, units))
-    return text_lines(rows, light, level, units)
+        write_whole(file, csv_text(rows, lights, units))
+    return text_lines(rows, lights, level, units)
 
 
 def _points(settings: Settings, solver, error: float) -> list:
     """Return the light at the scene's probes and at the pins of a saved scene."""
     import numpy as np
 
-    from app.rest.measuring_plane import light_steps, point_rounds
+    from app.rest.calculation_surface import light_steps, point_rounds
     from app.session.readouts import Row
     from gi_core.scene.pose import to_world, to_world_directions
 

@@ -18,7 +18,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.picture(parser)
     add = parser.add_argument_group("window").add_argument
     options.budget(add, "; 0: always all")
-    options.plane(add)
+    options.surface(add)
     add(
         "--no-fallback",
         dest="fallback",

@@ -12,11 +12,13 @@ from app.rest.results import Comparison, FinePicture, GatherProgress
 from app.settings import REFERENCE, Settings
 from app.worker import Task
 from gi_core.base.pause import Progress, pause, steps
+from gi_core.scene.validate import parts_of
 
 if TYPE_CHECKING:
-    from app.rest.measuring_plane import Level, PlaneLight
+    from app.rest.calculation_surface import Level, SurfaceLight
     from gi_core.display.fine_points import FinePoints
     from gi_core.gather.pose_gather import PoseGather
+    from gi_core.scene.types import CalculationSurface
     from gi_core.solver import Solver
 
 
@@ -199,42 +201,50 @@ def _refine(solver: Solver, out: list[tuple[FinePoints, DrawMesh]]) -> None:
         pause(Progress("refining the picture", 1.0, True))
 
 
-class PlaneJob(Job):
-    """Measures a plane at the present poses; see `app.rest.measuring_plane`."""
+class SurfacesJob(Job):
+    """Measures calculation surfaces at the present poses; see `app.rest.calculation_surface`."""
 
-    name = "measuring the plane"
+    name = "measuring surfaces"
 
     def __init__(self, solver: Solver) -> None:
         super().__init__(solver)
         self._level: Level | None = None
-        self._light: PlaneLight | None = None
-        self._lit: tuple | None = None  # the key of the light
+        self._lights: dict[CalculationSurface, tuple[SurfaceLight, tuple]] = {}  # and the state they are of
 
     @property
-    def light(self) -> PlaneLight | None:
-        """The light on the plane; None without one, or before the first result."""
-        if self._light is None or self._key is None:
-            return None
-        return self._light._replace(is_current=self._lit == (self._key[0], *state_of(self._solver)))
+    def lights(self) -> tuple[SurfaceLight, ...]:
+        """The light on each surface that has a result, of this state or of an earlier one."""
+        if self._key is None:
+            return ()
+        state = state_of(self._solver)
+        kept = [self._lights[s] for s in self._key[0] if s in self._lights]
+        return tuple(light._replace(is_current=of == state) for light, of in kept)
 
     def key(self, settings: Settings) -> tuple | None:
-        return None if settings.plane is None else (settings.plane, *state_of(self._solver))
+        from app.rest.calculation_surface import surfaces_of
+
+        s = self._solver
+        surfaces = tuple(x for x in surfaces_of(settings, s.scene) if not x.on or x.on in parts_of(s.scene))
+        return (surfaces, *state_of(s)) if surfaces else None
 
     def begin(self) -> Iterator:
-        from app.rest.measuring_plane import level_of, plane_steps
+        from app.rest.calculation_surface import all_steps, level_of
 
         s = self._solver
         self._level = self._level or level_of(s.model)
-        return plane_steps(s.model, self._key[0], self._level, s.poses, s.levels, s.seed)
+        done = [light.surface for light in self.lights if light.is_current and light.fraction == 1]
+        left = [surface for surface in self._key[0] if surface not in done]
+        return all_steps(s.model, left, self._level, s.poses, s.levels, s.seed)
 
-    def take(self, result: PlaneLight) -> bool:
-        if result.fraction > 0:  # earlier light stays until its successor has values
-            self._light, self._lit = result, self._key
+    def take(self, result: tuple[SurfaceLight, ...]) -> bool:
+        # earlier light stays until its successor has values
+        kept = {s: self._lights[s] for s in self._key[0] if s in self._lights}
+        self._lights = kept | {light.surface: (light, self._key[1:]) for light in result if light.fraction > 0}
         return False
 
     def drop(self) -> None:
         super().drop()
-        self._light = None
+        self._lights = {}
 
 
 class ComparisonJob(Job):

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from app.draw.draw_mesh import DrawMesh
-    from app.rest.measuring_plane import PlaneLight
+    from app.rest.calculation_surface import SurfaceLight
     from gi_core.display.dilation import Drawn
     from gi_core.display.fine_points import FineLight
     from gi_core.estimators.base import Setting
@@ -91,7 +91,7 @@ class RestResults(NamedTuple):
     point: MeasuredPoint | None = None  # of the error chart
     reference: ReferencePicture | None = None  # None: unknown or not wanted
     comparison: Comparison | None = None
-    plane: PlaneLight | None = None  # None: not wanted, or not yet known
+    surfaces: tuple[SurfaceLight, ...] = ()  # those that are measured so far
     fine: FinePicture | None = None  # None: the picture has receivers alone
 
     def looks_like(self, other: RestResults) -> bool:

@@ -1,4 +1,4 @@
-"""The order of work at rest: static light, light at the poses, a plane, errors; with or without a window."""
+"""The order of work at rest: static light, light at the poses, surfaces, errors; with or without a window."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from app import settings as defaults
 from app.cli.progress import time_left
-from app.rest.jobs import FineJob, Job, PlaneJob, PoseJob, StaticJob, first_task
+from app.rest.jobs import FineJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
 from app.settings import REFERENCE, Settings
@@ -35,7 +35,7 @@ class RestWork:
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
-        self.at_poses, self.plane, self.fine = PoseJob(solver), PlaneJob(solver), FineJob(solver)
+        self.at_poses, self.surfaces, self.fine = PoseJob(solver), SurfacesJob(solver), FineJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
         self._turn = 0
@@ -50,8 +50,8 @@ class RestWork:
         unknown = math.isinf(static.progress.error) and static.name not in self.given_up
         # Static light has three turns per turn of measuring errors, until it has a first result.
         gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
-        # The plane has two turns: the user waits for its numbers.
-        jobs = *gathering, self.plane, self.live_error, self.plane
+        # Surfaces have two turns: the user waits for their numbers.
+        jobs = *gathering, self.surfaces, self.live_error, self.surfaces
         self._turn += 1
         turn = self._turn % len(jobs)
         return first_task((self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
@@ -80,13 +80,14 @@ class RestWork:
         light = self.at_poses.light
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
         return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
-                           self.plane.light, self.fine.light)  # fmt: skip
+                           self.surfaces.lights, self.fine.light)  # fmt: skip
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
-        for job in (self.gathering, self.at_poses, self.fine, self.plane, self.live_error, self.live_error.comparison):
+        e = self.live_error
+        for job in (self.gathering, self.at_poses, self.fine, self.surfaces, e, e.comparison):
             job.drop()
 
 

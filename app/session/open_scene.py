@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.draw_mesh import DrawMesh
     from app.draw.lit_scene import LitScene
     from app.draw.picking import Picker
-    from app.rest.measuring_plane import Level
+    from app.rest.calculation_surface import Grid, Level
     from app.rest.results import GatherProgress
     from app.session.lights import LightId
     from app.session.method_view import MethodParts
@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.files.edits import Edit, Values
     from gi_core.model import Model
     from gi_core.scene import Scene
-    from gi_core.scene.types import Daylight, Light
+    from gi_core.scene.types import CalculationSurface, Daylight, Light
 
 
 GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
@@ -63,6 +63,7 @@ class OpenScene:
         self._finishes: dict[tuple[str, bool, str], Finished] = {}
         self._parts: dict[str, tuple[str, ...]] = {}
         self._paths: dict = {}
+        self._grids: dict[CalculationSurface, tuple[tuple, Grid]] = {}  # poses that they are of, and points
 
     def _show(self, opened: Opened, light: SolverThread) -> None:
         """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
@@ -76,6 +77,7 @@ class OpenScene:
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
         self.__dict__.pop("level", None)
+        self._grids = {}
 
     @property
     def scene(self) -> Scene:
@@ -97,10 +99,28 @@ class OpenScene:
 
     @cached_property
     def level(self) -> Level:
-        """The lit box above the floor, along the axes of the scene, for measuring planes."""
-        from app.rest.measuring_plane import level_of
+        """The lit box above the floor, along the axes of the scene, for calculation surfaces."""
+        from app.rest.calculation_surface import level_of
 
         return level_of(self.model)
+
+    @property
+    def grids(self) -> list[tuple[CalculationSurface, Grid]]:
+        """The calculation surfaces at the poses of the light on show."""
+        from app.rest.calculation_surface import grid_of, surfaces_of
+        from gi_core.scene import SceneError
+
+        poses, out = self.light.snapshot.poses, []
+        for s in surfaces_of(self.settings, self.scene):
+            of = tuple(sorted(poses.items())) if s.on else ()
+            if (placed := self._grids.get(s)) is None or placed[0] != of:
+                try:
+                    placed = of, grid_of(s, self.model, self.level, poses)
+                except SceneError:  # what it lies on has been removed
+                    continue
+                self._grids[s] = placed
+            out.append((s, placed[1]))
+        return out
 
     @property
     def poses(self) -> dict[str, Pose]:

@@ -1,4 +1,4 @@
-"""Read-outs as tables: light at probes, at pins and on the measuring plane, as text and as CSV."""
+"""Read-outs as tables: light at probes, at pins and on calculation surfaces, as text and as CSV."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ import numpy as np
 
 if TYPE_CHECKING:
     from app.draw.units import Units
-    from app.rest.measuring_plane import Level, PlaneLight
+    from app.rest.calculation_surface import Level, SurfaceLight
 
 LEFT_OUT = "inside objects or outside the room"
+LONG_NAMES = {
+    "mean": "mean", "minimum": "minimum", "maximum": "maximum", "U0": "uniformity U0", "Ud": "diversity Ud"
+}  # fmt: skip
+MEANINGS = {"U0": "minimum / mean (EN 12665)", "Ud": "minimum / maximum"}
 COLUMNS = ("kind", "name", "x [m]", "y [m]", "z [m]")
 
 
@@ -31,66 +35,79 @@ class Row(NamedTuple):
     material: str = ""
 
 
-def csv_text(rows: Sequence[Row], light: PlaneLight | None, units: Units) -> str:
-    """Return all read-outs as CSV with one header: points of surfaces, numbers of the plane, points of the plane."""
+def csv_text(rows: Sequence[Row], lights: Sequence[SurfaceLight], units: Units) -> str:
+    """Return all read-outs as CSV with one header: points, then numbers and points of each surface."""
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n").writerow
     per_area, per_solid_angle = (u.replace("²", "2") for u in (units.per_area, units.per_solid_angle))
     surface, seen = units.on_surface.lower(), units.from_surface
     write((*COLUMNS, f"{surface} [{per_area}]", f"standard error [{per_area}]",
-           f"{seen} [{per_solid_angle}]", "object", "material"))  # fmt: skip
+           f"{seen} [{per_solid_angle}]", "object", "material", "target"))  # fmt: skip
     for r in rows:
         numbers = *map(_place, r.position), *map(_number, (r.irradiance, r.error, r.radiance))
-        write((r.kind, _cell(r.name), *numbers, _cell(r.object), _cell(r.material)))
-    if light is None:
-        return out.getvalue()
-    n, none = light.numbers, ("",) * 3
-    for name, value, error in (
-        ("mean", n.mean, n.mean_error), ("minimum", n.least, n.least_error), ("maximum", n.most, n.most_error),
-        ("uniformity U0 = minimum / mean", n.U0, n.U0_error), ("diversity Ud = minimum / maximum", n.Ud, n.Ud_error),
-    ):  # fmt: skip
-        write(("measuring plane", name, *none, _number(value), _number(error), *none))
-    for k, (position, value, error) in enumerate(zip(light.grid.positions, light.values, light.errors, strict=True)):
-        a, b = divmod(k, light.grid.shape[1])
-        write(("plane point", f"{a + 1} {b + 1}", *map(_place, position), _number(value), _number(error), *none))
+        write((r.kind, _cell(r.name), *numbers, _cell(r.object), _cell(r.material), ""))
+    for light in lights:
+        name, none, verdicts = _cell(light.surface.name), ("",) * 3, light.verdicts
+        for number, value, error, _ in light.numbers.rows():
+            judged = f"{dict(light.surface.targets)[number]:g}: {verdicts[number]}" if number in verdicts else ""
+            write(("surface", number, *none, _number(value), _number(error), "", name, "", judged))
+        for k, (position, E, error) in enumerate(zip(light.grid.positions, light.values, light.errors, strict=True)):
+            a, b = divmod(k, light.grid.shape[1])
+            place = f"{a + 1} {b + 1}", *map(_place, position)
+            write(("surface point", *place, _number(E), _number(error), "", name, "", ""))
     return out.getvalue()
 
 
-def text_lines(rows: Sequence[Row], light: PlaneLight | None, level: Level, units: Units) -> list[str]:
+def text_lines(rows: Sequence[Row], lights: Sequence[SurfaceLight], level: Level, units: Units) -> list[str]:
     """Return all read-outs as lines of text."""
-    from app.rest.measuring_plane import points_of
-
     lines = []
-    if light is not None:
-        n, (a, b), unit = light.numbers, light.grid.shape, units.per_area
-        width, depth = np.abs(np.subtract(light.plane.high, light.plane.low)).tolist()
-        lines += [
-            f"measuring plane    {width:.4g} x {depth:.4g} m, {light.plane.height:.4g} m above the floor, "
-            f"{a} x {b} points" + (f", {n.left_out} of them {LEFT_OUT}" if n.left_out else ""),
-            *(
-                [f"                   {note}"]
-                if (note := "" if light.plane.points else points_of(light.plane)[1])
-                else []
-            ),
-            f"mean               {shown(n.mean, n.mean_error, unit)}",
-            f"minimum            {shown(n.least, n.least_error, unit)}",
-            f"maximum            {shown(n.most, n.most_error, unit)}",
-            f"uniformity U0      {shown(n.U0, n.U0_error)}   minimum / mean (EN 12665)",
-            f"diversity Ud       {shown(n.Ud, n.Ud_error)}   minimum / maximum",
-            "",
-            *_map(light, level, units),
-        ]
+    for light in lights:
+        lines += [f"{light.surface.name:18} {described(light, level)}"]
+        for name, value, error, has_unit in light.numbers.rows():
+            text = f"{LONG_NAMES[name]:18} {shown(value, error, units.per_area if has_unit else '')}"
+            about = MEANINGS.get(name, "")
+            lines.append(f"{text}   {about}".rstrip() + judged(light, name, units))
+        lines += ["", *_map(light, level, units)]
     for r in rows:
         lines.append(f'{r.kind} "{r.name}"'.ljust(30) + f" {shown(r.irradiance, r.error, units.per_area)}")
     return lines
 
 
-def _map(light: PlaneLight, level: Level, units: Units) -> list[str]:
-    """Return the points of a plane as a table, one line per place along the second axis."""
-    (a, b), axes = light.grid.shape, level.axes
-    along = [light.grid.positions @ axis for axis in (axes.across, axes.along)]
+def described(light: SurfaceLight, level: Level) -> str:
+    """Return size, place and points of a surface."""
+    from app.rest.calculation_surface import points_of
+
+    s, (a, b), left_out = light.surface, light.grid.shape, light.numbers.left_out
+    width, depth = light.grid.size.tolist()
+    height = float(light.grid.corners.mean(axis=0) @ level.axes.up) - level.low[2]
+    place = f"on {s.on}" if s.on else f"{height:.4g} m above the floor"
+    text = f"{width:.4g} x {depth:.4g} m, {place}, {a} x {b} points"
+    text += f", {left_out} of them {LEFT_OUT}" if left_out else ""
+    note = "" if s.points else points_of((width, depth))[1]
+    return f"{text}; {note}" if note else text
+
+
+def judged(light: SurfaceLight, number: str, units: Units) -> str:
+    """Return the target of a number of a surface and whether it holds, "" without one."""
+    from app.rest.calculation_surface import AT_MOST
+
+    targets = dict(light.surface.targets)
+    if number not in targets:
+        return ""
+    unit = "" if number in ("U0", "Ud") else f" {units.per_area}"
+    bound = "at most" if number in AT_MOST else "at least"
+    return f"   {bound} {targets[number]:g}{unit}: {light.verdicts[number]}"
+
+
+def _map(light: SurfaceLight, level: Level, units: Units) -> list[str]:
+    """Return the points of a surface as a table, one line per place along its second side."""
+    (a, b), axes, sides = light.grid.shape, level.axes, light.grid.sides
+    names, middle = ("side 1", "side 2"), light.grid.corners.mean(axis=0)
+    if np.allclose(sides[:2], axes[:2], atol=1e-9):
+        names, middle = axes.names, np.zeros(3)
+    along = [(light.grid.positions - middle) @ side for side in sides[:2]]
     columns, rows = along[0].reshape(a, b)[:, 0], along[1].reshape(a, b)[0]
-    head = f"{axes.names[1]} \\ {axes.names[0]} [m]"
+    head = f"{names[1]} \\ {names[0]} [m]"
     cells = ["-" if math.isnan(v) else _rounded(v, e) for v, e in zip(light.values, light.errors, strict=True)]
     places = [f"{c:.2f}" for c in columns]
     width = max(9, 2 + max(map(len, [*cells, *places])))

@@ -1,4 +1,4 @@
-"""Pins and the measuring plane over the picture, with their values."""
+"""Pins and calculation surfaces over the picture, with their values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from app.window.label import LabelPlaces
 
 if TYPE_CHECKING:
     from app.draw.legend import Point
-    from app.rest.measuring_plane import PlaneLight
+    from app.rest.calculation_surface import SurfaceLight
     from app.window.camera_control import View
     from app.window.label import Box
     from app.window.viewport import Viewport
@@ -24,7 +24,7 @@ OF_BEFORE = 0.4  # opacity of numbers of the light before
 
 
 def draw(viewport: Viewport) -> None:
-    """Draw the measuring plane and the pins into the current window."""
+    """Draw calculation surfaces and pins into the current window."""
     (x, y), (w, h) = viewport.view.origin, viewport.view.size
     drawing, shapes = imgui.get_window_draw_list(), marks(viewport)
     em, line = shapes.em, imgui.get_color_u32((*LINE, 0.9))
@@ -42,20 +42,18 @@ def draw(viewport: Viewport) -> None:
 
 
 def marks(viewport: Viewport) -> Marks:
-    """Return the marks of measuring plane and pins; their labels avoid the legend and each other."""
+    """Return the marks of surfaces and pins; their labels avoid the legend and each other."""
     view, shown, em = viewport.view, viewport.legend, imgui.get_font_size()
     shapes = Marks(em, [], [], [])
     places = LabelPlaces((0.0, 0.0, *view.size), [] if shown is None else [_in_picture(legend.box(shown, view), view)])
     pins = _labels_of_pins(viewport, places)
     s = viewport.session
-    if (plane := s.settings.plane) is not None:
-        from app.rest.measuring_plane import grid_of
-
-        corners = _seen(viewport, grid_of(plane, s.level).corners)
+    lights = {light.surface: light for light in s.light.snapshot.rest.surfaces}
+    for surface, grid in s.grids:
+        corners = _seen(viewport, grid.corners)
         around = zip(corners, [*corners[1:], corners[0]], strict=True)
         shapes.lines.extend((a, b) for a, b in around if a is not None and b is not None)
-        light = s.light.snapshot.rest.plane
-        if light is not None and light.plane == plane:
+        if (light := lights.get(surface)) is not None:
             _points(viewport, light, places, shapes)
     for at, text, box in pins:
         shapes.dots.append(Dot(at, LINE, 1.0))
@@ -100,7 +98,7 @@ def number(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces, shapes: Marks) -> None:
+def _points(viewport: Viewport, light: SurfaceLight, places: LabelPlaces, shapes: Marks) -> None:
     """Add a dot per point, and its value where there is room."""
     em = shapes.em
     finite, scale = np.isfinite(light.values), viewport.picture.scale

@@ -15,6 +15,7 @@ ACCENT = LINE  # lamp light
 GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough for white text
 DIM_TEXT = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
+GOOD = (0.480, 0.800, 0.480)
 ERROR = (0.960, 0.450, 0.400)
 FONT_PIXELS = 16.0  # at 96 dots per inch; HelloImGui scales it with the screen
 

@@ -119,8 +119,7 @@ def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
         if reading is not None:
             light = three(position), reading.irradiance, math.nan, reading.radiance
             rows.append(Row("pin", pin.name, *light, reading.object, reading.material))
-    plane = snapshot.rest.plane
-    current = plane if plane is not None and plane.is_current and session.settings.plane is not None else None
+    current = [light for light in snapshot.rest.surfaces if light.is_current]
     return csv_text(rows, current, units_of(session.scene.units))
 
 

@@ -2,6 +2,7 @@
 
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import (
+    CalculationSurface,
     Camera,
     Defaults,
     DirectionalLight,
@@ -22,6 +23,7 @@ from gi_core.scene.types import (
 )
 
 __all__ = [
+    "CalculationSurface",
     "Camera",
     "Defaults",
     "DirectionalLight",

@@ -1,4 +1,4 @@
-"""Records of a scene: meshes, materials, lights, mobiles, poses, probes, camera.
+"""Records of a scene: meshes, materials, lights, mobiles, poses, probes, surfaces to calculate, camera.
 
 Everything here can be built from numpy arrays; `load_scene` builds the same objects from files.
 Units: metres, watts, radians unless a name says degrees; colours are linear Rec. 709 RGB.
@@ -242,6 +242,29 @@ class Probe(NamedTuple):
     normal: tuple[float, float, float]
 
 
+class CalculationSurface(NamedTuple):
+    """A named grid of points whose illuminance is measured, see `app.rest.calculation_surface`.
+
+    It lies in the room, at a height above the floor, or `on` something: on the top of a mobile, or of the faces of a
+    material of the static part.
+    """
+
+    name: str
+    on: str = ""
+    position: tuple[float, float] | None = None  # [m] of its middle along the two horizontal axes; None: the room's
+    size: tuple[float, float] | None = None  # [m]; None: the room's
+    height: float | None = None  # [m] above the floor, or in front of what it lies on; None: of desks, or 0
+    tilt: float = 0.0  # degrees from facing up, towards its first side
+    turn: float = 0.0  # degrees round the vertical through its middle, from the first axis towards the second
+    margin: float | None = None  # [m] left out along its sides; None: 0.5 in a room, else 0
+    points: tuple[int, int] | None = None  # along the two sides; None: by EN 12464-1
+    targets: tuple[tuple[str, float], ...] = ()  # by name of TARGETS, in their order
+
+
+MOST_GRID_POINTS = 100  # along a side of a surface
+TARGETS = "mean", "minimum", "maximum", "U0", "Ud"  # numbers of a surface
+
+
 class Camera(NamedTuple):
     """A view: eye and target [m], and the vertical field of view."""
 
@@ -279,6 +302,7 @@ class Scene:
     light_scenes: tuple[LightScene, ...] = ()
     files: tuple[tuple[str, ...], ...] = ()  # absolute paths: a file that was named, and those that it names
     daylight: Daylight | None = None  # of which the lights "sun" and "sky" are
+    surfaces: tuple[CalculationSurface, ...] = ()
 
     def __repr__(self) -> str:
         lamps = len(self.lights) + sum(any(m.emission) for m in self.materials)

@@ -31,6 +31,7 @@ from gi_core.scene.rules import (
     one_of,
 )
 from gi_core.scene.types import (
+    CalculationSurface,
     Camera,
     Daylight,
     Defaults,
@@ -100,8 +101,31 @@ FIELDS: dict[type, dict[str, Rule]] = {
     Scene: {
         "up": DIRECTION, "units": one_of(("radiometric", "photometric")),
         "daylight": Rule("None or a Daylight", lambda value: value is None or isinstance(value, Daylight)),
+        "surfaces": Rule("a tuple of CalculationSurface", lambda value: all(map(_is_surface, value))),
     },
 }  # fmt: skip
+
+
+def _is_surface(value) -> bool:
+    return isinstance(value, CalculationSurface)
+
+
+def parts_of(scene: Scene) -> list[str]:
+    """Return what a surface may lie on: the names of mobiles, and of materials of the static part."""
+    used = np.unique(scene.static.face_material).tolist()
+    return [*(m.name for m in scene.mobiles), *(scene.materials[k].name for k in used)]
+
+
+def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None:
+    """Raise SceneError, with the nearest name, unless what a surface lies on is part of a scene."""
+    parts = parts_of(scene)
+    if surface.on and surface.on not in parts:
+        nearest = [f"did you mean {shown(part)}?" for part in get_close_matches(surface.on, parts, 1)]
+        choices = "there is " + ", ".join(f'"{part}"' for part in parts)
+        rule = "on must be a mobile or a material of the static part"
+        raise SceneError(
+            f'{where}: surface "{surface.name}": {rule}, got {shown(surface.on)}; {(nearest or [choices])[0]}'
+        )
 
 
 def check_lamp(where: str, name: str, scene: Scene) -> None:

@@ -29,20 +29,22 @@ def test_render_prints_the_full_path(capsys, tmp_path, monkeypatch):
     assert Image.open(tmp_path / "a.png").text["pose pawn"].startswith("0.3,0.05,0.2,")
 
 
-def test_measure_prints_the_measuring_plane_and_writes_it(capsys, tmp_path, monkeypatch):
+def test_measure_prints_a_surface_and_writes_it(capsys, tmp_path, monkeypatch):
     """The furnace: E = pi Le / (1 - rho) = 3.696 W/m2 in luminance, everywhere."""
     monkeypatch.chdir(tmp_path)
-    plane = ["--plane", "0.2,0.2,0.8,0.8,0.5,2,3"]
+    keys = "position = [0.5, 0.5], size = [0.6, 0.6], height = 0.5, points = [2, 3], targets = { mean = 1 }"
+    plane = ["--surface", f'name = "table", {keys}']
     assert cli.main(["measure", "furnace", *plane, "--error", "2", "--csv", "a.csv", "--lamp", "furnace=0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "measuring plane    0.6 x 0.6 m, 0.5 m above the floor, 2 x 3 points"
-    mean, _, error, unit = lines[1].split()[1:]
+    assert lines[0] == "table              0.6 x 0.6 m, 0.5 m above the floor, 2 x 3 points"
+    mean, _, error, unit, *target = lines[1].split()[1:]
+    assert " ".join(target) == "at least 1 W/m²: pass"
     assert abs(float(mean) - 3.696 / 2) < 0.02 and 0 < float(error) < 0.02 and unit == "W/m²"
     assert [line.split()[0] for line in lines[2:6]] == ["minimum", "maximum", "uniformity", "diversity"]
     assert lines[7:9] == ["Irradiance [W/m²]", "  z \\ x [m]     0.35     0.65"]
     assert [line for line in lines if line.startswith("probe")][0].startswith('probe "floor"')
     table = (tmp_path / "a.csv").read_text().splitlines()
-    assert sum(row.startswith("plane point,") for row in table) == 6
+    assert sum(row.startswith("surface point,") for row in table) == 6
     assert sum(row.startswith("probe,") for row in table) == 2
 
 
@@ -67,8 +69,17 @@ def test_measure_refuses_a_bad_table_before_the_work(capsys, tmp_path, monkeypat
     for file, reason in (("a.txt", "--csv must name a .csv file, got a.txt"), ("b/a.csv", "a folder that exists")):
         assert cli.main(["measure", "cornell", "--csv", file]) == 2
         assert reason in one_line(capsys.readouterr().err)
-    assert cli.main(["measure", "cornell", "--plane", "0,0,1"]) == 2
-    assert "must be A0,B0,A1,B1,HEIGHT[,M,N]" in capsys.readouterr().err
+    for keys, reason in (
+        ("0,0,1", "must be keys of [[surface]] such as"), ("height = 1", 'name is missing; write name = "..."'),
+        ('name = "a", targets = { mean = -1 }', "mean must be a number > 0, got -1"),
+        ('name = "a", on = "b", tilt = 3', "tilt is that of what the surface lies on; leave out tilt, or on"),
+    ):  # fmt: skip
+        assert cli.main(["measure", "cornell", "--surface", keys]) == 2
+        assert reason in capsys.readouterr().err
+    assert cli.main(["measure", "cornell", "--surface", 'name = "a", on = "pawm"']) == 3
+    assert "on must be a mobile or a material of the static part, got 'pawm'; did you mean 'pawn'?" in (
+        one_line(capsys.readouterr().err)
+    )
 
 
 def test_the_reference_has_the_levels_of_the_lamps(capsys, tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 
 from app import __main__ as cli
 from app.draw.camera import Bounds, from_camera
-from app.rest.measuring_plane import light_steps, point_rounds
+from app.rest.calculation_surface import light_steps, point_rounds
 from app.settings import Settings, make_solver, open_scene
 from gi_core.files.load import load_scene
 from gi_core.lights.daylight import clear_sky, sun_of

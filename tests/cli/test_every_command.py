@@ -24,7 +24,7 @@ VALUES = {  # of each option, or of one command's; None: a flag
     "--lamp": "lamp=0.5", "--rays": "octree", "--seed": "3",
     "--size": "60x40", "--exposure": "1", "--no-white-balance": None, "--tone-map": "clip", "--show": "illuminance",
     "--illuminance-range": "1,100", "--luminance-range": "1,100", "--isolines": "auto", "--no-cull": None,
-    "--plane": "0.2,0.2,0.8,0.8,0.5,2,2", "--budget": "20", "--screenshot": "shot.png", "--error": "30",
+    "--surface": 'name = "a", size = [0.6, 0.6]', "--budget": "20", "--screenshot": "shot.png", "--error": "30",
     "--frames": "2", "--step": "2", "--json": "a.json", "--check": None, "--csv": "a.csv", "--points": "30",
     "--scale": "2", "--seconds": "0", "--rate": "5", "--quick": None, "--light-map": "64",
     ("render", "--out"): "a.webp", ("bake", "--out"): "b.glb", ("chart", "--out"): "c", ("atlas", "--out"): "d",

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from app.commands.measure import measure
-from app.settings import MeasuringPlane, Settings
+from app.settings import Settings
 from gi_core.files.load import load_scene
+from gi_core.scene import CalculationSurface
 from gi_core.scene.origin import translated
 from gi_core.scene.types import Mesh, Mobile, PointLight, Pose
 from gi_core.solver import Solver
@@ -74,8 +75,8 @@ def test_a_measured_point_under_a_lamp(tmp_path):
     lines = [f"v {x} {y} {z}" for x, y, z in (*corners, *stray)]
     (tmp_path / "floor.obj").write_text("\n".join([*lines, "f 4 3 2 1", "f 5 7 6"]))
     (tmp_path / "scene.toml").write_text(LAMP)
-    plane = MeasuringPlane((-0.01, -0.01), (0.01, 0.01), 0.75, (1, 1))
-    lines = measure(Settings(scene=str(tmp_path / "scene.toml"), plane=plane), 0.01)
+    surface = CalculationSurface("a", "", (0.0, 0.0), (0.02, 0.02), 0.75, points=(1, 1))
+    lines = measure(Settings(scene=str(tmp_path / "scene.toml"), surfaces=(surface,)), 0.01)
     assert any(line.split()[:2] == ["mean", "203.7"] for line in lines)
 
 

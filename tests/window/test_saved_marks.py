@@ -1,4 +1,4 @@
-"""Pictures saved from the window show pins and measuring plane, where the window shows them."""
+"""Pictures saved from the window show pins and surfaces, where the window shows them."""
 
 import numpy as np
 from PIL import Image

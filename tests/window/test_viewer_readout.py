@@ -10,10 +10,9 @@ from PIL import Image
 
 from app.cli import saved_scene
 from app.session.log import Log
-from app.settings import MeasuringPlane
 from app.values import LampLevel
 from app.window import overlay, view_content
-from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
+from gi_core.scene import CalculationSurface, Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
 from tests.support import viewer_support as support
 from tests.support.scene_builders import merge, quad
@@ -272,7 +271,7 @@ def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(pla
         hand.ctx.yield_(3)
         assert [p.pin.name for p in viewport.pins.shown] == ["desk", "pin 2"]
         table = view_content.readouts_csv(session, viewport.pins.shown).splitlines()
-        assert table[1].startswith("pin,desk,0.3") and table[1].endswith("static part,oak")
+        assert table[1].startswith("pin,desk,0.3") and table[1].endswith("static part,oak,")
 
         assert viewer.files.has_changed(session)
         viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
@@ -291,22 +290,27 @@ def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(pla
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
 
 
-@in_window(scene=lamp_over_floor, light="photons")
-def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(hand, viewer, monkeypatch):
-    """The window's thread traces none of its paths."""
-    from app.rest.jobs import PlaneJob
+SURFACE = CalculationSurface("desk", "", (0.0, 0.0), (2.0, 1.0), 0.75, points=(5, 3))
 
-    threads, step = set(), PlaneJob.step
-    monkeypatch.setattr(PlaneJob, "step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
+
+@in_window(scene=lamp_over_floor, light="photons")
+def test_a_surface_is_measured_at_rest_and_again_after_a_move(hand, viewer, monkeypatch):
+    """The window's thread traces none of its paths."""
+    from app.rest.jobs import SurfacesJob
+
+    threads, step = set(), SurfacesJob.step
+    monkeypatch.setattr(SurfacesJob, "step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
     session = viewer.session
     hand.ctx.set_ref("Panel")
-    hand.ctx.item_check("Measuring plane")
-    session.edit(plane=MeasuringPlane((-1.0, -0.5), (1.0, 0.5), 0.75, (5, 3)))
+    hand.ctx.item_click("Add a surface")
+    hand.ctx.yield_(2)
+    assert [x.name for x in session.settings.surfaces] == ["surface 1"]
+    session.edit(surfaces=(SURFACE,))
 
     def light():
-        return session.light.snapshot.rest.plane
+        return next(iter(session.light.snapshot.rest.surfaces), None)
 
-    hand.wait(lambda: light() is not None and light().plane.points and light().fraction == 1)
+    hand.wait(lambda: light() is not None and light().surface == SURFACE and light().fraction == 1)
     points = light().grid.positions
     E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.75, np.hypot(*points[:, :2].T))
     assert light().values == pytest.approx(E, rel=0.02)
@@ -315,7 +319,7 @@ def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(hand, vi
     rest = f"{light().numbers.points}"
     assert rest == "15"
     table = view_content.readouts_csv(session, ()).splitlines()
-    assert sum(line.startswith("plane point,") for line in table) == 15
+    assert sum(line.startswith("surface point,") for line in table) == 15
 
     pose = session.poses["tile"]
     below = pose._replace(position=(0.0, 0.0, 1.5), quaternion=(0.0, 1.0, 0.0, 0.0))  # its front faces the plane
@@ -323,25 +327,27 @@ def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(hand, vi
     hand.wait(lambda: light().is_current and light().fraction == 1 and light().values.min() < 1)
     middle = light().values.reshape(5, 3)[2, 1]
     assert middle < 0.2 * E.max() and light().values.reshape(5, 3)[0] == pytest.approx(E.reshape(5, 3)[0], rel=0.1)
-    assert "plane point" not in view_content.readouts_csv(session, ()) or light().is_current
+    assert "surface point" not in view_content.readouts_csv(session, ()) or light().is_current
 
-    hand.ctx.item_uncheck("Measuring plane")
+    for section in ("Objects", "Lamps", "Picture"):
+        hand.ctx.item_close(section)
+    hand.ctx.item_click("**/Remove surface")
     hand.wait(lambda: light() is None)
     hand.press(int(keys().mod_ctrl) | int(keys().z))
-    assert session.settings.plane is not None
+    assert session.settings.surfaces == (SURFACE,)
     assert threads == {"solver"}
 
 
 @in_window(scene=lamp_over_floor, light="photons")
 def test_points_beyond_their_range_are_cut_to_it(hand, viewer):
     """500 points along an axis were refused without a word."""
-    viewer.session.edit(plane=MeasuringPlane((-1.0, -0.5), (1.0, 0.5), 0.75, (5, 3)))
+    viewer.session.edit(surfaces=(SURFACE,))
     hand.ctx.set_ref("Panel")
     for section in ("Objects", "Lamps", "Picture"):
         hand.ctx.item_close(section)
-    hand.ctx.item_input_value("##points/$$0/", 500)
+    hand.ctx.item_input_value("**/##points/$$0/", 500)
     hand.ctx.yield_(2)
-    assert viewer.session.settings.plane.points == (100, 3)
+    assert viewer.session.settings.surfaces[0].points == (100, 3)
 
 
 @in_window(scene=lamp_over_floor, light="photons")

@@ -108,7 +108,7 @@ def export(window: Window) -> None:
             return _not_saved(window, problem, file)
 
     if len(view_content.readouts_csv(window.session, window.viewport.pins.shown).splitlines()) < 2:
-        window.log("there is nothing to export: key I pins a read-out, or switch on the measuring plane", WARNING)
+        window.log("there is nothing to export: key I pins a read-out, or add a calculation surface", WARNING)
         return
     suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".csv"))
     window.files.dialog.save("Export the read-outs", suggestion, dialogs.TABLES, write)

@@ -1,27 +1,39 @@
-"""Read-outs: light at the probes of the scene file, at pins, and on the measuring plane."""
+"""Read-outs: light at the probes of the scene file, at pins, and on calculation surfaces."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
 from app.draw.units import Units, units_of
-from app.rest.measuring_plane import PlaneLight
+from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, in_room, surfaces_of
+from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, shown
 from app.session.session import Session
-from app.settings import MeasuringPlane, Settings
-from app.values import MOST_GRID_POINTS
+from app.settings import Settings
+from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
+from gi_core.scene.types import MOST_GRID_POINTS, TARGETS, CalculationSurface
 
 PIN = ui.Button(
     "pin",
     "Pin a read-out",
     "Then click a surface in the picture. Key I pins at once what is under the cursor; Del removes it.",
 )
+
+
+ABOUT = {
+    "mean": "Arithmetic mean of all points.",
+    "minimum": "Least of all points. Noise makes it too small, by about its error.",
+    "maximum": "Largest of all points.",
+    "U0": "Minimum / mean (EN 12665).",
+    "Ud": "Minimum / maximum.",
+}
 
 
 class Edit(NamedTuple):
@@ -44,9 +56,10 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     imgui.end_disabled()
     _pins(s, window.viewport.pins.shown, session.is_current, actions)
     ui.buttons(actions, PIN)
-    _plane(s, session, actions)
-    about = "Write probes, pins, and all points of the measuring plane into a table."
-    ui.buttons(actions, ui.Button("export", "Export as CSV...", about, bool(snapshot.probes or s.pins or s.plane)))
+    _surfaces(s, window, actions)
+    about = "Write probes, pins, and all points of the surfaces into a table."
+    has_numbers = bool(snapshot.probes or s.pins or snapshot.rest.surfaces)
+    ui.buttons(actions, ui.Button("export", "Export as CSV...", about, has_numbers))
     ui.wrapped("Point at a surface: the status line shows its light.")
     return s
 
@@ -80,71 +93,121 @@ def _pins(s: Settings, pinned: tuple[Pinned, ...], is_current: bool, actions: se
         imgui.pop_id()
 
 
-def _plane(s: Settings, session: Session, actions: set[Any]) -> None:
-    metres_per_pixel = 0.01  # of a drag
-    from app.rest.measuring_plane import default_plane, grid_of
+def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
+    """Draw the calculation surfaces: each with its place, its grid, its targets and its numbers."""
+    session, viewport = window.session, window.viewport
+    surfaces, lights = surfaces_of(s, session.scene), {x.surface: x for x in session.light.snapshot.rest.surfaces}
+    grids = dict(session.grids)
+    for k, surface in enumerate(surfaces):
+        imgui.push_id(f"surface {k}")
 
-    changed, on = imgui.checkbox("Measuring plane", s.plane is not None)
+        def edit(to: CalculationSurface | None, first: bool = True, last: bool = True, k: int = k) -> None:
+            edited = () if to is None else (to,)
+            actions.add(Edit("surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :]), first, last))
+
+        if imgui.tree_node_ex(f"{surface.name}###surface", imgui.TreeNodeFlags_.default_open):
+            if surface in grids:
+                _place(surface, session, edit)
+                _grid(surface, grids[surface].shape, edit)
+                _targets(surface, edit)
+                _numbers(lights.get(surface), units_of(session.scene.units))
+            else:
+                ui.wrapped(f"{surface.on} is no longer there.")
+            if imgui.button("Remove surface"):
+                edit(None)
+            imgui.tree_pop()
+        imgui.pop_id()
+    imgui.begin_disabled(not session.ready)
+    names = [surface.name for surface in surfaces]
+    if imgui.button("Add a surface"):
+        actions.add(Edit("surfaces", (*surfaces, WORKING_PLANE._replace(name=free_name(names, "surface")))))
     ui.tip(
-        "Mean, minimum and uniformity of illuminance on a horizontal plane: by default 0.75 m above the floor, "
+        "Mean, minimum and uniformity of illuminance on a grid of points: by default 0.75 m above the floor, "
         "without 0.5 m along the walls, with the grid of EN 12464-1. Path traced at rest, without bias."
     )
-    if changed:
-        actions.add(Edit("plane", default_plane(session.level) if on else None))
-    if (plane := s.plane) is None:
-        return
-    (height,), *done = ui.fields("   height", (plane.height,), metres_per_pixel, "%.3f m", ("h",))
-    _edited(plane._replace(height=height), done, actions)
-    ui.tip("Height above the floor [m].")
-    for k, axis in enumerate(session.level.axes.names):
-        ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), metres_per_pixel, "%.3f", ("from", "to"))
-        ui.tip(f"Extent along {axis} [m], from and to.")
-        low, high = list(plane.low), list(plane.high)
-        low[k], high[k] = ends
-        if high[k] - low[k] >= ui.LEAST_SIDE:
-            _edited(plane._replace(low=(low[0], low[1]), high=(high[0], high[1])), done, actions)
-    _points(plane, grid_of(plane, session.level).shape, actions)
-    _numbers(session.light.snapshot.rest.plane, units_of(session.scene.units))
+    selected = viewport.selection[-1] if viewport.selection else ""
+    imgui.same_line()
+    imgui.begin_disabled(not selected)
+    if imgui.button("On the selected object"):
+        actions.add(Edit("surfaces", (*surfaces, CalculationSurface(free_name(names, selected), selected))))
+    ui.tip("A surface on top of the selected object, which moves with it.")
+    imgui.end_disabled()
+    imgui.end_disabled()
 
 
-def _edited(plane: MeasuringPlane, done: list[bool], actions: set[Any]) -> None:
-    edited, first, last = done
-    if edited or first or last:
-        actions.add(Edit("plane", plane, first, last))
+def _place(surface: CalculationSurface, session: Session, edit: Callable) -> None:
+    """Draw name and place of a surface, of which the room fills in what is not stated."""
+    ui.label("name")
+    _, name = imgui.input_text("##name", surface.name)
+    name = name.strip()
+    taken = [x.name for x in surfaces_of(session.settings, session.scene)]
+    if imgui.is_item_deactivated_after_edit() and name and name not in taken:
+        edit(surface._replace(name=name))
+    s = surface if surface.on else in_room(surface, session.level)
+    metres, degrees = (0.01, "%.3f m"), (0.5, "%.1f°")  # speed of a drag per pixel, and digits
+    rows = [
+        ("height", metres, "Height [m]; on an object, above its top."),
+        ("margin", metres, "Width left out along all sides [m]."),
+    ]
+    if not surface.on:
+        a, b = session.level.axes.names
+        rows += [
+            ("position", metres, f"Its middle along {a} and {b} [m]."),
+            ("size", metres, f"Its size along {a} and {b} [m], before it is turned."),
+            ("tilt", degrees, "0: it faces up; 90: upright; 180: it faces down."),
+            ("turn", degrees, f"About the vertical, from {a} to {b}."),
+        ]
+    for field, (speed, digits), about in rows:
+        value = getattr(s, field) or 0.0
+        values = value if isinstance(value, tuple) else (value,)
+        numbers, edited, first, last = ui.fields(f"   {field}", values, speed, digits, "ab"[: len(values)])
+        ui.tip(about)
+        low, high = {"tilt": (0.0, 180.0), "margin": (0.0, 1e6), "size": (ui.LEAST_SIDE, 1e6)}.get(field, (-1e6, 1e6))
+        numbers = tuple(min(max(number, low), high) for number in numbers)
+        if edited or first or last:
+            change: dict[str, Any] = {field: numbers if isinstance(value, tuple) else numbers[0]}
+            edit(surface._replace(**change), first, last)
 
 
-def _points(plane: MeasuringPlane, shape: tuple[int, int], actions: set[Any]) -> None:
-    """Draw the number of points along the axes."""
+def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -> None:
+    """Draw the number of points along the sides."""
     ui.label("   points")
     changed, (a, b) = imgui.input_int2("##points", list(shape), imgui.InputTextFlags_.enter_returns_true)
-    ui.tip(f"Points along the two axes, 1 to {MOST_GRID_POINTS} each.")
+    ui.tip(f"Points along the two sides, 1 to {MOST_GRID_POINTS} each.")
     if changed:
         a, b = (min(max(n, 1), MOST_GRID_POINTS) for n in (a, b))
-        actions.add(Edit("plane", plane._replace(points=(a, b))))
+        edit(surface._replace(points=(a, b)))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + ui.LABEL_EM * imgui.get_font_size())
-    changed, norm = imgui.checkbox("EN 12464 grid", plane.points is None)
+    changed, norm = imgui.checkbox("EN 12464 grid", surface.points is None)
     ui.tip("The grid of EN 12464-1: cells of 0.2 · 5^log10(d) m for a side of d m.")
     if changed:
-        actions.add(Edit("plane", plane._replace(points=None if norm else shape)))
+        edit(surface._replace(points=None if norm else shape))
 
 
-def _numbers(light: PlaneLight | None, units: Units) -> None:
-    from app.session.readouts import LEFT_OUT, shown
+def _targets(surface: CalculationSurface, edit: Callable) -> None:
+    """Draw the targets of mean and U0; a scene file may have others."""
+    targets = dict(surface.targets)
+    for name, speed, digits in (("mean", 1.0, "%.0f"), ("U0", 0.005, "%.2f")):
+        label, value = f"   {LONG_NAMES[name]} >=", targets.get(name, 0.0)
+        (value,), edited, first, last = ui.fields(label, (value,), speed, digits, "t")
+        ui.tip("Target; 0: none. A target holds, or not, where that is certain by two standard errors.")
+        if edited or first or last:
+            asked = targets | {name: max(value, 0.0)}
+            edit(surface._replace(targets=tuple((t, asked[t]) for t in TARGETS if asked.get(t))), first, last)
 
-    unit = units.per_area
+
+def _numbers(light: SurfaceLight | None, units: Units) -> None:
     if light is None:
         imgui.text_disabled("   measured at rest")
         return
     n = light.numbers
     imgui.begin_disabled(not light.is_current)
-    for name, value, error, of, about in (
-        ("mean", n.mean, n.mean_error, unit, "Arithmetic mean of all points."),
-        ("minimum", n.least, n.least_error, unit, "Least of all points. Noise makes it too small, by about its error."),
-        ("maximum", n.most, n.most_error, unit, "Largest of all points."),
-        ("uniformity U0", n.U0, n.U0_error, "", "Minimum / mean (EN 12665)."),
-        ("diversity Ud", n.Ud, n.Ud_error, "", "Minimum / maximum."),
-    ):
-        ui.number(f"   {name}", shown(value, error, of), f"{about} ± is one standard error.")
+    for name, value, error, has_unit in n.rows():
+        about = f"{ABOUT[name]} ± is one standard error."
+        ui.number(f"   {LONG_NAMES[name]}", shown(value, error, units.per_area if has_unit else ""), about)
+        if target := judged(light, name, units).strip():
+            colour = {PASS: theme.GOOD, FAIL: theme.ERROR}.get(light.verdicts[name], theme.DIM_TEXT)
+            ui.wrapped(f"      {target}", colour)
     imgui.end_disabled()
     state = (
         "measured at rest" if not light.is_current else "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"

@@ -22,7 +22,7 @@ LIMITS = {  # of one scene with all its files
     "bytes in a scene file": 4_000_000,
     "lines of text": 12_000_000,
     "values in JSON": 2_000_000,
-    "objects": 1_000,  # mobiles, lights and probes
+    "objects": 1_000,  # mobiles, lights, probes, shapes and surfaces
     "key frames": 100_000,
     "nodes": 100_000,
     "primitives": 50_000,

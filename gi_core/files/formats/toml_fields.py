@@ -143,6 +143,20 @@ class Table:
             raise SceneError(f"{self.where}: a {what} is written as a table [[{key}]], got {shown(value)}")
         return value
 
+    def counts(self, key: str, n: int, most: int) -> tuple[int, ...] | None:
+        """Return n whole numbers from 1 to `most`, None without the key."""
+
+        def holds(v) -> bool:
+            return isinstance(v, list) and len(v) == n and all(is_number(x, 1, most) and x == int(x) for x in v)
+
+        value = self._value(key, None, f"must be {_word(n)} whole numbers from 1 to {most}", holds)
+        return value and tuple(map(int, value))
+
+    def numbers_by(self, key: str, keys: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
+        """Return the numbers > 0 of a table of these keys, in their order."""
+        table = self.section(key, keys)
+        return tuple((name, table.number(name, above=0)) for name in keys if name in table)
+
     def table(self, key: str) -> dict:
         """Return a table inside this one."""
         return self._value(key, REQUIRED, "must be a table", lambda v: isinstance(v, dict), "{ ... }")

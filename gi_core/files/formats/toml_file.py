@@ -20,6 +20,9 @@ from gi_core.scene.errors import SceneError, utf8
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
 from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
+    MOST_GRID_POINTS,
+    TARGETS,
+    CalculationSurface,
     Camera,
     Daylight,
     Defaults,
@@ -131,7 +134,7 @@ UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 LENGTH, SCALE, NAME = of("number", default=None, above=0), of("number", default=1.0, above=0), of("text")
 ROOT = (
     "title", "up", "units", "static", "shape", "mobile", "light", "materials", "camera", "probe", "defaults",
-    "light_scenes", "daylight",
+    "light_scenes", "daylight", "surface",
 )  # fmt: skip
 STATIC = {"mesh": of("texts"), "scale": SCALE, "max_edge": LENGTH}
 MOBILE = {
@@ -142,6 +145,13 @@ ROTATION = ("rotation", "axis", "angle", "path")  # keys of a mobile, besides
 PLACED = {"mobile": of("flag", default=False), "position": of("vector", default=None)}  # keys of a shape, besides
 PATH = ("times", "positions", "rotations", "spin", "spin_axis")
 PROBE = {"name": NAME, "position": PLACE, "normal": of("direction")}
+SURFACE = {
+    "name": NAME, "on": of("text", default=""), "position": of("vector", n=2, default=None),
+    "size": of("vector", n=2, default=None, above=0), "height": of("number", default=None),
+    "tilt": of("number", default=0.0, least=0, below=math.nextafter(180, 181)), "turn": of("number", default=0.0),
+    "margin": of("number", default=None, least=0),
+    "points": of("counts", n=2, most=MOST_GRID_POINTS), "targets": of("numbers_by", keys=TARGETS),
+}  # fmt: skip
 CAMERA = {"position": PLACE, "target": PLACE, "fov": of("number", default=45.0, above=0, below=180)}
 DAYLIGHT = {
     "place": of("place"), "date": of("date"), "hour": of("number", least=0, below=24),
@@ -190,6 +200,7 @@ class SceneFile(NamedTuple):
     light_scenes: list[LightScene]
     photometry: dict[Path, PhotometryFile]  # files of luminaires
     daylight: Daylight | None = None
+    surfaces: tuple[CalculationSurface, ...] = ()
 
 
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
@@ -200,7 +211,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     boundary = boundary or Boundary(path.parent)
     root = Table(read_toml(path, where, boundary), where, ROOT)
     up = read_up(root)
-    tables = [root.tables(key, key) for key in ("mobile", "light", "probe", "shape")]
+    tables = [root.tables(key, key) for key in ("mobile", "light", "probe", "shape", "surface")]
     boundary.take(where, "objects", sum(map(len, tables)))
     of_static = [t for t in tables[3] if t.get("mobile") is not True]
     if "static" not in root and not of_static:
@@ -221,10 +232,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     ]
     probes = [_probe(t, i, where) for i, t in enumerate(tables[2])]
     for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
-        names = [n.name for n in named]
-        for i, name in enumerate(names):
-            if name in names[:i]:
-                raise SceneError(f'{where}: {what} "{name}": names must differ, this one is used twice; rename one')
+        _check_names(what, [n.name for n in named], where)
     return SceneFile(
         root.text("title", utf8(path.stem)),
         up,
@@ -239,7 +247,32 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
         read_light_scenes(root),
         luminaires.files,
         Daylight(**root.section("daylight", DAYLIGHT).fields()) if "daylight" in root else None,
+        read_surfaces(root),
     )
+
+
+def read_surfaces(root: Table) -> tuple[CalculationSurface, ...]:
+    """Return the tables [[surface]]. Raises SceneError."""
+    tables, where = root.tables("surface", "surface"), root.where
+    surfaces = tuple(read_surface(t, _entry(where, "surface", t, i)) for i, t in enumerate(tables))
+    _check_names("surface", [s.name for s in surfaces], where)
+    return surfaces
+
+
+def read_surface(values: dict, where: str) -> CalculationSurface:
+    """Return the surface of a table. Raises SceneError."""
+    table = Table(values, where, SURFACE)
+    if "on" in table:
+        for key in ("position", "size", "tilt", "turn"):
+            if key in table:
+                raise SceneError(f"{where}: {key} is that of what the surface lies on; leave out {key}, or on")
+    return CalculationSurface(**table.fields())
+
+
+def _check_names(what: str, names: list[str], where: str) -> None:
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise SceneError(f'{where}: {what} "{name}": names must differ, this one is used twice; rename one')
 
 
 def read_light_scenes(root: Table) -> list[LightScene]:

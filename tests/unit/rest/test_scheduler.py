@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.rest import live_error
-from app.rest.jobs import Job, PlaneJob, first_task
+from app.rest.jobs import Job, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
@@ -165,16 +165,17 @@ def test_unusable_stored_file_counts_as_none(what, folder):
 
 
 @pytest.mark.slow
-def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_poses():
-    """Its light stays, marked as out of date, until that of the new poses is there; without a plane there is none."""
+def test_a_surface_is_measured_beside_all_other_work_and_again_at_other_poses():
+    """Its light stays, marked as out of date, until that of the new poses is there; without a surface there is none."""
 
     from app.rest.scheduler import RestWork
-    from app.settings import MeasuringPlane
+    from gi_core.scene import CalculationSurface
 
     solver = Solver(SCENE, photons=3000, radius=0.06)
     solver.configure(light="best")
     solver.solve()
-    settings = Settings(photons=3000, light="best", plane=MeasuringPlane((0.2, 0.2), (0.8, 0.8), 0.5, (2, 2)))
+    surface = CalculationSurface("a", "", (0.5, 0.5), (0.6, 0.6), 0.5, points=(2, 2))
+    settings = Settings(photons=3000, light="best", surfaces=(surface,))
     work, names = RestWork(solver, support.Clock()), []
 
     def until(done) -> None:
@@ -184,25 +185,25 @@ def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_
                 return
             names.append(task.name)
             task.run()
-        raise AssertionError("the plane is not measured")
+        raise AssertionError("the surface is not measured")
 
-    until(lambda: work.results().plane is not None)
-    assert names[:12].count(PlaneJob.name) >= 3 and len(set(names)) > 1, "it takes turns"
-    until(lambda: work.results().plane.fraction == 1)
-    first = work.results().plane
+    until(lambda: work.results().surfaces)
+    assert names[:12].count(SurfacesJob.name) >= 3 and len(set(names)) > 1, "it takes turns"
+    until(lambda: work.results().surfaces[0].fraction == 1)
+    first = work.results().surfaces[0]
     assert first.is_current and np.isfinite(first.values).all()
     name = solver.model.names[0]
     solver.move(name, solver.poses[name]._replace(position=(0.5, 0.5, 0.7)))
     work.next_task(settings)
-    assert work.results().plane.values is first.values and not work.results().plane.is_current
-    until(lambda: work.results().plane.is_current and work.results().plane.fraction == 1)
-    assert not np.array_equal(work.results().plane.values, first.values)
-    work.next_task(replace(settings, plane=None))
-    assert work.results().plane is None
+    assert work.results().surfaces[0].values is first.values and not work.results().surfaces[0].is_current
+    until(lambda: work.results().surfaces[0].is_current and work.results().surfaces[0].fraction == 1)
+    assert not np.array_equal(work.results().surfaces[0].values, first.values)
+    work.next_task(replace(settings, surfaces=()))
+    assert work.results().surfaces == ()
 
 
 def test_a_step_that_raises_lets_the_job_begin_again():
-    """A measuring plane whose step was broken off by a move had ended for its poses."""
+    """A surface whose step was broken off by a move had ended for its poses."""
     job, settings, begun = Job(None), Settings(photons=1000), []
     job.key = lambda settings: settings.photons
     job.begin = lambda: (begun.append(job._key), (1 // (1 - step) for step in range(3)))[1]

@@ -1,4 +1,4 @@
-"""The measuring plane: its grid by EN 12464-1, its numbers by hand, its light against closed forms."""
+"""Calculation surfaces: grids by EN 12464-1, numbers and verdicts by hand, light against closed forms."""
 
 import csv
 import io
@@ -10,25 +10,30 @@ import numpy as np
 import pytest
 
 from app.draw.units import PHOTOMETRIC
-from app.rest.measuring_plane import (
+from app.rest.calculation_surface import (
     BORDER,
-    PlaneLight,
+    FAIL,
+    PASS,
+    UNCERTAIN,
+    WORKING_PLANE,
+    SurfaceLight,
+    all_steps,
     axes_of,
     box_along,
-    default_plane,
     grid_of,
+    in_room,
     level_of,
     light_steps,
-    plane_steps,
     points_of,
     standard_points,
+    surface_steps,
     uniformity,
-)  # fmt: skip
+    verdict,
+)
 from app.session.readouts import Row, csv_text, shown, text_lines
-from app.settings import MeasuringPlane
-from app.values import MOST_GRID_POINTS
 from gi_core.model import Model
-from gi_core.scene import Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
+from gi_core.scene import CalculationSurface, Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
+from gi_core.scene.types import MOST_GRID_POINTS
 from tests.support import closed_form
 from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, sphere
 
@@ -45,11 +50,17 @@ def downlight(*mobiles: Mobile) -> Scene:
     return Scene(floor, (black,), mobiles, (light,), up=UP, units="photometric", name="downlight")
 
 
-def measured(scene: Scene, plane: MeasuringPlane, low, high, seed: int = 0, noise: float = 0.01):
+def rectangle(low, high, height: float, points=None) -> CalculationSurface:
+    """Return a level surface between two corners [m]."""
+    (a, b), (c, d) = low, high
+    return CalculationSurface("plane", "", ((a + c) / 2, (b + d) / 2), (c - a, d - b), height, points=points)
+
+
+def measured(scene: Scene, plane: CalculationSurface, low, high, seed: int = 0, noise: float = 0.01):
     model = Model(scene)
     level = box_along(low, high, scene.up)
     levels = np.ones((model.emitters.lamps.count, 3))
-    *_, light = plane_steps(model, plane, level, model.start_poses(), levels, seed, noise)
+    *_, light = surface_steps(model, plane, level, model.start_poses(), levels, seed, noise)
     return light, level
 
 
@@ -71,20 +82,26 @@ def test_the_grid_is_that_of_en_12464_1(width, depth, points):
 def test_points_are_the_centres_of_cells_on_horizontal_axes():
     level = box_along((-1, 0, -2), (3, 2.5, 2), (0, 1, 0))
     assert level.axes.names == ("x", "z") and level.low[2] == 0
-    grid = grid_of(MeasuringPlane((-1, -2), (3, 2), 0.75, (2, 4)), level)
+    model = Model(furnace_scene(1.0, 0.5, divisions=2))
+    grid = grid_of(rectangle((-1, -2), (3, 2), 0.75, (2, 4)), model, level, {})
     assert grid.shape == (2, 4)
     assert grid.positions[:5].tolist() == [[0, 0.75, z] for z in (-1.5, -0.5, 0.5, 1.5)] + [[2, 0.75, -1.5]]
     assert sorted(map(tuple, grid.corners.tolist())) == [(-1, 0.75, -2), (-1, 0.75, 2), (3, 0.75, -2), (3, 0.75, 2)]
     assert axes_of((0, 0, 1)).names == ("x", "y") and axes_of((1, 1, 0)).names == ("east", "north")
     upside_down = box_along((0, 0, 0), (1, 1, 4), (0, 0, -1))
     assert upside_down.low[2] == -4, "the floor is below"
-    assert grid_of(MeasuringPlane((0, 0), (1, 1), 1.0, (1, 1)), upside_down).positions.tolist() == [[0.5, 0.5, 3.0]]
+    assert grid_of(rectangle((0, 0), (1, 1), 1.0, (1, 1)), model, upside_down, {}).positions.tolist() == [
+        [0.5, 0.5, 3.0]
+    ]
 
 
 def test_the_default_is_desk_height_without_the_border_along_walls():
-    assert default_plane(box_along((0, 0, 0), (6, 4, 3), UP)) == MeasuringPlane((0.5, 0.5), (5.5, 3.5), 0.75)
-    tiny = default_plane(box_along((0, 0, 0), (0.6, 0.6, 0.5), UP))
-    assert tiny == MeasuringPlane((0.0, 0.0), (0.6, 0.6), 0.25)
+    room = in_room(WORKING_PLANE, box_along((0, 0, 0), (6, 4, 3), UP))
+    assert (room.position, room.size, room.height, room.margin) == ((3.0, 2.0), (6.0, 4.0), 0.75, BORDER)
+    tiny = in_room(WORKING_PLANE, box_along((0, 0, 0), (0.6, 0.6, 0.5), UP))
+    assert (tiny.position, tiny.size, tiny.height, tiny.margin) == ((0.3, 0.3), (0.6, 0.6), 0.25, 0.0)
+    own = in_room(WORKING_PLANE._replace(size=(5, 5), height=1.2), box_along((0, 0, 0), (6, 4, 3), UP))
+    assert (own.size, own.height, own.margin) == ((5, 5), 1.2, 0.0), "a size that is given has no border"
 
 
 def test_numbers_of_a_grid_by_hand():
@@ -103,7 +120,7 @@ def test_numbers_of_a_grid_by_hand():
 
 def test_a_downlight_over_a_desk_by_hand():
     """I cos^3 / h^2 with the falloff of the spot, h = 2 m from lamp to desk height. Direct light has no noise."""
-    plane = MeasuringPlane((-1.5, -1.0), (1.5, 1.0), 0.75)
+    plane = rectangle((-1.5, -1.0), (1.5, 1.0), 0.75)
     light, level = measured(downlight(), plane, (-2, -1.5, 0), (2, 1.5, 2.75))
     x = np.hypot(*light.grid.positions[:, :2].T)
     inner, outer = (math.cos(math.radians(a)) for a in (INNER, OUTER))
@@ -114,21 +131,21 @@ def test_a_downlight_over_a_desk_by_hand():
     assert n.most == pytest.approx(INTENSITY / 4, rel=1e-4), "the middle of an odd grid: I / h^2"
     assert (n.mean, n.least) == pytest.approx((expected.mean(), expected.min()), rel=1e-4)
     assert n.U0 == pytest.approx(expected.min() / expected.mean(), rel=1e-4) and n.U0_error < 1e-4
-    lines = text_lines([], light, level, PHOTOMETRIC)
-    assert lines[0].startswith("measuring plane    3 x 2 m, 0.75 m above the floor, 7 x 5 points")
+    lines = text_lines([], [light], level, PHOTOMETRIC)
+    assert lines[0].startswith("plane              3 x 2 m, 0.75 m above the floor, 7 x 5 points")
     assert lines[3] == "maximum            100 lx" and lines[4].startswith(f"uniformity U0      {n.U0:.4g} ")
 
 
 def test_points_inside_objects_and_outside_a_room_do_not_count():
     mesh = box((-0.6, -0.6, 0.3), (0.6, 0.6, 1.2))
-    plane = MeasuringPlane((-2, -1.6), (2, 1.6), 0.75, (4, 4))  # x in -1.5, -0.5, 0.5, 1.5
+    plane = rectangle((-2, -1.6), (2, 1.6), 0.75, (4, 4))  # x in -1.5, -0.5, 0.5, 1.5
     light, level = measured(downlight(Mobile("cabinet", mesh, Pose())), plane, (-2, -1.5, 0), (2, 1.5, 2.75))
     inside = np.abs(light.grid.positions[:, :2]).max(axis=1) < 0.6
     assert inside.sum() == 4 and np.array_equal(np.isnan(light.values), inside)
     assert light.numbers.left_out == 4 and light.numbers.points == 12
     assert (
         "4 of them inside objects or outside the room"
-        in text_lines([], light, level_of(Model(downlight())), PHOTOMETRIC)[0]
+        in text_lines([], [light], level_of(Model(downlight())), PHOTOMETRIC)[0]
     )
 
 
@@ -202,29 +219,31 @@ def test_the_floor_and_the_points_that_count(name):
     assert level.low[2] == pytest.approx(floor, abs=1e-6 * (size + floor))
     low = scene.static.vertices[: -len(DOME.vertices) if "dome" in name else None].min(axis=0)[:2]
     ends = (tuple((low + x * size).tolist()) for x in (0.5, 5.5))
-    plane = MeasuringPlane(*ends, 0.75 * size, (6, 6))
+    plane = rectangle(*ends, 0.75 * size, (6, 6))
     levels = model.emitters.lamps.full()
-    *_, light = plane_steps(model, plane, level, model.start_poses(), levels, 0, 0.5)
+    *_, light = surface_steps(model, plane, level, model.start_poses(), levels, 0, 0.5)
     assert light.numbers.points == points and (light.numbers.least > 0) == (name != "no lamp")
-    default = default_plane(level)
-    border = BORDER * np.array([1, 1, -1, -1])
+    default = grid_of(WORKING_PLANE, model, level, {})
     if size == 1:
-        assert (*default.low, *default.high) == pytest.approx((*low, *low + 6) + border, abs=0.1)
-        assert points_of(default) == ((8, 8), "")
+        ends = (default.corners[[0, 2], :2] - low).ravel()
+        assert ends == pytest.approx((BORDER, BORDER, 6 - BORDER, 6 - BORDER), abs=0.1)
+        assert points_of(default.size) == ((8, 8), "")
     else:
-        (a, b), note = points_of(default)
-        assert a == b == MOST_GRID_POINTS == len(np.unique(grid_of(default, level).positions[:, 0]))
+        (a, b), note = points_of(default.size)
+        assert a == b == MOST_GRID_POINTS == len(np.unique(default.positions[:, 0].round(3)))
         assert "600 x 600 points" in note and "scale = 0.001" in note
 
 
 def test_places_of_points_have_micrometres_at_survey_coordinates():
-    level = level_of(Model(l_room(at=(2600123, 5100456, 100))))
-    plane = default_plane(level)
-    assert plane.low == pytest.approx((2600123.5, 5100456.5), abs=0.06)
-    light = PlaneLight(plane, grid_of(plane._replace(points=(2, 2)), level), np.ones(4), np.zeros(4), 1.0)
-    rows = list(csv.reader(io.StringIO(csv_text([], light, PHOTOMETRIC))))[-4:]
+    model = Model(l_room(at=(2600123, 5100456, 100)))
+    level = level_of(model)
+    surface = WORKING_PLANE._replace(points=(2, 2))
+    grid = grid_of(surface, model, level, {})
+    assert grid.corners[0, :2] == pytest.approx((2600123.5, 5100456.5), abs=0.06)
+    light = SurfaceLight(surface, grid, np.ones(4), np.zeros(4), 1.0)
+    rows = list(csv.reader(io.StringIO(csv_text([], [light], PHOTOMETRIC))))[-4:]
     assert np.array([row[2:5] for row in rows], float) == pytest.approx(light.grid.positions, abs=1e-6)
-    head = next(line for line in text_lines([], light, level, PHOTOMETRIC) if "\\" in line)
+    head = next(line for line in text_lines([], [light], level, PHOTOMETRIC) if "\\" in line)
     assert len(head.split()) == 6, "columns of the map stay apart"
 
 
@@ -252,7 +271,7 @@ def test_the_furnace_is_even_and_standard_errors_are_honest():
     truth = closed_form.furnace(1.0, 0.5)
     off_points, off_mean = [], []
     for seed in range(12):
-        plane = MeasuringPlane((0.1, 0.1), (0.9, 0.9), 0.5, (4, 4))
+        plane = rectangle((0.1, 0.1), (0.9, 0.9), 0.5, (4, 4))
         light, _ = measured(furnace_scene(1.0, 0.5, divisions=2), plane, (0, 0, 0), (1, 1, 1), seed, 0.05)
         n = light.numbers
         assert n.left_out == 0 and 0.9 < n.U0 <= 1 <= n.most / n.mean < 1.1 and n.mean_error < 0.01 * n.mean
@@ -264,26 +283,104 @@ def test_the_furnace_is_even_and_standard_errors_are_honest():
 
 
 def test_the_table_has_every_point_and_no_formula():
-    plane = MeasuringPlane((-1.5, -1.0), (1.5, 1.0), 0.75, (2, 1))
+    plane = rectangle((-1.5, -1.0), (1.5, 1.0), 0.75, (2, 1))
     light, level = measured(downlight(), plane, (-2, -1.5, 0), (2, 1.5, 2.75))
     rows = [Row("pin", "=1+1", (0.1, 0.2, 0.3), 512.3, radiance=81.5, object="static part", material="oak")]
-    table = list(csv.reader(io.StringIO(csv_text(rows, light, PHOTOMETRIC))))
+    table = list(csv.reader(io.StringIO(csv_text(rows, [light], PHOTOMETRIC))))
     head, pin, *numbers = table
     assert head[5:8] == ["illuminance [lx]", "standard error [lx]", "luminance [cd/m2]"]
-    assert pin == ["pin", "'=1+1", "0.1", "0.2", "0.3", "512.3", "", "81.5", "static part", "oak"]
+    assert pin == ["pin", "'=1+1", "0.1", "0.2", "0.3", "512.3", "", "81.5", "static part", "oak", ""]
     assert [row[1] for row in numbers[:3]] == ["mean", "minimum", "maximum"] and len(numbers) == 5 + 2
-    assert {len(row) for row in table} == {10}
+    assert {len(row) for row in table} == {11}
     assert [float(row[5]) for row in numbers[5:]] == pytest.approx(light.values.tolist(), rel=1e-6)
     assert [row[1] for row in numbers[5:]] == ["1 1", "2 1"] and float(numbers[5][2]) == -0.75
+
+
+def test_a_target_holds_where_that_is_certain_by_two_standard_errors():
+    for value, error, at_most, expected in (
+        (520, 9, False, PASS), (520, 11, False, UNCERTAIN), (480, 11, False, UNCERTAIN), (480, 9, False, FAIL),
+        (500, 0, False, PASS), (499.9, 0, False, FAIL), (480, 9, True, PASS), (520, 9, True, FAIL),
+        (math.nan, 1, False, UNCERTAIN),
+    ):  # fmt: skip
+        assert verdict(value, error, 500, at_most) == expected
+    targets = (("mean", 60.0), ("minimum", 60.0), ("maximum", 120.0), ("U0", 0.1))
+    plane = rectangle((-1.5, -1.0), (1.5, 1.0), 0.75)._replace(targets=targets)
+    light, level = measured(downlight(), plane, (-2, -1.5, 0), (2, 1.5, 2.75))
+    assert light.verdicts == {"mean": PASS, "minimum": FAIL, "maximum": PASS, "U0": PASS}, light.numbers
+    lines = text_lines([], [light], level, PHOTOMETRIC)
+    assert lines[2].endswith("at least 60 lx: fail") and lines[3].endswith("at most 120 lx: pass")
+    table = list(csv.reader(io.StringIO(csv_text([], [light], PHOTOMETRIC))))
+    assert [row[10] for row in table[1:6]] == ["60: pass", "60: fail", "120: pass", "0.1: pass", ""]
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0])
+@pytest.mark.parametrize("tilt", [0.0, 40.0, 90.0])
+def test_a_tilted_surface_under_a_lamp_by_hand(tilt, turn):
+    """E = I cos(angle of incidence) / d^2 at every point of a surface that leans to one side."""
+    scene = replace(downlight(), lights=(PointLight("bulb", (0, 0, LAMP), (4 * math.pi * INTENSITY,) * 3),))
+    surface = CalculationSurface("board", "", (0.6, -0.3), (0.5, 0.8), 1.0, tilt, turn, points=(3, 4))
+    light, _ = measured(scene, surface, (-2, -1.5, 0), (2, 1.5, 2.75))
+    t, r = math.radians(tilt), math.radians(turn)
+    normal = np.array([math.sin(t) * math.cos(r), math.sin(t) * math.sin(r), math.cos(t)])
+    way = np.array([0, 0, LAMP]) - light.grid.positions
+    d = np.sqrt((way * way).sum(axis=1))
+    E = INTENSITY * np.maximum(way @ normal, 0) / d**3
+    assert light.grid.positions.mean(axis=0) == pytest.approx([0.6, -0.3, 1.0]) and light.grid.sides[
+        2
+    ] == pytest.approx(normal)
+    assert light.grid.size == pytest.approx([0.5, 0.8]) and light.grid.shape == (3, 4)
+    counted = np.isfinite(light.values)
+    assert light.values[counted] == pytest.approx(E[counted], rel=1e-4) and counted.sum() >= (E > 0).sum()
+
+
+def test_a_surface_on_a_mobile_moves_and_turns_with_it():
+    """The top of a table of 1.2 x 0.8 m, whose shelf below is larger, then of the same table moved and turned."""
+    table = merge(box((-0.6, -0.4, 0.70), (0.6, 0.4, 0.74), 3), box((-0.65, -0.4, 0.1), (0.65, 0.4, 0.14), 3))
+    model = Model(downlight(Mobile("table", table, Pose())))
+    level, top = box_along((-2, -1.5, 0), (2, 1.5, 2.75), UP), CalculationSurface("top", "table", margin=0.1)
+    grid = grid_of(top, model, level, {"table": Pose()})
+    assert grid.size == pytest.approx([1.0, 0.6]) and grid.positions[:, 2] == pytest.approx(0.74)
+    half = math.radians(15)
+    moved = {"table": Pose((0.5, 0.2, 0.0), (math.cos(half), 0, 0, math.sin(half)))}
+    turned = grid_of(top, model, level, moved)
+    turn = np.array(
+        [[math.cos(2 * half), -math.sin(2 * half), 0], [math.sin(2 * half), math.cos(2 * half), 0], [0, 0, 1]]
+    )
+    assert turned.positions == pytest.approx(grid.positions @ turn.T + [0.5, 0.2, 0])
+    *_, light = surface_steps(model, top, level, moved, np.ones((1, 3)), 0)
+    assert light.numbers.left_out == 0, "no point lies inside the table"
+    x = np.hypot(*light.grid.positions[:, :2].T)
+    inner, outer = (math.cos(math.radians(a)) for a in (INNER, OUTER))
+    assert light.values == pytest.approx(closed_form.spot_over_plane(INTENSITY, LAMP - 0.74, x, inner, outer), rel=1e-4)
+
+
+def test_a_surface_on_a_wall_is_that_of_a_material():
+    whole = room(shell(), quad((0.01, 2, 1), (0, 2, 0), (0, 0, 1), (4, 4), SHEET), lights=[(3, 3, 2.8)])
+    names = (whole.materials[0], Material("board", (0.5,) * 3, two_sided=True), whole.materials[2])
+    model = Model(replace(whole, materials=names))
+    grid = grid_of(CalculationSurface("on the board", "board", height=0.002), model, level_of(model), {})
+    assert grid.sides[2] == pytest.approx([1, 0, 0]), "into the room"
+    assert sorted(grid.size) == pytest.approx([1, 2]) and grid.positions[:, 0] == pytest.approx(0.012)
+    assert grid.positions.mean(axis=0)[1:] == pytest.approx([3, 1.5]) and grid.sides[1] == pytest.approx(UP)
+
+
+def test_several_surfaces_are_measured_side_by_side_as_alone():
+    planes = [rectangle((-1.5, -1.0), (1.5, 1.0), h, (3, 2))._replace(name=f"at {h}") for h in (0.5, 1.0)]
+    model = Model(downlight())
+    level, poses = box_along((-2, -1.5, 0), (2, 1.5, 2.75), UP), model.start_poses()
+    *_, lights = all_steps(model, planes, level, poses, np.ones((1, 3)), 0)
+    assert [light.surface for light in lights] == planes and all(light.fraction == 1 for light in lights)
+    for plane, light in zip(planes, lights, strict=True):
+        assert np.array_equal(light.values, measured(downlight(), plane, (-2, -1.5, 0), (2, 1.5, 2.75))[0].values)
 
 
 def test_a_point_has_the_same_digits_in_the_map_as_beside_its_error():
     """The least and the largest value of a plane under a bright lamp, 20 times that of the other tests."""
     scene = downlight()
     bright = replace(scene, lights=(scene.lights[0]._replace(intensity=(2e4,) * 3),))
-    light, level = measured(bright, MeasuringPlane((-1.5, -1.0), (1.5, 1.0), 1.75, (3, 3)), (-2, -1.5, 0), (2, 1.5, 2))
+    light, level = measured(bright, rectangle((-1.5, -1.0), (1.5, 1.0), 1.75, (3, 3)), (-2, -1.5, 0), (2, 1.5, 2))
     for given in (light, light._replace(errors=np.linspace(0.2, 30, 9)), light._replace(errors=np.full(9, 1e-4))):
-        lines = text_lines([], given, level, PHOTOMETRIC)
+        lines = text_lines([], [given], level, PHOTOMETRIC)
         stated = {line.split()[0]: line.split()[1] for line in lines[2:4]}
         cells = [cell for line in lines[9:12] for cell in line.split()[1:]]
         assert len(cells) == 9 and "e+" not in " ".join(cells) and {*stated} == {"minimum", "maximum"}

@@ -1,8 +1,9 @@
-"""A measuring plane: a horizontal grid of points, their irradiance, and the numbers that lighting norms ask for.
+"""Calculation surfaces: grids of points, their irradiance, and the numbers that lighting norms ask for.
 
 EN 12464-1 defines the grid: nearly square cells with points at their centres, of p = 0.2 * 5^log10(d) metres at a side
 of d metres, and a border of 0.5 m along walls that does not count. EN 12665 defines illuminance uniformity as
-U0 = E_min / E_mean. E_min / E_max is called diversity Ud here; EN 12665 lets it be stated beside U0.
+U0 = E_min / E_mean. E_min / E_max is called diversity Ud here; EN 12665 lets it be stated beside U0. The texts of the
+norms were not at hand; these formulas are those that manuals of lighting software give.
 
 The points lie in space, on no surface, so photons on surfaces do not measure them. Unbiased paths do, with a standard
 error.
@@ -11,31 +12,44 @@ error.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.settings import MeasuringPlane
-from app.values import MOST_GRID_POINTS
-from gi_core.base.vectors import frame_of
+from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
+from gi_core.scene.types import MOST_GRID_POINTS, CalculationSurface
+from gi_core.scene.validate import check_surface
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from app.settings import Settings
     from gi_core.model import Model
-    from gi_core.scene import Pose
+    from gi_core.scene import Pose, Scene
 
 HEIGHT = 0.75  # [m] above the floor: desks
 BORDER = 0.5  # [m] along walls, EN 12464-1
+LEVEL_COSINE = 0.999  # between normals of one flat part
+MOST_PARTS = 256  # flat parts of an object that are looked at, from the largest face on
+PASS, FAIL, UNCERTAIN = "pass", "fail", "not certain"
+AT_MOST = ("maximum",)  # numbers whose target is an upper bound
 LEAST_SLOPE = 0.1  # cosine of a face that a vertical line meets at a clear height
 OF_POINT = 3.0  # times that: standard error of each point, relative to its value
 FIRST_ROUNDS, LAST_ROUNDS = 3, 8  # rounds before values are shown, and before the end: a deviation of fewer says little
+
+
+WORKING_PLANE = CalculationSurface("working plane")
+
+
+def surfaces_of(settings: Settings, scene: Scene) -> tuple[CalculationSurface, ...]:
+    """Return the surfaces to measure: those of the settings, else those of the scene file."""
+    return scene.surfaces if settings.surfaces is None else settings.surfaces
 
 
 class Axes(NamedTuple):
@@ -56,17 +70,19 @@ class Level(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Points of a measuring plane."""
+    """Points of a surface."""
 
-    positions: np.ndarray  # (n, 3) float64 [m], rows along the first axis
-    shape: tuple[int, int]  # points along the two axes
-    corners: np.ndarray  # (4, 3) float64 [m] of the plane
+    positions: np.ndarray  # (n, 3) float64 [m], rows along the first side
+    shape: tuple[int, int]  # points along the two sides
+    corners: np.ndarray  # (4, 3) float64 [m] of the surface
+    sides: np.ndarray  # (3, 3) float64 unit: the two sides, and the normal
+    size: np.ndarray  # (2,) float64 [m]
 
 
-class PlaneLight(NamedTuple):
-    """Irradiance at the points of a measuring plane, as luminance of RGB [W/m2], or [lx] in a photometric scene."""
+class SurfaceLight(NamedTuple):
+    """Irradiance at the points of a surface, as luminance of RGB [W/m2], or [lx] in a photometric scene."""
 
-    plane: MeasuringPlane
+    surface: CalculationSurface
     grid: Grid
     values: np.ndarray  # (n,) float64, nan where points do not count
     errors: np.ndarray  # (n,) float64, standard errors
@@ -76,6 +92,12 @@ class PlaneLight(NamedTuple):
     @property
     def numbers(self) -> Uniformity:
         return uniformity(self.values, self.errors)
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """PASS, FAIL or UNCERTAIN by the number that has a target."""
+        of = {name: (value, error) for name, value, error, _ in self.numbers.rows()}
+        return {name: verdict(*of[name], target, name in AT_MOST) for name, target in self.surface.targets}
 
 
 class Uniformity(NamedTuple):
@@ -110,9 +132,30 @@ class Uniformity(NamedTuple):
         """Standard error of Ud."""
         return self.Ud * math.hypot(_share(self.least_error, self.least), _share(self.most_error, self.most))
 
+    def rows(self) -> tuple[tuple[str, float, float, bool], ...]:
+        """Return name (as in targets), value, standard error, and whether it has the unit of the points, per number."""
+        return (
+            ("mean", self.mean, self.mean_error, True),
+            ("minimum", self.least, self.least_error, True),
+            ("maximum", self.most, self.most_error, True),
+            ("U0", self.U0, self.U0_error, False),
+            ("Ud", self.Ud, self.Ud_error, False),
+        )
+
 
 def _share(error: float, value: float) -> float:
     return error / value if value > 0 else 0.0
+
+
+def verdict(value: float, error: float, target: float, at_most: bool = False) -> str:
+    """Return PASS or FAIL where a value is certain by two standard errors, else UNCERTAIN; a target itself passes."""
+    over = (target - value) if at_most else (value - target)
+    slack = 2 * error + 1e-9 * abs(target)  # rounding of a value without noise
+    if math.isnan(over):
+        return UNCERTAIN
+    if error == 0:
+        return PASS if over >= -slack else FAIL
+    return PASS if over >= slack else FAIL if over <= -slack else UNCERTAIN
 
 
 def uniformity(values: np.ndarray, errors: np.ndarray) -> Uniformity:
@@ -155,21 +198,6 @@ def box_along(low, high, up) -> Level:
     corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     along = corners @ np.array(axes[:3]).T
     return Level(axes, along.min(axis=0), along.max(axis=0))
-
-
-def default_plane(level: Level) -> MeasuringPlane:
-    """Return the plane at desk height without the border along walls; a small scene has neither."""
-    low, high = level.low[:2].copy(), level.high[:2].copy()
-    inside = high - low > 4 * BORDER
-    low[inside] += BORDER
-    high[inside] -= BORDER
-    top = float(level.high[2] - level.low[2])
-    # a plane above 0.9 of the scene's height lies at half the height
-    height = HEIGHT if top * 0.9 >= HEIGHT else top / 2
-    # 5 digits of the scene's size at the ends of the default plane
-    decimals = 5 - math.floor(math.log10(max(*(high - low).tolist(), top, 1e-9)))
-    a, b, c, d, h = (round(float(x), decimals) for x in (*low, *high, height))
-    return MeasuringPlane((a, b), (c, d), h)
 
 
 def floor_of(model: Model, level: Level) -> float:
@@ -227,37 +255,118 @@ def standard_points(width: float, depth: float) -> tuple[int, int]:
     return a, b
 
 
-def points_of(plane: MeasuringPlane) -> tuple[tuple[int, int], str]:
-    """Return the points of EN 12464-1 along the axes, at most MOST_GRID_POINTS, and a sentence if these are fewer."""
-    a, b = standard_points(*np.abs(np.subtract(plane.high, plane.low)).tolist())
+def points_of(size: Sequence[float]) -> tuple[tuple[int, int], str]:
+    """Return the points of EN 12464-1 along two sides [m], at most MOST_GRID_POINTS; a sentence if these are fewer."""
+    a, b = standard_points(*size)
     if max(a, b) <= MOST_GRID_POINTS:
         return (a, b), ""
-    fewer = min(a, MOST_GRID_POINTS), min(b, MOST_GRID_POINTS)
     return (
-        fewer,
+        (min(a, MOST_GRID_POINTS), min(b, MOST_GRID_POINTS)),
         f"EN 12464-1 asks for {a} x {b} points; if the file is in millimetres, write scale = 0.001 in its table",
     )
 
 
-def grid_of(plane: MeasuringPlane, level: Level) -> Grid:
-    """Return the points of a plane: the centres of its cells."""
-    low, high = np.minimum(plane.low, plane.high), np.maximum(plane.low, plane.high)
-    size, shape = high - low, plane.points or points_of(plane)[0]
-    a, b = ((np.arange(n) + 0.5) / n * s + o for n, s, o in zip(shape, size, low, strict=True))
-    axes, height = level.axes, level.low[2] + plane.height
-    at = a[:, None, None] * axes.across + b[None, :, None] * axes.along + height * axes.up
-    corners = [x * axes.across + y * axes.along + height * axes.up
-               for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))]  # fmt: skip
-    return Grid(at.reshape(-1, 3), shape, np.array(corners))
+def in_room(surface: CalculationSurface, level: Level) -> CalculationSurface:
+    """Return a surface that lies on nothing with its height, position, size and margin filled in from the room."""
+    low, high = level.low[:2], level.high[:2]
+    top = float(level.high[2] - level.low[2])
+    # 5 digits of the scene's size in numbers that come from the room
+    decimals = 5 - math.floor(math.log10(max(*(high - low).tolist(), top, 1e-9)))
+    middle, (width, depth) = ([round(float(x), decimals) for x in v] for v in ((low + high) / 2, high - low))
+    size, margin = surface.size or (width, depth), surface.margin
+    if surface.size is None and margin is None and min(size) > 4 * BORDER:  # a small room has no border
+        margin = BORDER
+    position = surface.position or (middle[0], middle[1])
+    height = surface.height
+    if height is None:
+        # a plane above 0.9 of the scene's height lies at half the height
+        height = HEIGHT if top * 0.9 >= HEIGHT else round(top / 2, decimals)
+    return surface._replace(position=position, size=size, margin=margin or 0.0, height=height)
 
 
-def stands(model: Model, at: Transforms, points: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Return whether the nearest surface below points (n, 3) [m] faces up, (n,) bool.
+def grid_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapping[str, Pose]) -> Grid:
+    """Return the points of a surface at the poses of mobiles. Raises SceneError for one that lies on nothing."""
+    if surface.on:
+        middle, sides, size = _top_of(surface, model, level, poses)
+        middle, margin = middle + (surface.height or 0.0) * sides[2], surface.margin or 0.0
+    else:
+        s, (a, b, up, _) = in_room(surface, level), level.axes
+        middle, size, margin = np.array((*s.position, level.low[2] + s.height)) @ np.array((a, b, up)), s.size, s.margin
+        turn, tilt = np.radians((s.turn, s.tilt))
+        a, b = math.cos(turn) * a + math.sin(turn) * b, math.cos(turn) * b - math.sin(turn) * a
+        sides = np.array([math.cos(tilt) * a - math.sin(tilt) * up, b, math.cos(tilt) * up + math.sin(tilt) * a])
+    size = np.asarray(size)
+    size = np.maximum(size - 2 * margin, 0.01 * size)  # 0.01 of a side is left by any margin
+    shape = surface.points or points_of(size.tolist())[0]
+    at = [((np.arange(n) + 0.5) / n - 0.5) * side for n, side in zip(shape, size, strict=True)]
+    points = middle + at[0][:, None, None] * sides[0] + at[1][None, :, None] * sides[1]
+    corners = middle + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * size @ sides[:2]
+    return Grid(points.reshape(-1, 3), shape, corners, sides, size)
+
+
+def _top_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapping[str, Pose]):
+    """Return middle (3,) [m], sides (3, 3) unit and size (2,) [m] of the top of what a surface lies on.
+
+    The top is the highest of its flat parts that face up, of those half as large as the largest; else its largest part.
+    """
+    scene, up, turned = model.scene, level.axes.up, np.eye(3)
+    if surface.on in model.names:
+        o = 1 + model.names.index(surface.on)
+        chosen = np.arange(len(model.surfaces.faces[o]))
+        turned = model.transforms(poses).rotation[o]
+    else:
+        o, named = 0, [m.name == surface.on for m in scene.materials]
+        chosen = np.flatnonzero(np.array(named, bool)[scene.static.face_material])
+    check_surface(scene.name, surface, scene)
+    corners = model.vertices_at(o, poses)[model.surfaces.faces[o][chosen]]
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.sqrt((n * n).sum(axis=1))
+    n = n / np.maximum(areas, 1e-300)[:, None]
+    two_sided = model.surfaces.two_sided[model.surfaces.face_range(o)][chosen]
+    inward = (level.low + level.high) / 2 @ np.array(level.axes[:3])
+    away = np.where(np.abs(n @ up) > LEAST_SLOPE, n @ up, (n * (inward - corners[:, 0])).sum(axis=1)) < 0
+    n[two_sided & away] *= -1.0
+    parts = _flat_parts(corners, n, areas)
+    upward = [part for part in parts if n[part[0]] @ up > LEVEL_COSINE]
+    if upward:
+        most = max(areas[part].sum() for part in upward)
+        large = [part for part in upward if areas[part].sum() >= 0.5 * most]
+        best = max(large, key=lambda part: float((corners[part].reshape(-1, 3) @ up).max()))
+        a, b = turned @ level.axes.across, turned @ level.axes.along
+    else:
+        best = max(parts, key=lambda part: areas[part].sum())
+        a, b = np.cross(up, n[best[0]]), up
+    normal = n[best[0]]
+    a = unit(a - (a @ normal) * normal)
+    b = unit(b - (b @ normal) * normal - (b @ a) * a)
+    at = corners[best].reshape(-1, 3)
+    low, high = (np.array([f(at @ a), f(at @ b)]) for f in (np.min, np.max))
+    middle = (low + high) / 2 @ np.array([a, b]) + (at @ normal).max() * normal
+    return middle, np.array([a, b, normal]), high - low
+
+
+def _flat_parts(corners: np.ndarray, normals: np.ndarray, areas: np.ndarray) -> list[np.ndarray]:
+    """Return the faces of each flat part, the largest face first; corners (n, 3, 3) [m], at most MOST_PARTS parts."""
+    middle, left = corners.mean(axis=1), np.argsort(-areas, kind="stable")
+    flat = 0.002 * float(np.ptp(corners.reshape(-1, 3), axis=0).max())  # as of a floor
+    parts: list[np.ndarray] = []
+    while len(left) and len(parts) < MOST_PARTS:
+        first = left[0]
+        off = np.abs((middle[left] - middle[first]) @ normals[first])
+        within = (off <= flat) & (normals[left] @ normals[first] > LEVEL_COSINE)
+        within[0] = True
+        parts.append(left[within])
+        left = left[~within]
+    return parts
+
+
+def stands(model: Model, at: Transforms, points: np.ndarray, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return whether the nearest surface below points (n, 3) [m], lifted along their normals, faces up, (n,) bool.
 
     Below a point inside a solid is a back, and below one outside a room is nothing.
     """
-    o, ups = points - model.origins[0], np.broadcast_to(up, points.shape)
-    o = o + model.lifts_at(at, o, ups)[:, None] * up
+    o = points - model.origins[0]
+    o = o + model.lifts_at(at, o, normals)[:, None] * normals
     _, face = _below(model, at, o, up)
     return (face >= 0) & _faces_up(model, at, np.maximum(face, 0), up)
 
@@ -276,14 +385,15 @@ def _faces_up(model: Model, at: Transforms, face: np.ndarray, up: np.ndarray) ->
     return world.two_sided[face] | (normals @ up > 0)
 
 
-def reached_steps(model: Model, points: np.ndarray, up: np.ndarray, poses: Mapping[str, Pose]) -> Iterator[np.ndarray]:
-    """Yield in short steps which points (n, 3) [m] light from above can reach, (n,) bool; the last array is final.
+def reached_steps(
+    model: Model, points: np.ndarray, normals: np.ndarray, poses: Mapping[str, Pose]
+) -> Iterator[np.ndarray]:
+    """Yield in short steps which points (n, 3) [m] light can reach before their normals, (n,) bool; the last is final.
 
     Paths look for it in the scene painted white, at the levels of the scene file: the way counts, not the colour.
     """
     paths_per_step = 1024  # of these paths per step: 10 ms
-    ups = np.broadcast_to(up, points.shape)
-    white = Gatherer(model.scene, points, ups, 0, poses, model=model.white())
+    white = Gatherer(model.scene, points, normals, 0, poses, model=model.white())
     reached, first = np.zeros(len(points), bool), 0
     yield reached
     for paths in (16, 32, 64, 128, 256):  # paths from points that light has not reached yet
@@ -298,31 +408,48 @@ def reached_steps(model: Model, points: np.ndarray, up: np.ndarray, poses: Mappi
 # Light ----------------------------------------------------------------------------------------------
 
 
-def plane_steps(
-    model: Model, plane: MeasuringPlane, level: Level, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
+def surface_steps(
+    model: Model, surface: CalculationSurface, level: Level, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
     noise: float = 0.01,
-) -> Iterator[PlaneLight]:  # fmt: skip
-    """Trace paths from the points of a plane until their noise is small, in steps of some 10 ms; yield the light.
+) -> Iterator[SurfaceLight]:  # fmt: skip
+    """Trace paths from the points of a surface until their noise is small, in steps of some 10 ms; yield the light.
 
     levels (G, 3): of the lamps; noise: relative l1 noise at the end, that of each point is OF_POINT times it at most.
-    Values are nan at first. Raises SceneError for bad poses.
+    Values are nan at first. Raises SceneError for bad poses, and for an object that is not there.
     """
-    grid, up = grid_of(plane, level), level.axes.up
+    grid = grid_of(surface, model, level, poses)
+    normals = np.broadcast_to(grid.sides[2], grid.positions.shape)
     values, errors = np.full(len(grid.positions), np.nan), np.full(len(grid.positions), np.nan)
     free = np.arange(len(grid.positions))
-    standing = stands(model, model.transforms(poses), grid.positions, up)
+    standing = stands(model, model.transforms(poses), grid.positions, normals, level.axes.up)
     free = free[standing] if standing.any() else free
     lit = free
-    for reached in reached_steps(model, grid.positions[free], up, poses):
+    for reached in reached_steps(model, grid.positions[free], normals[free], poses):
         lit = free[reached]
-        yield PlaneLight(plane, grid, values, errors, 0.0)
+        yield SurfaceLight(surface, grid, values, errors, 0.0)
     free = lit if len(lit) else free
-    points = grid.positions[free]
-    rounds = point_rounds(model, points, np.broadcast_to(up, points.shape), poses, levels, seed)
+    rounds = point_rounds(model, grid.positions[free], normals[free], poses, levels, seed)
     for E, error, fraction in light_steps(rounds, noise):
         values, errors = values.copy(), errors.copy()
         values[free], errors[free] = E, error
-        yield PlaneLight(plane, grid, values, errors, fraction)
+        yield SurfaceLight(surface, grid, values, errors, fraction)
+
+
+def all_steps(
+    model: Model, surfaces: Sequence[CalculationSurface], level: Level, poses: Mapping[str, Pose], levels: np.ndarray,
+    seed: int, noise: float = 0.01,
+) -> Iterator[tuple[SurfaceLight, ...]]:  # fmt: skip
+    """Measure several surfaces side by side; yield the light of each, in their order, see surface_steps()."""
+    steps = [surface_steps(model, s, level, poses, levels, seed, noise) for s in surfaces]
+    lights = [next(of) for of in steps]
+    while True:
+        yield tuple(lights)
+        left = [k for k, light in enumerate(lights) if light.fraction < 1]
+        if not left:
+            return
+        for k in left:
+            lights[k] = next(steps[k])
+            yield tuple(lights)
 
 
 def point_rounds(
