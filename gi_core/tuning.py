@@ -30,7 +30,6 @@ from gi_core.solver import Solver
 
 TRIAL_PHOTONS = 1 << 17  # per trial: about a second
 PHOTON_COUNTS = 5  # numbers of photons per trial: all, one half, ...
-RECEIVERS = 300  # per pose
 MOST_TRIAL_PATHS = 2048  # per receiver
 
 PosedSample = tuple[dict[str, Pose], ReferenceSample]  # the reference at one set of poses
@@ -64,7 +63,7 @@ def reference_samples(
         inside = ((receivers.positions >= low) & (receivers.positions <= high)).all(axis=1) & (receivers.areas > 0)
         wanted = inside & (classes["affected"] | classes["mobile"])
         rows = np.flatnonzero(wanted if wanted.any() else inside)
-        rows, weights = draw_by_area(rows, receivers.areas, RECEIVERS, [seed, k])
+        rows, weights = draw_by_area(rows, receivers.areas, 300, [seed, k])  # per pose
         most = MOST_TRIAL_PATHS * len(rows)
         model, at = solver.model, dict(solver.poses)
         # 0.02 of the truth, relative l1; it is subtracted

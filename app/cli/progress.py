@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 REDRAW_SECONDS = 0.1
-ESCAPES = 0.8  # of the photons at their first flight
 
 
 class Bar:
@@ -113,7 +112,8 @@ def warnings_of(solver: Solver) -> dict[str, str]:
     if solver.frame.store.memory_full:
         wanted = f"{solver.frame.photons:,} of the {solver.photons:,} photons wanted"
         sentences["memory"] = f"memory holds no more than {wanted}"
-    if chosen.escaped_first > ESCAPES and not lit_by_stand_ins(solver.scene):  # added lights cannot be turned
+    # Lights that opening added cannot be turned.
+    if chosen.escaped_first > 0.8 and not lit_by_stand_ins(solver.scene):
         sentences["escapes"] = (
             f"{100 * chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; close it, or turn "
             "its lights inwards: most photons are wasted and the picture is noisier than necessary"

@@ -17,8 +17,6 @@ from app.draw.tonemap import srgb_encode
 from gi_core.geometry.error import REC709
 
 ZERO = (0.93, 0.0, 0.0)  # Oklab L, a, b
-BELOW = (0.44, -0.028, -0.165)  # at -1
-ABOVE = (0.44, 0.155, 0.075)  # at +1
 VIRIDIS = np.array(  # Oklab of five colours of viridis (Smith and van der Walt 2015): violet, blue, teal, green, yellow
     [
         [0.285, 0.102, -0.091],
@@ -48,7 +46,7 @@ def signed_colours(values: np.ndarray) -> np.ndarray:
     """Return display colours (n, 3) float32 in 0 .. 1 for values (n,), cut off at -1 and 1; nan is UNKNOWN_COLOUR."""
     x = np.clip(np.asarray(values, np.float64), -1, 1)[:, None]
     finite = ~np.isnan(x[:, 0])
-    zero, end = np.array(ZERO), np.where(x < 0, BELOW, ABOVE)
+    zero, end = np.array(ZERO), np.where(x < 0, (0.44, -0.028, -0.165), (0.44, 0.155, 0.075))  # at -1 and +1
     rgb = from_oklab(zero + np.abs(np.nan_to_num(x)) * (end - zero))
     rgb[~finite] = UNKNOWN_COLOUR
     return rgb.astype(np.float32)

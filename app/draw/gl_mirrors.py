@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 PLANE_UNIT, PROBE_UNIT = range(2, 4)  # texture units
 PROBE_TEXELS = 256  # texels along a face of a probe
 PLANES_SHOWN = 4  # per picture, those that cover most; the rest: probes
-LEAST_SHARE = 0.002  # of the view that a drawn plane covers
 BACKDROP = 4.0  # of the scene size: distance of the background
 
 # Directions and up vectors of the faces of a cube map, in OpenGL's order.
@@ -106,7 +105,7 @@ class GLMirrors:
         object; key: of everything besides light and poses that the images depend on.
         """
         shown = shares(picture)
-        planes = self._through(self._chosen(shown, PLANES_SHOWN, LEAST_SHARE), picture, models, 1.0, (PROBE,))
+        planes = self._through(self._chosen(shown, PLANES_SHOWN, 0.002), picture, models, 1.0, (PROBE,))
         needed = {r.probe.number for r in map(self._of.__getitem__, shown) if not _is_by(r, planes)}
         for view, _ in planes.values():
             needed |= {self._of[which].probe.number for which in shares(view)}

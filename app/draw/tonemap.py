@@ -14,8 +14,6 @@ import numpy as np
 from app.settings import DEFAULT_TONE_MAP
 from gi_core.geometry.error import luminance
 
-MID_GREY = 0.18  # linear, before the tone map: target of the metered median
-
 BACKGROUND = (0.145, 0.15, 0.16)  # lighter than a black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, without culling
 Gains = tuple[float, float, float]
@@ -47,14 +45,14 @@ AGX_IN = np.array([[0.842479062253094, 0.0784335999999992, 0.0792237451477643],
 AGX_OUT = np.array([[1.19687900512017, -0.0980208811401368, -0.0990297440797205],
                     [-0.0528968517574562, 1.15190312990417, -0.0989611768448433],
                     [-0.0529716355144438, -0.0980434501171241, 1.15107367264116]])  # fmt: skip
-AGX_CURVE = 15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232  # a polynomial, highest power first
 
 
 def agx(c: np.ndarray) -> np.ndarray:
     """Return AgX (Sobotka 2022) by the polynomial of Wrensch 2023: a curve over stops, bright colours turn white."""
     low, high = -12.47393, 4.026069  # log2 of the darkest and the brightest value
     stops = np.clip(np.log2(np.maximum(c @ AGX_IN.T, 2.0**low)), low, high)
-    encoded = np.polyval(AGX_CURVE, (stops - low) / (high - low)) @ AGX_OUT.T
+    curve = 15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232  # a polynomial, highest power first
+    encoded = np.polyval(curve, (stops - low) / (high - low)) @ AGX_OUT.T
     return np.clip(encoded, 0.0, 1.0) ** 2.2
 
 
@@ -110,7 +108,8 @@ def meter(radiance: np.ndarray, weights: np.ndarray | None = None) -> float:
     L, share = L[lit][order], np.cumsum(w[lit][order])
     median, high = (L[np.searchsorted(share, q * share[-1])] for q in (0.5, 0.95))
     # A 95th percentile of at most 2, linear, keeps a spot-lit stage from saturating.
-    return float(min(np.log2(MID_GREY / median), np.log2(2.0 / high)))
+    # The median becomes middle grey, linear, before the tone map.
+    return float(min(np.log2(0.18 / median), np.log2(2.0 / high)))
 
 
 def view_weights(
@@ -133,13 +132,10 @@ def view_weights(
     return np.where(inside, areas * facing / np.maximum(distance2, floor), 0.0)
 
 
-MOST_GAIN = 4.0  # largest gain: stage light of one colour keeps its colour
-
-
 def gains_for(flux: np.ndarray) -> Gains:
     """Return gains for lamps of a total flux (3,) [W]; NEUTRAL without light."""
     if not (total := float(luminance(flux))) > 0:
         return NEUTRAL
-    gains = total / np.maximum(flux, total / MOST_GAIN)
+    gains = total / np.maximum(flux, total / 4.0)  # largest gain: stage light of one colour keeps its colour
     red, green, blue = (gains * total / float(luminance(gains * flux))).tolist()
     return red, green, blue

@@ -46,7 +46,6 @@ MOST_BYTES = 2 << 30  # of all files of static light; those of references stay
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 SAVE_SECONDS = 20.0
 PATHS_PER_TASK = 1 << 16  # a quarter of a second
-TASKS = 8  # per process and step of the reference
 
 
 def reference_folder() -> Path:
@@ -268,7 +267,8 @@ def gather(
     """
     if machines is None:
         return store.gather(error)
-    return store.gather(error, SpreadPaths(machines, store, scene, rays), TASKS * PATHS_PER_TASK * machines.processes)
+    # Each step of the reference has eight tasks per process.
+    return store.gather(error, SpreadPaths(machines, store, scene, rays), 8 * PATHS_PER_TASK * machines.processes)
 
 
 class SpreadPaths:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -72,3 +74,17 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
         search_summary=s.frame.search_summary,
         rest=work.results(),
     )
+
+
+class MovingMedian:
+    """The median of the last 31 displayed times, insensitive to one slow frame."""
+
+    def __init__(self) -> None:
+        self._values: deque[float] = deque(maxlen=31)
+
+    def add(self, value: float) -> None:
+        self._values.append(value)
+
+    @property
+    def value(self) -> float:
+        return statistics.median(self._values) if self._values else 0.0

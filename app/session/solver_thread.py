@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.scheduler import RestWork, TaskEnd
 from app.session.log import WARNING, Log
-from app.session.moving_median import MovingMedian
-from app.session.snapshot import Snapshot, snapshot_of
+from app.session.snapshot import MovingMedian, Snapshot, snapshot_of
 from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Show, Step, Time
 from app.worker import PATIENCE, Call, Worker
 from gi_core.base.pause import Interrupted, breaking_off
@@ -30,7 +29,6 @@ if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind t
     from gi_core.solver import Solver
 
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
-TIMED_STEP = 0.005  # of the scene's size: the move of a timed frame, as in a quick drag
 
 
 class Waiting:
@@ -389,7 +387,8 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
     for k, (photons, paths) in enumerate(sizes):
         name = names[k % len(names)]
         x, y, z = solver.poses[name].position
-        x += TIMED_STEP * solver.scene_size * (1 + k // len(names) % 2)  # never the pose on show: its rays are traced
+        # A move as in a quick drag, and never to the pose on show: its rays are traced.
+        x += 0.005 * solver.scene_size * (1 + k // len(names) % 2)
         twin.move_all({name: twin.poses[name]._replace(position=(x, y, z))}, photons, paths)
         twin.budget = solver.budget  # from the second frame on: the first of a twin takes much longer
         yield True

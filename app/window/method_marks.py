@@ -165,7 +165,7 @@ def _outline(viewport: Viewport, of: Counted) -> None:
             drawing.add_line(a, b, colour, theme.pixels(2.0))
 
 
-FULL, EMPTY, OTHER = (1.0, 0.75, 0.2, 0.95), (1.0, 0.75, 0.2, 0.4), (*theme.DIM_TEXT, 0.45)
+FULL, OTHER = (1.0, 0.75, 0.2, 0.95), (*theme.DIM_TEXT, 0.45)
 CORNERS = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)], bool)
 EDGES = np.array([(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit])
 
@@ -239,7 +239,7 @@ class RayCells:
         matrix = camera.projection(view.aspect) @ camera.relative_to(model.origins[0]).view()
         shown = (
             (near[np.isfinite(off[near])], OTHER, thin),
-            (np.flatnonzero(on_ray & ~full), EMPTY, thin),
+            (np.flatnonzero(on_ray & ~full), (1.0, 0.75, 0.2, 0.4), thin),
             (np.flatnonzero(on_ray & full), FULL, thick),
         )
         self._lines = (

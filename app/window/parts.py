@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from app.session.log import Log
-from app.session.moving_median import MovingMedian
 from app.session.reload import Reload
 from app.session.session import Session
+from app.session.snapshot import MovingMedian
 from app.window.files import Files
 from app.window.painter import Painter
 from app.window.viewport import Viewport

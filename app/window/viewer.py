@@ -19,10 +19,10 @@ from pathlib import Path
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
 from app.session.log import Log
-from app.session.moving_median import MovingMedian
 from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
 from app.session.session import LIGHT_TIME, Session
+from app.session.snapshot import MovingMedian
 from app.settings import Settings, UsageError
 from app.window import menus, method_marks, overlay, panel, readout_marks, window
 from app.window.actions import Request, act, views
@@ -88,9 +88,6 @@ class FrameClock:
 
 
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
-OPENING_PAUSE = 0.05  # s between frames while a first scene opens ...
-COMPILING_PAUSE = 0.25  # ... and while kernels compile, without input: software GL took a seventh of two cores
-PAUSE = 0.5  # s that an idle window waits for input before it checks for signals
 
 
 class Viewer:
@@ -203,7 +200,8 @@ class Viewer:
         """Wait for input or new light while nothing changes; work at rest goes on."""
         if not self._ready and self.session.opening is not None:
             window.wait_for_input(
-                COMPILING_PAUSE if self.session.opening.phase in COMPILING.values() else OPENING_PAUSE
+                # s; frames of software GL took a seventh of two cores from the compilation
+                0.25 if self.session.opening.phase in COMPILING.values() else 0.05
             )
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
@@ -211,7 +209,8 @@ class Viewer:
             resting = self._ready and not self.session.light.all_done
             if resting:
                 self._guard("light", lambda: self.session.tick(0.0, budget=LONGEST_WAIT))
-            if window.wait_for_input(0.0 if resting else PAUSE) or self.files.dialog.is_open:
+            # An idle window checks for signals twice per second.
+            if window.wait_for_input(0.0 if resting else 0.5) or self.files.dialog.is_open:
                 break
             if self.files.changed_on_disk(time.monotonic()):
                 self._do("reload")

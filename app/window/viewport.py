@@ -22,7 +22,7 @@ from app.session.open_scene import Finished
 from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import FALSE_COLOURS
-from app.window import drag
+from app.window import drag, label, theme
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl, View
 from app.window.drag import MobileDrag
 from app.window.gizmo import Gizmo
@@ -32,11 +32,52 @@ from app.window.legend import of_errors
 from app.window.pointer import Pins, Pointer, pick
 from app.window.scale_fit import ScaleFit
 from app.window.view_content import Shown, Side
-from app.window.wipe import Wipe
 from gi_core.scene.types import part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 FADING_SECONDS, FADING_STEPS = 0.5, 4  # of the outline of a surface, with a picture per step
+
+
+class Wipe:
+    """A vertical line across the picture, to drag, between two labelled pictures.
+
+    `at`: position of the line, as a share of the width; `held`: it is dragged.
+    """
+
+    def __init__(self) -> None:
+        self.at = 0.5
+        self.held = False
+
+    def is_near(self, x: float, left: float, width: float) -> bool:
+        return abs(x - (left + self.at * width)) <= 0.5 * imgui.get_font_size()  # the line is grabbed within 0.5 em
+
+    def handle(self, io, left: float, width: float, hovered: bool) -> bool:
+        """Read the mouse of this frame; return whether the line takes it."""
+        near = hovered and self.is_near(io.mouse_pos.x, left, width)
+        if near and imgui.is_mouse_clicked(0):
+            self.held = True
+        takes = near or self.held
+        if self.held and imgui.is_mouse_pos_valid():
+            self.at = min(max((io.mouse_pos.x - left) / max(width, 1.0), 0.02), 0.98)
+        self.held &= imgui.is_mouse_down(0)
+        if takes:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        return takes
+
+    def draw(self, area: tuple[float, float, float, float], names: tuple[str, str]) -> None:
+        """Draw the line and both labels into an area (x, y, width, height)."""
+        wipe_line = (1.0, 1.0, 1.0, 0.85)
+        em = imgui.get_font_size()
+        x, y, w, h = area
+        line = x + self.at * w
+        draw = imgui.get_window_draw_list()
+        draw.add_line((line, y), (line, y + h), imgui.get_color_u32(wipe_line), 0.1 * em)
+        middle = y + h / 2
+        draw.add_circle_filled((line, middle), 0.55 * em, imgui.get_color_u32((*theme.FRAME, 0.95)))
+        draw.add_circle((line, middle), 0.55 * em, imgui.get_color_u32(wipe_line), 0, 0.1 * em)
+        gap = 0.6 * em
+        label.write(names[0], line - gap, y + em, right=True)
+        label.write(names[1], line + gap, y + em)
 
 
 class Viewport:

@@ -15,7 +15,6 @@ DIMENSIONS = 6
 MASK = np.uint64(0xFFFFFFFF)
 WORD_BITS = 32
 _ONE = np.uint64(1)
-_WORD_TO_UNIT = 2.0**-32
 # Degree of the primitive polynomial, its inner coefficients, first direction numbers: dimensions 2, 3, 4, 5.
 _JOE_KUO = ((2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)), (4, 1, (1, 1, 3, 3)))
 _TABULATED = 2  # first dimension that is read from the table
@@ -64,7 +63,7 @@ def coordinate(i, dimension):
 @kernel
 def unit(x, key):
     """Return the float64 in [0, 1) of a coordinate with bits reversed, scrambled by a key of 64 random bits."""
-    return float(_reversed(_hashed_upwards(x, key & MASK)) ^ (key >> np.uint64(WORD_BITS))) * _WORD_TO_UNIT
+    return float(_reversed(_hashed_upwards(x, key & MASK)) ^ (key >> np.uint64(WORD_BITS))) * (2.0**-32)
 
 
 @kernel

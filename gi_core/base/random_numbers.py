@@ -27,7 +27,6 @@ _A = np.uint64(0xBF58476D1CE4E5B9)
 _B = np.uint64(0x94D049BB133111EB)
 _C = np.uint64(0xD6E8FEB86659FD93)
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-_TO_UNIT = 2.0**-53
 
 
 class Stream(enum.IntEnum):
@@ -67,7 +66,7 @@ def hashed(seed, photon, bounce, dimension):
 @kernel
 def independent(seed, photon, bounce, dimension):
     """Return a float64 in [0, 1) that is independent of every other number."""
-    return float(hashed(seed, photon, bounce, dimension) >> np.uint64(11)) * _TO_UNIT
+    return float(hashed(seed, photon, bounce, dimension) >> np.uint64(11)) * (2.0**-53)
 
 
 @kernel

@@ -29,9 +29,6 @@ PROBES = 8  # directions of the first test; a receiver with none of them blocked
 RECEIVERS_PER_STEP = 2048  # receivers per step: some 5 ms
 EXTENSION = 1e-2  # of the radius: segments end behind their hit, so that discs in the plane of the hit are crossed
 REGION_LIFT = 2e-3  # of the radius: ray origins above the receiver's own flat surface
-NUDGE = 1e-2  # of the way to the mean centroid, or of the radius: ray origins away from edges, which lie in the
-# neighbour's plane, but not through a wall beside a corner that `files/completion/crossings.py` put there
-LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable, they would hold noise alone
 
 TRIED = np.arange(0, RAYS, RAYS // PROBES)  # directions ...
 OTHERS = np.setdiff1d(np.arange(RAYS), TRIED)
@@ -119,7 +116,8 @@ def polygon_areas(reach: np.ndarray, radius: float) -> np.ndarray:
     products = np.empty(len(reach), np.int64)
     _products(reach, products)
     area = (0.5 * math.sin(2 * math.pi / RAYS) * (radius / 255) ** 2) * products
-    area[area < LEAST_AREA * math.pi * radius * radius] = 0.0
+    # Smaller regions count as unreachable, they would hold noise alone.
+    area[area < 1e-3 * math.pi * radius * radius] = 0.0
     return area
 
 
@@ -141,7 +139,9 @@ def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarr
     towards -= (towards * normals).sum(axis=1)[:, None] * normals
     # Inside a surface the centroids surround the receiver, so the mean offset is small and changes nothing.
     length = np.sqrt((towards * towards).sum(axis=1))[:, None]
-    step = NUDGE * np.minimum(length, radius) / np.where(length > 0, length, 1)
+    # Ray origins move away from edges, which lie in the neighbour's plane, but not through a wall beside a corner that
+    # `files/completion/crossings.py` put there.
+    step = 1e-2 * np.minimum(length, radius) / np.where(length > 0, length, 1)
     return receivers.positions[rows] + REGION_LIFT * radius * normals + step * towards, normals
 
 

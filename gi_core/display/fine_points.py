@@ -29,7 +29,6 @@ from gi_core.rays.accelerator import Transforms
 # Of direct light, or of half its mean: difference in the middle of an edge. 0: error beside things 1.3 to 2.4 %.
 BENT = 0.05
 SHORTEST_EDGE = 1e-3  # of the scene's size: edges that are not cut. 0: the same light for 25 % more time
-SLIVER = 0.25  # of that: least height of a face that is cut
 MOST_FINE_POINTS = 50_000  # llvmpipe draws the office at 1280x800 in 450 CPU ms with them, in 250 without
 
 
@@ -204,7 +203,7 @@ class _Cutting:
         faces, key = self._faces, self._edges()
         low, high = edge_ends(faces)
         # Pieces of slivers are slivers: without an end, one per round, where a border of light passes a corner.
-        slivers = heights(self._vertices[faces.corners]) < SLIVER * self._shortest
+        slivers = heights(self._vertices[faces.corners]) < 0.25 * self._shortest
         self._asked = np.union1d(self._asked, key[slivers])
         asked = length(self._vertices[low] - self._vertices[high]) > self._shortest
         asked &= ~_is_in(key, self._asked)

@@ -24,7 +24,6 @@ from gi_core.scene.pose import three
 from gi_core.scene.types import Material, Mesh, Mobile, Scene, material_named, part_named
 
 Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file, tables as such tuples too
-MOST_SCALE_UNDER_METAL = 50.0  # of colours under metal that is taken off: less than 2 % is no colour
 
 
 def mobile_called(scene: Scene, name: str) -> Mobile:
@@ -130,7 +129,8 @@ def _with_other_gloss(scene: Scene, these: np.ndarray, table: Table) -> Scene:
             m = m._replace(reflectance=three(np.minimum(before.base, MOST_REFLECTANCE)))
             scales[k] = np.array(overridden(m, table).reflectance) / np.maximum(means[k], 1e-12)
         materials[k] = overridden(m, table)
-    lost = (scales > MOST_SCALE_UNDER_METAL).any(axis=1)  # metal has left nothing of the colours: the base has one
+    # Metal has left less than 2 % of the colours, which is no colour: the base has one.
+    lost = (scales > 50.0).any(axis=1)
     scene = _scaled_faces(scene, these & ~lost & (scales != 1).any(axis=1), scales)
     scene = _recoloured_faces(scene, these & lost, np.array([m.reflectance for m in materials], np.float64))
     return replace(scene, materials=tuple(materials))

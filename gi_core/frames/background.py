@@ -12,12 +12,12 @@ import numpy as np
 
 from gi_core.base import memory
 from gi_core.base.fixed_point import MAX_SEGMENTS
+from gi_core.base.jit import kernel
 from gi_core.base.pause import Pace
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.base import Setting
 from gi_core.frames.unchanged_paths import KnownPaths, known_paths, traced_paths
-from gi_core.geometry.radiosity import irradiance
 from gi_core.lights.lamps import irradiance_at
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated, SubsetStore
@@ -34,6 +34,16 @@ SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
 def _pace() -> Pace:
     """Return a pace of photons per step, from 1 ms per photon: paths in white rooms may be long."""
     return Pace(1e-3, 64, 1 << 16)
+
+
+@kernel
+def _read_out(sums, scale, area, out):
+    """Write irradiance (R, n) [W/m2] of sums of flux units of `scale` [W] over areas (R,) [m2]."""
+    for r in range(len(area)):
+        # Area 0: no light can reach the receiver, or it has no face.
+        factor = scale / area[r] if area[r] > 0.0 else 0.0
+        for c in range(sums.shape[1]):
+            out[r, c] = sums[r, c] * factor
 
 
 class StepKind(enum.Enum):
@@ -96,7 +106,8 @@ class Background:
     def irradiance_per_lamp(self, photons: int) -> np.ndarray:
         """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as irradiance()."""
         sums, area = self.estimate.background(photons)
-        light = irradiance(sums, self.model.emitters.unit_flux / photons, area)
+        light = np.empty(sums.shape)
+        _read_out(sums, self.model.emitters.unit_flux / photons, area, light)
         light *= np.repeat(self.model.emitters.scale, 3)
         return light
 

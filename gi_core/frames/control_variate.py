@@ -53,7 +53,6 @@ from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Eva
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
 REACH = 4.0  # standard deviations, see `denoise.smooth`
 CORRELATED = 4.0  # true variance over that of independent neighbours: discs share photons
-EVIDENT_PHOTONS = 8.0  # photons of the background in place of which none arrives: no light reaches a stale receiver
 ALONE = -1e-300  # at most the variance of a stale receiver, negated: it is no mean of neighbours, and counts for none
 
 
@@ -137,7 +136,7 @@ def _noise_of_stale(sums, background, levels, flux_per_cut, factor, own, r):
         before += levels[g] * (background[r, 3 * g] + background[r, 3 * g + 1] + background[r, 3 * g + 2])
         now += levels[g] * (sums[r, 3 * g] + sums[r, 3 * g + 1] + sums[r, 3 * g + 2])
     whole = own / before if before > 0.0 else 0.0
-    if factor == 0.0 or (now == 0.0 and before > EVIDENT_PHOTONS * flux_per_cut):  # black, to be filled in pictures
+    if factor == 0.0 or (now == 0.0 and before > 8.0 * flux_per_cut):  # no light reaches it: filled in pictures
         return 0.0
     return flux_per_cut * (
         (now + flux_per_cut) * factor * factor + before * whole * whole - 2.0 * min(now, before) * factor * whole

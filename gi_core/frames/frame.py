@@ -30,8 +30,6 @@ from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
 from gi_core.scene.types import Pose
 
-SCRATCH_SEGMENTS = 1 << 18  # of paths traced again at once
-
 
 class Changes(NamedTuple):
     """Statistics of the path changes of a frame."""
@@ -225,7 +223,7 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     static light, and only where it is on show.
     """
     model, at, n = b.model, b.model.transforms(poses), b.estimate.photons
-    chunk = max(1, n * SCRATCH_SEGMENTS // max(b.store.segments(n), 1))  # paths in white rooms are long
+    chunk = max(1, n * (1 << 18) // max(b.store.segments(n), 1))  # photons of some 262,144 segments
     parts = (current_segments(model, at, b.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk))
     if not n:
         return np.zeros((len(model.object_receivers.areas), 3))

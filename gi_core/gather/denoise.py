@@ -29,7 +29,6 @@ from gi_core.geometry.mesh_neighbours import Neighbours
 
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
 GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones, at 20, 40 and 80 % of difference
-PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 DENOISE_GRAIN = 1024  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
@@ -142,7 +141,7 @@ def _average(near, values, lit, start, stop, out):
 def smoothed(
     decider: np.ndarray, carried: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, threads: int
 ) -> np.ndarray:
-    """Return the columns of smooth() after PASSES."""
+    """Return the columns of smooth() after two passes."""
     light = np.concatenate([decider, variance[:, None], carried], axis=1)
     pause()
     smooth(light, reach, near, threads)
@@ -179,7 +178,7 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
     Columns: three channels that decide, the sum of their variances, more channels. Receivers of variance 0 stay, as do
     those of NO_WEIGHT, which do not count for neighbours. reach: standard deviations.
     """
-    for _ in range(PASSES):
+    for _ in range(2):
         rows = np.flatnonzero(light[:, VARIANCE] > 0)
         # 1 << 18 values per step, receivers times columns: 5 ms in office
         out, at_once = np.empty((len(rows), light.shape[1])), (1 << 18) // light.shape[1]

@@ -31,7 +31,6 @@ from gi_core.rays.structures import new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
 SEE_GRAIN = 16  # groups per thread
-RESOLVED = 3.0  # distance in radii of the disc that a point on a light stands for
 
 
 class Groups(NamedTuple):
@@ -107,7 +106,7 @@ class DirectLight:
         out = np.ones(len(positions), bool)
         for place, spread in zip(self._points.place, self._points.spread, strict=True):
             away = positions - place
-            out &= (away * away).sum(axis=1) >= RESOLVED**2 * spread
+            out &= (away * away).sum(axis=1) >= 9.0 * spread  # three radii of the disc
         return out
 
     @property

@@ -23,8 +23,6 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import FAR
 from gi_core.rays.all_objects import nearest_in_world
 
-FACE_RAYS = 1 << 19  # 0.3 s; more faces and lights than that have one point per face
-
 
 class FaceLight(NamedTuple):
     """Direct light [W/m2] by delta lights at n static receivers and F static faces, per lamp; (0, 3 G): none."""
@@ -47,7 +45,7 @@ def face_light(model: Model, seed: int, weights: np.ndarray) -> FaceLight:
     if not delta.per_lamp.any():
         none, dark = np.zeros((0, lights.channels)), np.zeros(count)
         return FaceLight(none, none.astype(np.float32), faces.bright(dark, dark, len(world.face_object)), none)
-    points = min(max(FACE_RAYS // (count * len(lights.delta.kind)), 1), 4)
+    points = min(max((1 << 19) // (count * len(lights.delta.kind)), 1), 4)  # at most 0.3 s of rays
     albedo = np.tile(world.bsdfs.albedo[of], lights.channels // 3)
     both = np.zeros((count, 2, lights.channels), np.float32)
     for side, rows in enumerate((np.arange(count), np.flatnonzero(s.two_sided[of]))):

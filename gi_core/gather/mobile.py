@@ -54,10 +54,8 @@ from gi_core.rays.accelerator import FAR, LIFT, Transforms
 from gi_core.rays.two_level import World
 from gi_core.scene.pose import to_world_at
 
-BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
 RAYS_AHEAD = 1 << 11  # bounces per call of rays_ahead(): a quarter of a millisecond
-SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
 
 class ReceiverBatch(NamedTuple):
@@ -230,7 +228,8 @@ class MobileGather:
         before, of = np.concatenate([[0], np.cumsum(self._bounces(paths))]), []
         for o, (first, last) in enumerate(self._rows, 1):
             count = int(before[last] - before[first])
-            parts = -(-count // (BATCH_PATHS * self._model.threads)) * self._model.threads  # as many for each thread
+            # Each thread has as many batches. Batches of 2^12 paths take a tenth more time, those of 2^14 no less.
+            parts = -(-count // ((1 << 13) * self._model.threads)) * self._model.threads
             parts = min(parts, -(-count // (1 << 11)))  # where there are more threads than batches
             bounds = np.searchsorted(before, before[first] + count * np.arange(parts + 1) // max(parts, 1)).tolist()
             of.append([(o, slice(*bound)) for bound in itertools.pairwise(bounds)])
@@ -343,7 +342,7 @@ def _exchanged(direct: np.ndarray, single: np.ndarray, exchange: Exchange, paths
     for _ in range(32):  # of Jacobi's method
         before, bounced = bounced, single.copy()
         _sweep(exchange, paths, direct + before, bounced)
-        if np.abs(bounced - before).sum() <= SETTLED * (direct + bounced).sum():
+        if np.abs(bounced - before).sum() <= 1e-3 * (direct + bounced).sum():
             break
     return bounced
 

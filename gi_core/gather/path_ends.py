@@ -25,8 +25,6 @@ from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.two_level import lift_off, on_plane
 from gi_core.scene.pose import to_world_at
 
-ROULETTE_FROM = 2  # first bounce with Russian roulette: the first two carry most of the light
-MOST_SURVIVAL = 0.9999  # bounds paths in a white room without bias; variance is finite up to its square root
 SURVIVAL = 4  # dimension of random_numbers.stratified(), after those of next_event.py
 # Of the light of the brightest corner or neighbour; above 0, since one photon in a million slips through where edges
 # meet. A receiver with less may lie inside another part, see `display/dilation.py`.
@@ -320,7 +318,9 @@ def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, to
             total[i, c] += ends.throughput[k, c] * lambertian.weight(rho[c]) * E
         return n
     largest = max(rho[0], max(rho[1], rho[2]))
-    survival = 1.0 if rays.vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
+    # The first two bounces carry most of the light. The bound ends paths in a white room without bias, and variance is
+    # finite up to its square root.
+    survival = 1.0 if rays.vertex < 2 and largest > 0.0 else min(largest, 0.9999)
     path = ends.path[k]
     if survival < 1.0 and not (random_numbers.stratified(rays.seed, path, rays.vertex, SURVIVAL, rays.m) < survival):
         return n

@@ -47,8 +47,6 @@ COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that
 LAST_ROUND = 47  # rounds until the last result: twice those that noise is sized for
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
-FAR_OFF, SURE = 0.15, 5.0  # or a vertex of a mobile is so far off, by so many standard errors: in gallery the mean is
-# good, but five vertices at feet are 16 to 24 % off
 
 Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, standard error (n,) of its luminance [W/m2]
 
@@ -141,7 +139,8 @@ class PoseGather:
             left = share * relative_noise(luminance(error), mean, self._weights, of)
             own = relative_error(self._own, denoised.irradiance, self._weights, of).l1
             deviation[of] *= share
-            far_off = off > np.maximum(FAR_OFF * luminance(denoised.irradiance), SURE * deviation)
+            # In gallery the mean of the mobile is good, but five vertices at feet are 16 to 24 % off.
+            far_off = off > np.maximum(0.15 * luminance(denoised.irradiance), 5.0 * deviation)
             used |= of & ((own > CLEARLY * left) | (far_off & of & self._paths.mobile).any())
             most = max(most, left)
         self.mean, self.deviation, self.used, self.left = denoised.irradiance, deviation, used, most

@@ -48,7 +48,6 @@ from gi_core.rays.all_objects import PASSAGE, nearest_in_world, nearest_past_pan
 
 SMALLEST, PAIRS = 3, 6  # log2 of the paths of the first sets; 1,008 paths in all: then error is bias
 MOST_HITS = 1 << 26  # 256 MB: scenes of more than 280,000 receivers have fewer paths
-CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
 
 
 class Radiosity:
@@ -114,7 +113,8 @@ class Radiosity:
         seed, bright, first = self._seed ^ (number << 20), self._on_faces.bright.lights, 0
         to_bright = PATHS_PER_SHADOW * max((1 << m) // BOUNCES_PER_BRIGHT, 1)
         of_sets = (1 << m, self._lights.area), (to_bright, bright)
-        on_lamps = tuple(candidates(seed, *of_set, CANDIDATE_SETS) for of_set in of_sets)
+        # Each receiver has one of 32 sets of points on lamps: neighbours should not share their errors.
+        on_lamps = tuple(candidates(seed, *of_set, 32) for of_set in of_sets)
         while first < len(self._lit):
             began, end = time.perf_counter(), min(first + max(1, self._pace.fit(STEP) >> m), len(self._lit))
             self._gather(first, end, number, m, on_lamps, direct, hits)

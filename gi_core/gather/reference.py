@@ -31,7 +31,6 @@ PILOT, FEWEST_PILOT, MOST_PILOT = 1 << 18, 8, 64
 AIM = 0.01  # relative l1 error for which sets are sized, assuming independent paths ...
 ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
 FLOOR = 0.1  # of the mean deviation: least deviation of a point, since a pilot's paths may all miss
-EVEN_SET = 4  # log2 of the paths per point and round without weights
 LARGEST_SQUARE = 1e60  # squared irradiance of the strongest lamps in a scene file
 PATHS_AT_ONCE = 1 << 16  # where nothing waits
 
@@ -176,7 +175,7 @@ class Rounds:
             return rows, pilot
         if s.log2_set.min() < 0:
             w, rounds = self._weights, self._rounds
-            whole = EVEN_SET if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)
+            whole = 4 if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)  # log2 of paths
             s.log2_set[:] = np.maximum(whole - self.smaller, self._least)
         now = s.rounds
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))

@@ -32,7 +32,6 @@ from gi_core.lights.lamps import sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT
 
-GRID = (32, 20)  # rays through the picture
 BACKS = 4  # of one-sided faces, which the camera sees through
 WHITE = 8.0  # times the median in view, which is drawn mid-grey
 
@@ -56,7 +55,7 @@ def _median_in_view(model: Model, E: np.ndarray) -> float:
     scene, s = model.scene, model.surfaces
     if scene.camera is None:
         return 0.0
-    way = picture_rays([scene.camera], scene.up, *GRID)[0].astype(np.float32)
+    way = picture_rays([scene.camera], scene.up, 32, 20)[0].astype(np.float32)
     origin = np.repeat(np.array(scene.camera.position, np.float32)[None], len(way), axis=0)
     parts, far = [], FAR * model.world.size + float(np.linalg.norm(origin[0]))
     for _ in range(BACKS):
@@ -88,11 +87,9 @@ ALL_PATHS = 1 << 30  # paths per receiver of phase 1: as many as there are, befo
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 STATIC_ROUNDS = 32  # until 1 % noise; the first noise is known after two
-EVIDENT = 100  # paths per receiver from which errors above the noise are bias; of 16, few paths may miss bright places
 FIRST_PHASE = 0.15  # of the time, roughly
 SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1 ...
 CLEAR = 1.0  # ... by paths of so many times its noise: their squares are subtracted
-ROUGH, INTERPOLATED = (0.5, 0.01)  # of noise before denoising, and of light: the two parts of the error of early light
 GROUPS = 8  # of receivers whose paths are alike in noise
 
 
@@ -313,14 +310,16 @@ class StaticGather:
                 self._is_rough = early < math.inf or self.is_measured
                 error = self._as_rough if self._is_rough else self._measure
                 self._take_over(new, Source.RADIOSITY, *light, error, guide)
-            measured = self._sample is not None and f.paths >= EVIDENT  # else the light before has less noise
+            # Fewer paths may miss bright places, so that noise looks like bias.
+            measured = self._sample is not None and f.paths >= 100
             biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
         if early >= ALL_PATHS:
             f.end()
 
     def _as_rough(self, E: np.ndarray, noise: float) -> float:
         """Return the error of light, as far as it is known without more paths at the sample."""
-        return max(math.hypot(ROUGH * self._radiosity.noise, INTERPOLATED), self.error_of(E))
+        # Denoising halves the noise; interpolation adds 1 %.
+        return max(math.hypot(0.5 * self._radiosity.noise, 0.01), self.error_of(E))
 
     def _measure_early(self, new: Callable[[], None]) -> None:
         """Measure the error of early light, where it still has a rough one."""

@@ -217,7 +217,6 @@ def _offsets(counts: list[int]) -> np.ndarray:
 
 
 INWARD = 1e-2  # of the offset to the mean centroid of a receiver's faces: well inside a cell, far from the wall
-EVALUATION_LIFT = 1e-3  # of the mean distance to those centroids: a tenth of INWARD, so edge points stay near the wall
 
 
 def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndarray, np.ndarray]:
@@ -238,4 +237,4 @@ def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndar
     distance = np.bincount(rows, np.sqrt((step * step).sum(axis=1)), n) / count
     below = np.minimum((way * N).sum(axis=1), 0)
     way -= below[:, None] * N
-    return P + INWARD * way + (EVALUATION_LIFT * distance)[:, None] * N, N.copy()
+    return P + INWARD * way + (1e-3 * distance)[:, None] * N, N.copy()  # edge points stay near the wall

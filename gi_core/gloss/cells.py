@@ -39,7 +39,6 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 
 CELL_GRAIN = 256  # receivers per thread
-MOST_GLOSS_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, gloss-cells.md
 
 
 class StaticCells(NamedTuple):
@@ -107,7 +106,8 @@ class GlossCells:
         if self._intake.begins_anew(store, weights):
             self._lit_by = 0
             self._static.photons[:] = 0
-        count, model = min(len(paths.offsets) - 1, MOST_GLOSS_PHOTONS), self.discs.model
+        # A fourth of the photons leaves twice the error, docs/decisions/gloss-cells.md.
+        count, model = min(len(paths.offsets) - 1, 1 << 20), self.discs.model
         while self.photons < count:
             last = self._intake.end_of_part(count)
             self._deposit([(1, segments_of(paths, self.photons, last))], model.static, self._static.photons)

@@ -21,7 +21,6 @@ from gi_core.gloss.rays import RayTree
 
 FIELDS = 6  # of a cell, see GlossLight
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
-TURNED = -0.2  # least cosine of an eye: normals of vertices turn some 10 degrees further than visible faces
 SPREAD = 0.5  # of alpha^2 per missing length of a mean direction: 64 cells differ from the list by a fifth less
 LOBE_POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: gloss-cells.md
 ONE = 1e-3  # missing length of a single ray, as float32 and half floats have it
@@ -98,7 +97,8 @@ def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent,
         n, k = normal[v], row[v]
         x, y, z = eye[0] - position[v, 0], eye[1] - position[v, 1], eye[2] - position[v, 2]
         size = math.sqrt(x * x + y * y + z * z)
-        if k < 0 or not size > 0.0 or x * n[0] + y * n[1] + z * n[2] <= TURNED * size:
+        # Normals of vertices turn some 10 degrees further than visible faces.
+        if k < 0 or not size > 0.0 or x * n[0] + y * n[1] + z * n[2] <= -0.2 * size:
             continue
         of = cells[place[k] if len(place) else k]
         view = _view(tables, lobe[v], n, tangent[v], (x / size, y / size, z / size))

@@ -52,7 +52,7 @@ class Structure(NamedTuple):
     """A structure built over the static part of a scene, with its cost."""
 
     name: str
-    leaf: float
+    leaf: float | None  # None: its own
     scenes: object
     build_seconds: float
     bytes: int  # 0 for Embree, which does not say
@@ -98,10 +98,10 @@ def rays_of(model: Model, camera: Camera, n: int) -> dict[str, Rays]:
 def built(name: str, meshes: Meshes, leaf: float | None = None) -> Structure:
     """Return a structure of static meshes. A triangle is built before, which compiles."""
     module = STRUCTURES[name]
-    leaf = module.LEAF if leaf is None else leaf
-    module.build([(np.eye(3), np.array([[0, 1, 2]], np.int32))], leaf)
+    size = () if leaf is None else (leaf,)
+    module.build([(np.eye(3), np.array([[0, 1, 2]], np.int32))], *size)
     before = time.thread_time()
-    scenes = module.build(meshes, leaf)
+    scenes = module.build(meshes, *size)
     seconds = time.thread_time() - before
     return Structure(name, leaf, scenes, seconds, 0 if isinstance(scenes, np.ndarray) else _bytes(scenes))
 

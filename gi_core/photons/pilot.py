@@ -17,7 +17,6 @@ from gi_core.rays.two_level import World
 
 PHOTONS = 4096
 FEWEST_HITS = 100  # that say where light is
-SEED = 0x5EED  # never a seed of the solution: the pilot must be independent of it
 
 
 class Pilot(NamedTuple):
@@ -62,7 +61,8 @@ def pilot(accelerator: Accelerator, world: World, static: Transforms, emitters: 
     store = PathStore()
     # Paths in white rooms are long.
     while store.photons < PHOTONS and len(store.subset(store.photons).side) < (1 << 20):
-        store.append([trace_background(accelerator, world, static, emitters, SEED, store.photons, 64)[0]], 1)
+        # A solution never has this seed, so that the pilot is independent of it.
+        store.append([trace_background(accelerator, world, static, emitters, 0x5EED, store.photons, 64)[0]], 1)
     paths = store.subset(store.photons)
     if not len(emitters.kind):
         return Pilot(PHOTONS, paths, np.zeros((0, 3)), np.zeros(0, np.int32), np.zeros((0, 3)))

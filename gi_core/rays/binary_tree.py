@@ -13,7 +13,6 @@ from gi_core.base.jit import kernel
 from gi_core.rays.cells import HALVED, Tree, build_tree, enter_box, visit
 from gi_core.rays.triangles import STACK, Meshes
 
-LEAF = 8  # triangles that may share a cell
 POINT = 5  # float64 of a point on the stack: x, y, z, distance, node behind it
 
 
@@ -21,8 +20,8 @@ class BinaryTree(Tree):
     """Two children per node."""
 
 
-def build(meshes: Meshes, leaf: float = LEAF) -> BinaryTree:
-    """Return the structure of all objects."""
+def build(meshes: Meshes, leaf: float = 8) -> BinaryTree:
+    """Return the structure of all objects; cells of more than `leaf` triangles are divided."""
     return BinaryTree(*build_tree(meshes, leaf, 2, HALVED))
 
 

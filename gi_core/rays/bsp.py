@@ -11,15 +11,13 @@ from gi_core.base.jit import kernel
 from gi_core.rays.cells import BY_COST, Tree, build_tree, enter_box, visit
 from gi_core.rays.triangles import STACK, Meshes
 
-LEAF = 8  # triangles that may share a cell
-
 
 class Bsp(Tree):
     """Two children per node."""
 
 
-def build(meshes: Meshes, leaf: float = LEAF) -> Bsp:
-    """Return the structure of all objects."""
+def build(meshes: Meshes, leaf: float = 8) -> Bsp:
+    """Return the structure of all objects; cells of more than `leaf` triangles are divided."""
     return Bsp(*build_tree(meshes, leaf, 2, BY_COST))
 
 

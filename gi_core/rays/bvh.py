@@ -22,9 +22,7 @@ from gi_core.rays.triangles import (
     triangles_of,
 )
 
-LEAF = 4  # triangles that may share a leaf, at most 15: its word has 4 bits for them
 BINS = 16
-LEAST_EXTENT = 1e-30  # [m] of centres that are binned: float32 has no inverse of less than 3e-39
 DEEPEST = 40  # nodes below this depth are halved by count: 24 levels more hold 16 million leaves
 WIDER = np.float32(1 + 1e-6)  # twice the bound of 3 float32 roundings, 3.6e-7
 CHILD = 24  # int32 words of a node from here on: its children
@@ -43,8 +41,8 @@ class Bvh(NamedTuple):
     root: np.ndarray  # (objects,) int64
 
 
-def build(meshes: Meshes, leaf: int = LEAF) -> Bvh:
-    """Return the structure of all objects, with at most `leaf` (1 to 15) triangles per leaf."""
+def build(meshes: Meshes, leaf: int = 4) -> Bvh:
+    """Return the structure of all objects, with at most `leaf` triangles per leaf: 1 to 15, its word has 4 bits."""
     triangles = triangles_of(meshes)
     order, nodes, root, rows = np.empty(len(triangles.corners), np.int64), [], [], 0
     for o, (a, b) in enumerate(zip(triangles.first[:-1], triangles.first[1:], strict=True)):
@@ -162,7 +160,7 @@ def _split(boxes, order, a, b, depth, leaf, bins):
             centres[i], centres[3 + i] = min(centres[i], c), max(centres[3 + i], c)
     best, axis, cut, area = np.float32(np.inf), -1, -1, np.float32(0.0)
     for x in range(3):
-        if not (centres[3 + x] - centres[x] > LEAST_EXTENT and depth < DEEPEST):
+        if not (centres[3 + x] - centres[x] > 1e-30 and depth < DEEPEST):  # its inverse is finite
             continue
         for i in range(BINS):
             _empty(left[i])

@@ -26,7 +26,6 @@ from gi_core.rays.triangles import (
 )
 
 MOST_LISTED = 16  # entries per triangle of all cells and undivided nodes: nothing is divided after that
-REPEATED = 1.8  # entries of a node's children per entry of the node: with more of them it is not divided
 BINS = 16  # of a node, per axis, between planes whose costs are compared
 HALVED, BY_COST = range(2)  # the plane of a binary node: the middle of its longest axis, or that of the least cost
 
@@ -217,7 +216,8 @@ def _divide(corners, a, b, padding, low, high, leaf, deepest, ways, rule):
                             below[tail] = items[i]
                             tail += 1
                     below_ends[children + c] = tail
-                divided = always or tail - start <= REPEATED ** math.log2(ways) * n
+                # Children hold at most 1.8 times the entries of a node that is divided.
+                divided = always or tail - start <= 1.8 ** math.log2(ways) * n
             if divided:
                 child, axes, planes = _room(child, nodes + ways), _room(axes, nodes + ways), _room(planes, nodes + ways)
                 child[node], axes[node], planes[node] = nodes, axis, plane

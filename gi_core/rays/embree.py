@@ -18,9 +18,6 @@ from numba import types
 from gi_core.base.jit import inlined
 from gi_core.rays.triangles import Meshes
 
-_ROBUST = 1 << 2  # scene flag: no ray slips through between two triangles
-_TRIANGLES, _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 0, 1, 0x5003, 0x9003
-LEAF = 0  # has no meaning here
 _MAJOR = 4  # of the library: earlier versions take other arguments
 _QUERIES = ("rtcIntersect1", "rtcOccluded1")
 
@@ -78,11 +75,11 @@ class EmbreeMesh:
         self.address = _new_scene(_DEVICE)  # of the Embree scene, for kernels
         # Not at exit of Python: a thread that still runs may trace rays.
         weakref.finalize(self, _release_scene, self.address).atexit = False
-        _set_flags(self.address, _ROBUST)
-        geometry = _new_geometry(_DEVICE, _TRIANGLES)
-        for kind, layout, rows in (
-            (_VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32)),
-            (_INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32)),
+        _set_flags(self.address, 1 << 2)  # scene flag: no ray slips through between two triangles
+        geometry = _new_geometry(_DEVICE, 0)  # RTC_GEOMETRY_TYPE_TRIANGLE
+        for kind, layout, rows in (  # RTC_BUFFER_TYPE_VERTEX of RTC_FORMAT_FLOAT3, ..._INDEX of ..._UINT3
+            (1, 0x9003, np.ascontiguousarray(vertices, np.float32)),
+            (0, 0x5003, np.ascontiguousarray(faces, np.uint32)),
         ):
             room = _new_buffer(geometry, kind, 0, layout, rows.strides[0], len(rows))
             if not room:
@@ -96,10 +93,10 @@ class EmbreeMesh:
             raise MemoryError(f"Embree could not build the acceleration structure of {len(faces):,} triangles")
 
 
-def build(meshes: Meshes, leaf: int = LEAF) -> np.ndarray:
+def build(meshes: Meshes) -> np.ndarray:
     """Return the addresses (objects,) int64 of the Embree scenes of meshes, 0 for an empty one.
 
-    They live as long as the array. leaf: Embree chooses its own.
+    They live as long as the array.
     """
     made = [EmbreeMesh(v, f) if len(f) else None for v, f in meshes]
     scenes = np.array([m.address if m else 0 for m in made], np.int64)
@@ -107,8 +104,8 @@ def build(meshes: Meshes, leaf: int = LEAF) -> np.ndarray:
     return scenes
 
 
-# The layout of RTCRayHit, in words of 4 bytes; its last one is 23.
-_TNEAR, _TIME, _TFAR, MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE = 3, 7, 8, 9, 10, 11, 17, 18, 19
+# Words of RTCRayHit: origin, tnear, direction, time, tfar, mask, id, flags; then the hit, instance last.
+_TFAR, MASK, _PRIMITIVE = 8, 9, 17
 
 
 @inlined
@@ -126,7 +123,7 @@ def nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
     """
     _aim(ray, ox, oy, oz, dx, dy, dz, limit)
     numbers = ray.view(np.int32)
-    numbers[_PRIMITIVE] = numbers[_GEOMETRY] = numbers[_INSTANCE] = -1
+    numbers[_PRIMITIVE] = numbers[18] = numbers[19] = -1
     if scene != 0:
         _intersect(scene, ray.ctypes.data, 0)
     return ray[_TFAR], numbers[_PRIMITIVE]

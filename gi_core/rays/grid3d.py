@@ -14,8 +14,6 @@ from gi_core.base.jit import kernel
 from gi_core.rays.cells import Cells, boxes_of, enter_box, visit
 from gi_core.rays.triangles import Meshes, touches, triangles_of
 
-LEAF = 0.25  # triangles per cell on average
-
 
 class Grid3d(NamedTuple):
     """Equal cells, x fastest."""
@@ -26,8 +24,8 @@ class Grid3d(NamedTuple):
     start: np.ndarray  # (objects,) int64, first cell
 
 
-def build(meshes: Meshes, leaf: float = LEAF) -> Grid3d:
-    """Return the structure of all objects, with about `leaf` triangles per cell."""
+def build(meshes: Meshes, leaf: float = 0.25) -> Grid3d:
+    """Return the structure of all objects, with `leaf` triangles per cell on average."""
     triangles = triangles_of(meshes)
     low, high = boxes_of(triangles)
     size = np.maximum(high - low, 1e-30)

@@ -12,7 +12,6 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.rays.cells import Tree, build_tree, enter_box, visit
 from gi_core.rays.triangles import STACK, Meshes
 
-LEAF = 8  # triangles that may share a cell
 NODE_FIELDS = 8  # float64 of a node on the stack: three distances in, three out, node, next child
 ENDED = 8.0  # after the last child
 
@@ -21,8 +20,8 @@ class Octree(Tree):
     """Eight children per node; the bits of their numbers are x, y, z: 4, 2, 1."""
 
 
-def build(meshes: Meshes, leaf: float = LEAF) -> Octree:
-    """Return the structure of all objects."""
+def build(meshes: Meshes, leaf: float = 8) -> Octree:
+    """Return the structure of all objects; cells of more than `leaf` triangles are divided."""
     return Octree(*build_tree(meshes, leaf, 8))
 
 

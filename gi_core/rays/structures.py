@@ -2,7 +2,7 @@
 
 A structure is one module and one line of STRUCTURES. The module has
 
-    build(meshes, leaf=LEAF) -> scenes    of objects, each vertices (V, 3) and faces (F, 3); leaf: triangles per leaf
+    build(meshes[, leaf]) -> scenes    of objects, each vertices (V, 3) and faces (F, 3); leaf: triangles per leaf
     trace(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit) -> distance float32, face int32
 
 `scenes` is a NamedTuple of arrays, of a class of that module: numba chooses trace() by its type, so kernels above name

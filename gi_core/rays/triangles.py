@@ -175,10 +175,8 @@ def _apart(ax, ay, az, bx, by, bz, cx, cy, cz, sx, sy, sz):
 
 # No structure: every ray is tested against every triangle. The other structures are compared with this one.
 
-LEAF = 1  # has no meaning here
 
-
-def build(meshes: Meshes, leaf: float = LEAF) -> Triangles:
+def build(meshes: Meshes) -> Triangles:
     """Return the triangles of all objects."""
     return triangles_of(meshes)
 

@@ -16,7 +16,6 @@ from gi_core.scene.types import KeyFrames, Pose
 
 # Smaller deviations are corrected: rounded numbers, products of many float32 matrices. Larger ones mean a scale, or
 # numbers of another meaning.
-RIGID_TOLERANCE = 1e-4  # on R^T R - 1
 
 
 def rotation(pose: Pose) -> np.ndarray:
@@ -156,7 +155,7 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
     M = np.asarray(pose, np.float64)
     R = M[:3, :3]
     off = np.abs(R.T @ R - np.eye(3)).max()
-    if off > RIGID_TOLERANCE or np.linalg.det(R) < 0 or np.abs(M[3] - [0, 0, 0, 1]).max() > 0:
+    if off > 1e-4 or np.linalg.det(R) < 0 or np.abs(M[3] - [0, 0, 0, 1]).max() > 0:
         raise SceneError(
             f"{where}: poses must be rigid (rotation and translation only), got a matrix with R^T R off 1 by "
             f"{off:.3g} and det {np.linalg.det(R):.3g}; bake scale into the mesh"

@@ -11,7 +11,7 @@ from app.session.session import Motion
 from app.window import drag
 from app.window.camera_control import ORBIT, CameraControl, View
 from app.window.drag import MobileDrag
-from app.window.wipe import Wipe
+from app.window.viewport import Wipe
 from gi_core.scene import Camera, Pose
 
 SIZE = 800.0, 600.0

@@ -353,7 +353,7 @@ def partitionings(costs_of: dict[str, list[tuple[Structure, dict[str, Cost]]]]) 
 def _line(s: Structure, cost: dict[str, Cost], embree: dict[str, Cost] | None) -> list[str]:
     random = cost["random"]
     return [
-        s.name, f"{s.leaf:g}" if s.bytes and s.name != "none" else "", f"{1e3 * s.build_seconds:.3g}",
+        s.name, f"{s.leaf:g}" if s.leaf else "", f"{1e3 * s.build_seconds:.3g}",
         f"{s.bytes / 1e6:.3g}" if s.bytes else "", *(f"{1e6 * cost[k].seconds:.3g}" for k in cost),
         ", ".join(f"{cost[k].seconds / embree[k].seconds:.2g}" for k in cost) if embree else "",
         f"{random.cells:.1f}" if random.cells else "", f"{random.tests:.1f}" if random.tests else "",

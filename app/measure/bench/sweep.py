@@ -33,8 +33,7 @@ from app.measure.tables import Column, cells, digits, fixed, markdown_table, sec
 COUNTS = (10_000, 100_000, 1_000_000)
 SWEPT_TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
 RADII = ("scaled", "fixed")  # of discs in finer meshes: see `vary`
-NEIGHBOURS = 50
-SLOW, SLOW_STEP = f"{COUNTS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
+SLOW = f"{COUNTS[-1]} photons, {DEFAULT}, slow drag"
 
 
 class Row(NamedTuple):
@@ -54,7 +53,7 @@ class Row(NamedTuple):
 def rows(settings: Settings, frames: int) -> list[Row]:
     """Return all rows, cheap ones first; artifact control is off except in its own rows."""
     growth_photons = 100_000  # of rows that vary triangles or sides
-    base = replace(settings, control=False, neighbours=settings.neighbours or NEIGHBOURS)
+    base = replace(settings, control=False, neighbours=settings.neighbours or 50)
     out = []
 
     def add(key: str, photons: int, estimator: str = DEFAULT, control: bool = False, **variant) -> None:
@@ -65,7 +64,7 @@ def rows(settings: Settings, frames: int) -> list[Row]:
         for estimator in ESTIMATORS:
             add(photons_key(photons, estimator), photons, estimator)
         add(photons_key(photons, DEFAULT, control=True), photons, control=True)
-    add(SLOW, COUNTS[-1], step=SLOW_STEP)
+    add(SLOW, COUNTS[-1], step=0.003)  # of the scene size: 3 mm in a room of 1 m
     for sides in ("one-sided", "two-sided"):
         add(sides, growth_photons, two_sided=sides == "two-sided")
     for triangles in SWEPT_TRIANGLES:

@@ -47,7 +47,6 @@ PARAMETERS = {
 }
 diffuse = diffuse_kd
 WAVELENGTHS = np.array([0.61, 0.55, 0.465])
-_LONG = 40.0  # g above which the sum is expanded in 1 / g
 _erfc = np.vectorize(math.erfc, otypes=[float])
 
 
@@ -84,7 +83,7 @@ def _interference(g: np.ndarray, b: np.ndarray) -> np.ndarray:
     ratio = b / np.maximum(g, 1e-300)
     result = np.exp(-np.minimum(ratio, 700.0)) / np.maximum(g, 1e-300)
     result = result * (1.0 + (0.5 * ratio * ratio - 2.0 * ratio + 1.0) / np.maximum(g, 1.0))
-    short = g < _LONG
+    short = g < 40.0  # beyond, the sum is expanded in 1 / g
     gs, bs = g[short], b[short]
     total, log_term = np.zeros_like(gs), -gs
     logs = np.log(np.maximum(gs, 1e-300))

@@ -18,7 +18,6 @@ UNSEEN_FACTOR, DIM_FACTOR = 1.6, 2.0  # factor of edges out of sight, and in dim
 GROWTH = 4.0  # outside the useful box an edge may be as long as its distance from it over this
 COARSEST = 1 / 12  # of the longest side: the first try; and the edges of a mobile that no scene file describes
 BUDGET_USED = 0.75  # share of the budget that will do
-LEAST_STEP = 0.2  # of the edge, from one try to the next: few new faces predict the next count badly
 
 
 def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, float]:
@@ -51,7 +50,8 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
             if edge <= finest or made > BUDGET_USED * room:
                 break
         aim = room * (1 + BUDGET_USED) / 2
-        edge = max(edge * max(float(np.sqrt(max(made, 0) / aim)), LEAST_STEP), finest)  # the weld drops tiny faces
+        # Few new faces predict the next count badly; the weld drops tiny faces.
+        edge = max(edge * max(float(np.sqrt(max(made, 0) / aim)), 0.2), finest)
     return cut(best) if kept is None else kept, best
 
 

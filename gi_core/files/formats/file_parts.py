@@ -1,19 +1,24 @@
 """What mesh-file readers share: the records that they return, and polygons as triangles.
 
 A record has parts in world space, materials, and lights if the format has any. Polygons become fans, or are cut by ear
-clipping (mapbox_earcut) where a fan would leave the outline.
+clipping (mapbox_earcut) where a fan would leave the outline. Transmission, blending and dissolving become thin glass.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.vectors import cross, dot
 from gi_core.files.formats.boundary import MOST_AT_VERTEX
-from gi_core.scene.types import Camera, Finish, Light, Material, Texture
+from gi_core.scene.pose import three
+from gi_core.scene.rules import MOST_IOR
+from gi_core.scene.types import Camera, Finish, Light, Material, Pane, Texture
 
+MOST_COVER = 0.9  # opacity from which a blended surface is taken as opaque ...
+LEAST_TRANSMISSION = 0.5  # ... and transmission below which one is: its diffuse part is the larger one
 CHANNELS = (1,), (2,), (0, 1, 2), (0, 1, 2)  # of the textures of Finish that count: eight in all
 
 
@@ -91,3 +96,14 @@ def clipped(outline: np.ndarray, normal: np.ndarray) -> np.ndarray:
     turned = dot(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), normal) < 0
     cut[turned] = cut[turned][:, ::-1]
     return cut
+
+
+def transmitting(material: Material, colour: Sequence[float], ior: float = Pane().ior) -> Material:
+    """Return a material as a pane of internal transmittance `colour` (3,) in [0, 1]; ior < 1: the usual one."""
+    passes = three(np.clip(np.asarray(colour, np.float64), 0.0, 1.0))
+    return material.as_pane(Pane(passes, min(ior, MOST_IOR) if ior >= 1 else Pane().ior))
+
+
+def behind_cover(cover: float, colour: Sequence[float]) -> np.ndarray:
+    """Return the transmittance (3,) of a surface of some opacity: what it covers is filtered by its colour (3,)."""
+    return 1 - cover * (1 - np.asarray(colour, np.float64))

@@ -12,8 +12,15 @@ import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.classes import lamps_of_texture
-from gi_core.files.formats.file_parts import FileParts, Part, Placed
-from gi_core.files.formats.glass import LEAST_TRANSMISSION, MOST_COVER, behind_cover, transmitting
+from gi_core.files.formats.file_parts import (
+    LEAST_TRANSMISSION,
+    MOST_COVER,
+    FileParts,
+    Part,
+    Placed,
+    behind_cover,
+    transmitting,
+)
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.gltf_parts import (
     checked_materials,

@@ -17,8 +17,16 @@ import numpy as np
 
 from gi_core.files.formats.boundary import Boundary, like_named, text_of
 from gi_core.files.formats.classes import lamps_of_texture
-from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed, without_overlaps
-from gi_core.files.formats.glass import MOST_COVER, behind_cover, transmitting
+from gi_core.files.formats.file_parts import (
+    MOST_COVER,
+    FileParts,
+    Part,
+    Placed,
+    behind_cover,
+    listed,
+    transmitting,
+    without_overlaps,
+)
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
 from gi_core.geometry.texture_filter import srgb_to_linear
@@ -37,7 +45,6 @@ COLOURS = {
     "Tf": 1.0,
 }  # largest value of a channel; Kd is limited with all materials
 NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0), "Ni": (0.0, MOST_IOR)}
-GLASS = 4.0, 6.0, 7.0, 9.0  # models of illumination with transparency
 
 
 def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
@@ -176,7 +183,8 @@ class _Entry:
     @property
     def is_transparent(self) -> bool:
         """Whether the file says so: exporters disagree about the meaning of 0 and 1 in Tr."""
-        return self.illum in GLASS and self.cover is None or 0 < (self.cover or 0) < 1
+        by_model = self.illum in (4.0, 6.0, 7.0, 9.0) and self.cover is None
+        return by_model or 0 < (self.cover or 0) < 1
 
     @property
     def is_glass(self) -> bool:
