@@ -33,7 +33,7 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
     unplaced: (index of a mobile, up axis of its file or None to take its coordinates as they are); rays: against the
     static part, if they exist already.
     """
-    if not unplaced and is_lit(scene) and scene.camera is not None and not bare:
+    if not unplaced and is_lit(scene, rays) and scene.camera is not None and not bare:
         return scene, None, None
 
     rays = rays or Rays(scene)
@@ -46,9 +46,9 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
     if scene.camera is None:
         scene, box = _with_camera(scene, rays, box, waiting, standing)
     for index in waiting:
-        scene, _ = place(scene, index, rays, box, standing, is_lit(scene))
+        scene, _ = place(scene, index, rays, box, standing, is_lit(scene, rays))
         standing.append(index)
-    if not is_lit(scene):
+    if not is_lit(scene, rays):
         scene = _with_light(scene, rays, box)
         box = useful_box(scene, rays) if bare else box
     return scene, rays, box
@@ -67,10 +67,10 @@ def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int
         return empty, seen
     index = waiting.pop(0)
     standing.append(index)
-    placed, shown = place(replace(scene, camera=empty.camera), index, rays, seen, [], is_lit(scene))
+    placed, shown = place(replace(scene, camera=empty.camera), index, rays, seen, [], is_lit(scene, rays))
     if shown:
         return placed, seen
-    placed, _ = place(scene, index, rays, box, [], is_lit(scene))
+    placed, _ = place(scene, index, rays, box, [], is_lit(scene, rays))
     return _looking(placed, rays, box)
 
 
@@ -78,7 +78,7 @@ def _looking(scene: Scene, rays, box):
     """Return the scene with a camera on its first mobile, or on the place for one; and the box of the lit part."""
     subject, height = _subject(scene, rays, box)
     indoors = bool(np.isfinite(height))
-    if not is_lit(scene) and indoors:
+    if not is_lit(scene, rays) and indoors:
         # Only the room that the lamp will light is worth looking at.
         box = useful_box(lamp_below_ceiling(scene, rays, subject, height), rays)
     return replace(scene, camera=default_camera(scene, rays, box, subject, indoors)), box
@@ -98,7 +98,7 @@ def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:
         stand = stand_of(scene)
         return stand, headroom(scene, rays, box, stand)
     size = (1 / 12) * box.size  # height of the object that a scene without mobiles is shown for
-    spot = floor_spot(replace(scene, camera=None), rays, box, Column(size, size / 2), (), is_lit(scene))
+    spot = floor_spot(replace(scene, camera=None), rays, box, Column(size, size / 2), (), is_lit(scene, rays))
     return spot.point, spot.headroom if spot.indoors else np.inf
 
 

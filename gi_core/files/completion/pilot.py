@@ -76,7 +76,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     rng = np.random.default_rng(COMPLETION_SEED)
     origins, directions, normals = _starts(scene, rays, rng)
     # In the dark a place counts that light could reach from another, and any that light could start from.
-    hits, sides = ([], []) if is_lit(scene) else ([origins], [normals])
+    hits, sides = ([], []) if is_lit(scene, rays) else ([origins], [normals])
     side_hits = np.zeros((len(scene.static.faces), 2), np.int64)
     for _ in range(BOUNCES):
         t, face = rays.hits(origins, directions)
@@ -103,14 +103,28 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     return Box(low, high, size, hit_points[central], facing[central], side_hits)
 
 
-def is_lit(scene: Scene) -> bool:
-    """Return whether the scene has a light, or faces that can light it: the glow of a switch cannot."""
+def is_lit(scene: Scene, rays: Rays | None = None) -> bool:
+    """Return whether the scene has a light, or faces that can light what they reach: the glow of a switch cannot.
+
+    rays: against the static part, if they exist already.
+    """
     if scene.lights:
         return True
-    areas = face_normals(scene.static)[1]
-    emission = np.array([max(m.emission) for m in scene.materials])[scene.static.face_material]
+    normals, areas = face_normals(scene.static)
+    flux = _emission(scene) * np.pi * areas  # [W or lm]
     # up to a mean irradiance of 1e-4 W/m2 or lx emissive faces light nothing
-    return bool(np.pi * (emission @ areas) > 1e-4 * areas.sum())
+    if not flux.any() or flux.sum() > 1e-4 * areas.sum():
+        return bool(flux.any())
+    rays = rays or Rays(scene)
+    origins, directions, _ = _from_faces(scene.static, rays, normals, flux, np.random.default_rng(COMPLETION_SEED), 2000)
+    reach, face = rays.hits(origins, directions)
+    # The ground may be far larger than the part that the lamp reaches: nine tenths of its hits are so near.
+    return bool((face >= 0).any() and flux.sum() > 1e-4 * np.pi * np.quantile(reach[face >= 0], 0.9) ** 2)
+
+
+def _emission(scene: Scene) -> np.ndarray:
+    """Return the radiance (F,) of the static faces, of their brightest channel."""
+    return np.array([max(m.emission) for m in scene.materials])[scene.static.face_material]
 
 
 def cells(box: Box, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -180,7 +194,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     """
     mesh = scene.static
     normals, areas = face_normals(mesh)
-    emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas * is_lit(scene)
+    emission = _emission(scene) * areas * is_lit(scene, rays)
     placed = [np.array(light.position) for light in scene.lights if isinstance(light, PlacedLight)]
     distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]
