@@ -222,6 +222,8 @@ class Question:
                 if imgui.button(label):
                     answer = word
                 imgui.same_line()
+            if not answer and any(imgui.is_key_pressed(key, repeat=False) for key in RETURN):
+                answer = "save"
             if answer:
                 imgui.close_current_popup()
             imgui.end_popup()

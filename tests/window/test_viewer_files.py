@@ -113,6 +113,24 @@ def close_by_button(hand) -> None:
     hand.ctx.yield_(3)
 
 
+def test_return_saves_before_the_window_closes(play, folder):
+    K = keys()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.press(int(K.mod_ctrl) | int(K.s))
+        enter(hand, "Save the scene", folder / "mine")
+        viewer.session.want(replace(viewer.session.settings, exposure=1.25))
+        hand.wait_for_light()
+        close_by_button(hand)
+        assert viewer.files.question.is_open and not viewer.params.app_shall_exit
+        hand.press(K.enter)
+
+    viewer = play(script, quits=True)
+    assert errors(viewer) == [] and viewer.params.app_shall_exit
+    assert saved_scene.read(str(folder / "mine.toml")).exposure == 1.25
+
+
 def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder, monkeypatch):
     K, seen, titles = keys(), {}, []
     monkeypatch.setattr("glfw.set_window_title", lambda window, title: titles.append(title))
