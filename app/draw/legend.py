@@ -131,6 +131,7 @@ class Label(NamedTuple):
     text: str
     box: tuple[float, float, float, float]  # left, top, right, bottom
     opacity: float
+    colour: tuple[float, float, float] = TEXT
 
 
 class Marks(NamedTuple):
@@ -153,11 +154,11 @@ def with_marks(picture: np.ndarray, marks: Marks, scale: float) -> np.ndarray:
         around = [scale * c + sign * DOT_EM * em for sign in (-1, 1) for c in (x, y)]
         rim = _colour((0.0, 0.0, 0.0), RIM_OPACITY * opacity)
         draw.ellipse(around, _colour(colour, opacity), rim, max(round(RIM_EM * em), 1))
-    for text, box, opacity in marks.labels:
+    for text, box, opacity, colour in marks.labels:
         left, top, right, bottom = (scale * side for side in box)
         middle = (left + right) / 2, (top + bottom) / 2
         draw.rounded_rectangle((left, top, right, bottom), ROUND_EM * em, _colour(PLATE, PLATE_OPACITY * opacity))
-        draw.text(middle, plain(text), _colour(TEXT, opacity), font, anchor="mm")
+        draw.text(middle, plain(text), _colour(colour, opacity), font, anchor="mm")
     return np.asarray(image)
 
 

@@ -13,7 +13,6 @@ from app.session.reload import Reload
 from app.session.session import Session
 from app.window import label, legend, theme
 from app.window.panel.widgets import shortened
-from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
 from app.window.viewport import Viewport
 
 if TYPE_CHECKING:
@@ -35,10 +34,6 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
         return
     corner, room = (x + em, y + h - 2.6 * em), w - 2 * em
     _draw_shown(viewport, (x, y, w, h), em)
-    if viewport.shown is not None and viewport.shown.recomputed is not None:
-        for k, (name, colour) in enumerate(zip(RECOMPUTED_NAMES, RECOMPUTED, strict=True)):
-            row = k + bool(viewport.shown.coming)  # which is written there
-            label.write(name, x + w - em, y + (1 + 1.7 * row) * em, colour, right=True)
     if viewport.legend is not None:
         legend.draw(viewport.legend, viewport.view)
         room = legend.box(viewport.legend, viewport.view)[0] - x - 2 * em

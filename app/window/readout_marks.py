@@ -1,8 +1,9 @@
-"""Pins and calculation surfaces over the picture, with their values."""
+"""Pins, calculation surfaces and names of colours over the picture, in the window and in saved pictures."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from app.draw.colour_map import sequential_colours
 from app.draw.legend import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks
 from app.window import label, legend
 from app.window.label import LabelPlaces
+from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
 
 if TYPE_CHECKING:
     from app.draw.legend import Point
@@ -36,16 +38,18 @@ def draw(viewport: Viewport) -> None:
         drawing.add_circle_filled(at, DOT_EM * em, imgui.get_color_u32((*colour, opacity)))
         rim = imgui.get_color_u32((0.0, 0.0, 0.0, RIM_OPACITY * opacity))
         drawing.add_circle(at, DOT_EM * em, rim, 0, RIM_EM * em)
-    for text, (left, top, right, bottom), opacity in shapes.labels:
-        label.draw(text, (x + left, y + top, x + right, y + bottom), opacity=opacity)
+    for text, (left, top, right, bottom), opacity, colour in shapes.labels:
+        label.draw(text, (x + left, y + top, x + right, y + bottom), colour, opacity)
     drawing.pop_clip_rect()
 
 
 def marks(viewport: Viewport) -> Marks:
-    """Return the marks of surfaces and pins; their labels avoid the legend and each other."""
+    """Return the marks of surfaces, pins and colours; their labels avoid the legend and each other."""
     view, shown, em = viewport.view, viewport.legend, imgui.get_font_size()
-    shapes = Marks(em, [], [], [])
-    places = LabelPlaces((0.0, 0.0, *view.size), [] if shown is None else [_in_picture(legend.box(shown, view), view)])
+    shapes = Marks(em, [], [], list(_names_of_colours(viewport)))
+    taken = [named.box for named in shapes.labels]
+    taken += [] if shown is None else [_in_picture(legend.box(shown, view), view)]
+    places = LabelPlaces((0.0, 0.0, *view.size), taken)
     pins = _labels_of_pins(viewport, places)
     s = viewport.session
     lights = {light.surface: light for light in s.light.snapshot.rest.surfaces}
@@ -63,6 +67,18 @@ def marks(viewport: Viewport) -> Marks:
                 shapes.lines.append((at, (min(max(at[0], left), right), top if top > at[1] else bottom)))
             shapes.labels.append(Label(text, box, 1.0 if s.is_current else OF_BEFORE))
     return shapes
+
+
+def _names_of_colours(viewport: Viewport) -> Iterator[Label]:
+    """Yield the names of the colours that show how receivers were computed, down the right edge of the picture."""
+    shown, em = viewport.shown, imgui.get_font_size()
+    if shown is None or shown.recomputed is None:
+        return
+    right = viewport.view.size[0] - em
+    for k, (name, colour) in enumerate(zip(RECOMPUTED_NAMES, RECOMPUTED, strict=True)):
+        width, height = label.plate(name)
+        top = (1 + 1.7 * (k + bool(shown.coming))) * em  # the work to come is written in the first row
+        yield Label(name, (right - width, top, right, top + height), 1.0, colour)
 
 
 def _in_picture(box: Box, view: View) -> Box:

@@ -6,6 +6,7 @@ from PIL import Image
 from app.draw.legend import LINE, Dot, Label, Marks, with_marks
 from app.settings import Pin
 from app.window import readout_marks
+from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
 from tests.support.viewer_hand import in_window, keys
 
 
@@ -48,3 +49,21 @@ def test_a_saved_picture_shows_its_pins(hand, viewer, folder):
     plate = slice(top, bottom), slice(left, right)
     assert saved[plate].max() > 200 and np.median(saved[plate]) < 0.6 * np.median(before[plate])
     assert label.text.startswith("floor: ")
+
+
+@in_window()
+def test_a_saved_picture_names_its_colours(hand, viewer, folder):
+    """The window named the colours of receivers, the saved picture did not."""
+    hand.wait_for_light()
+    hand.press(keys().c)
+    hand.wait(lambda: viewer.viewport.shown.recomputed is not None)
+    hand.press(keys().p)
+    hand.wait(lambda: (folder / "gi-viewer-001.png").exists())
+    saved = np.asarray(Image.open(folder / "gi-viewer-001.png").convert("RGB")).astype(int)
+    factor = viewer.painter.renderer.size[1] / viewer.viewport.view.size[1]
+    labels = readout_marks.marks(viewer.viewport).labels
+    assert [label.text for label in labels] == list(RECOMPUTED_NAMES)
+    for label, colour in zip(labels, RECOMPUTED, strict=True):
+        left, top, right, bottom = (round(factor * side) for side in label.box)
+        plate = saved[top:bottom, left:right].reshape(-1, 3)
+        assert np.abs(plate - 255 * np.array(colour)).max(axis=1).min() < 40 and np.median(plate) < 60

@@ -116,7 +116,8 @@ def is_lit(scene: Scene, rays: Rays | None = None) -> bool:
     if not flux.any() or flux.sum() > 1e-4 * areas.sum():
         return bool(flux.any())
     rays = rays or Rays(scene)
-    origins, directions, _ = _from_faces(scene.static, rays, normals, flux, np.random.default_rng(COMPLETION_SEED), 2000)
+    rng = np.random.default_rng(COMPLETION_SEED)
+    origins, directions, _ = _from_faces(scene.static, rays, normals, flux, rng, 2000)
     reach, face = rays.hits(origins, directions)
     # The ground may be far larger than the part that the lamp reaches: nine tenths of its hits are so near.
     return bool((face >= 0).any() and flux.sum() > 1e-4 * np.pi * np.quantile(reach[face >= 0], 0.9) ** 2)
