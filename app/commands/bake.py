@@ -63,8 +63,8 @@ def bake(
     from app.draw.baking import baked
     from app.draw.picture_files import write_channels
     from app.draw.shot import Shot
-    from app.draw.units import units_of
     from app.rest.scheduler import gather
+    from gi_core.scene.types import units_of
 
     if out.suffix.lower() != ".glb":
         raise UsageError(f"--out must name a .glb file, got {out}")

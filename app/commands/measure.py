@@ -36,9 +36,9 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
     """
     import time
 
-    from app.draw.units import units_of
     from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, surfaces_of
     from app.session.readouts import csv_text, text_lines
+    from gi_core.scene.types import units_of
 
     if file is not None:
         if file.suffix.lower() != ".csv":

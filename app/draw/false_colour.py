@@ -13,7 +13,7 @@ from app.settings import DEFAULT_TONE_MAP, ILLUMINANCE, LUMINANCE
 from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
-    from app.draw.units import Units
+    from gi_core.scene.types import Units
 
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale
 ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from app.draw.colour_map import UNKNOWN_COLOUR, sequential_colours
 from app.draw.false_colour import LIGHT_FROM, Scale
-from app.draw.units import Units
+from gi_core.scene.types import Units
 
 HEIGHT_EM, WIDTH_EM = 11.0, 1.1  # of the bar
 TICK_EM = 0.3  # from the bar to the ends of ticks

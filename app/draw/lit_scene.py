@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw.tonemap import meter, view_weights
-from app.draw.units import RADIOMETRIC, Units
 from app.draw.vertex_colours import Gloss, colours, gloss_towards, mean_radiance, weights
 from gi_core.geometry.error import luminance
+from gi_core.scene.types import RADIOMETRIC, Units
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

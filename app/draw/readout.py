@@ -11,7 +11,6 @@ from app.draw.camera import Bounds, from_camera
 from app.draw.draw_mesh import along_light, quad_around
 from app.draw.picking import Hit
 from app.draw.raycast import both_sides, pixel_steps, seen_radiance
-from app.draw.units import Units
 from app.draw.vertex_colours import colours, gloss_colours, weights
 from app.draw.visible import barycentrics, place
 from app.settings import Pin
@@ -19,7 +18,7 @@ from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene import Camera
 from gi_core.scene.pose import rotation, three, to_world, to_world_directions
-from gi_core.scene.types import part_named
+from gi_core.scene.types import Units, part_named
 
 if TYPE_CHECKING:
     from app.draw.camera import Turntable

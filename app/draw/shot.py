@@ -19,9 +19,9 @@ from app.draw.legend import of_scale, with_legend
 from app.draw.lit_scene import LitScene, metered
 from app.draw.reflected import sharp_gloss
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, gains_for
-from app.draw.units import units_of
 from app.draw.visible import PIXEL_OFFSETS, PictureView
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
+from gi_core.scene.types import units_of
 
 if TYPE_CHECKING:
     from gi_core.display.fine_points import FinePoints

@@ -243,7 +243,7 @@ class OpenScene:
     def lit(self) -> LitScene:
         """The light on show."""
         from app.draw.lit_scene import LitScene
-        from app.draw.units import units_of
+        from gi_core.scene.types import units_of
 
         light, radiance, units = self.light.snapshot, self.settings.shows_radiance, units_of(self.scene.units)
         return LitScene(self.model, light.poses, light.levels, self.meshes, light.drawn, light.gloss, radiance, units)

@@ -12,10 +12,10 @@ from app.cli.version import commit, version
 from app.draw.camera import Turntable
 from app.draw.false_colour import Scale
 from app.draw.shot import Shot
-from app.draw.units import RADIOMETRIC, Units, units_of
 from app.rest.scheduler import RestWork
 from app.session.snapshot import Snapshot, snapshot_of
 from app.settings import REFERENCE, Settings
+from gi_core.scene.types import RADIOMETRIC, Units, units_of
 
 
 class Picture(NamedTuple):

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from app.draw.units import Units
     from app.rest.calculation_surface import Level, SurfaceLight
+    from gi_core.scene.types import Units
 
 LEFT_OUT = "inside objects or outside the room"
 LONG_NAMES = {

@@ -109,8 +109,8 @@ def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None,
 
 def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
     """Return all read-outs on show as CSV."""
-    from app.draw.units import units_of
     from app.session.readouts import Row, csv_text
+    from gi_core.scene.types import units_of
 
     snapshot = session.light.snapshot
     places = {p.name: p.position for p in session.scene.probes}

@@ -16,7 +16,6 @@ from app.draw.legend import Legend, of_scale
 from app.draw.picking import Hit
 from app.draw.renderer import Look, Renderer
 from app.draw.tonemap import NEUTRAL
-from app.draw.units import units_of
 from app.session.lights import LightId
 from app.session.open_scene import Finished
 from app.session.picture import Picture
@@ -32,7 +31,7 @@ from app.window.legend import of_errors
 from app.window.pointer import Pins, Pointer, pick
 from app.window.scale_fit import ScaleFit
 from app.window.view_content import Shown, Side
-from gi_core.scene.types import part_named
+from gi_core.scene.types import part_named, units_of
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 FADING_SECONDS, FADING_STEPS = 0.5, 4  # of the outline of a surface, with a picture per step

@@ -284,6 +284,25 @@ class Defaults(NamedTuple):
     scene_size: float | None = None  # [m], unit of relative defaults; None: from a pilot trace
 
 
+class Units(NamedTuple):
+    """Names and units of light on and from a surface: photometric for `units = "photometric"`, else radiometric."""
+
+    on_surface: str  # quantity per area
+    per_area: str
+    from_surface: str  # quantity per area and solid angle
+    per_solid_angle: str
+    flux: str
+
+
+RADIOMETRIC = Units("Irradiance", "W/m²", "radiance", "W/m²/sr", "W")
+PHOTOMETRIC = Units("Illuminance", "lx", "luminance", "cd/m²", "lm")
+
+
+def units_of(units: str) -> Units:
+    """Return the quantities for `Scene.units`."""
+    return PHOTOMETRIC if units == "photometric" else RADIOMETRIC
+
+
 @dataclass(frozen=True, repr=False)
 class Scene:
     """A static part, one or more rigid mobiles, static lights. Area lights are emissive faces."""

@@ -10,7 +10,6 @@ from typing import Any
 from imgui_bundle import imgui
 
 from app.draw.colour_map import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_one
-from app.draw.units import units_of
 from app.session.lights import LightId
 from app.session.session import Session
 from app.settings import LampLevel, Settings
@@ -20,6 +19,7 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import REC709, luminance
 from gi_core.lights.lamps import BRIGHTEST
+from gi_core.scene.types import units_of
 
 BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
 PERCENT = "   %.0f %%"  # right of the knob at 100 %

@@ -10,7 +10,6 @@ from imgui_bundle import imgui
 
 from app import values
 from app.draw.false_colour import Scale
-from app.draw.units import Units, units_of
 from app.session.log import WARNING, Log
 from app.settings import (
     ERROR_RANGES,
@@ -24,6 +23,7 @@ from app.settings import (
 )
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.scene.types import Units, units_of
 
 TONE_MAP_NAMES = {
     "agx": "AgX",

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
-from app.draw.units import Units, units_of
 from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, in_room, surfaces_of
 from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, shown
 from app.session.session import Session
@@ -18,7 +17,7 @@ from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
-from gi_core.scene.types import MOST_GRID_POINTS, TARGETS, CalculationSurface
+from gi_core.scene.types import MOST_GRID_POINTS, TARGETS, CalculationSurface, Units, units_of
 
 PIN = ui.Button(
     "pin",

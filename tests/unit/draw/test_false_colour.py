@@ -19,8 +19,8 @@ from app.draw.colour_map import (
 )
 from app.draw.false_colour import Scale, automatic_scale, false_colours, fixed_scale
 from app.draw.legend import of_scale
-from app.draw.units import PHOTOMETRIC
 from gi_core.geometry.error import luminance
+from gi_core.scene.types import PHOTOMETRIC
 
 
 def test_the_map_is_ever_lighter():

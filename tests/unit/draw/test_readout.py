@@ -11,13 +11,12 @@ from app.draw.picking import Picker
 from app.draw.readout import STATIC, UNLIT, Reading, read, read_pin
 from app.draw.shot import Shot
 from app.draw.tonemap import to_display
-from app.draw.units import PHOTOMETRIC, RADIOMETRIC
 from app.settings import Settings, make_solver
 from app.values import Pin
 from gi_core.display.dilation import Drawn
 from gi_core.scene import Camera, Material, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Gloss
+from gi_core.scene.types import PHOTOMETRIC, RADIOMETRIC, Gloss
 from tests.support import closed_form
 from tests.support.projection import projected
 from tests.support.scene_builders import merge, quad

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.draw.units import PHOTOMETRIC
 from app.rest.calculation_surface import (
     BORDER,
     FAIL,
@@ -33,7 +32,7 @@ from app.rest.calculation_surface import (
 from app.session.readouts import Row, csv_text, shown, text_lines
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
-from gi_core.scene.types import MOST_GRID_POINTS
+from gi_core.scene.types import MOST_GRID_POINTS, PHOTOMETRIC
 from tests.support import closed_form
 from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, sphere
 
