@@ -64,7 +64,7 @@ def bake(
     from app.draw.picture_files import write_channels
     from app.draw.shot import Shot
     from app.rest.scheduler import gather
-    from gi_core.scene.types import units_of
+    from gi_core.scene.types import UNITS
 
     if out.suffix.lower() != ".glb":
         raise UsageError(f"--out must name a .glb file, got {out}")
@@ -88,7 +88,7 @@ def bake(
         if baking.light_map is not None:  # first: the other file names it
             E, coverage = baking.light_map
             channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
-            about = {"content": f"irradiance [{units_of(scene.units).per_area}]", "glb": out.name}
+            about = {"content": f"irradiance [{UNITS[scene.units].per_area}]", "glb": out.name}
             written = [write_channels(image, channels, about)]
         write_whole(out, baking.glb)
         if note := _left_out(scene):

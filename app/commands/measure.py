@@ -38,7 +38,7 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
 
     from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, surfaces_of
     from app.session.readouts import csv_text, text_lines
-    from gi_core.scene.types import units_of
+    from gi_core.scene.types import UNITS
 
     if file is not None:
         if file.suffix.lower() != ".csv":
@@ -48,7 +48,7 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         if file is not None:
             check_no_input("--csv", file, settings, scene)
         solver = make_solver(scene, settings)
-        level, units = level_of(solver.model), units_of(scene.units)
+        level, units = level_of(solver.model), UNITS[scene.units]
         surfaces, started = surfaces_of(settings, scene) or (WORKING_PLANE,), time.monotonic()
         for lights in all_steps(solver.model, surfaces, level, solver.poses, solver.levels, solver.seed, error):
             done, spent = sum(light.fraction for light in lights) / len(lights), time.monotonic() - started

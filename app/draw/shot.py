@@ -21,7 +21,7 @@ from app.draw.reflected import sharp_gloss
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, gains_for
 from app.draw.visible import PIXEL_OFFSETS, PictureView
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
-from gi_core.scene.types import units_of
+from gi_core.scene.types import UNITS
 
 if TYPE_CHECKING:
     from gi_core.display.fine_points import FinePoints
@@ -65,7 +65,7 @@ class Shot:
 
     @property
     def _of_receivers(self) -> LitScene:
-        s, radiance, units = self.solver, self.settings.shows_radiance, units_of(self.solver.scene.units)
+        s, radiance, units = self.solver, self.settings.shows_radiance, UNITS[self.solver.scene.units]
         meshes, drawn = dimmed(self._meshes, s.levels), s.drawn(s.irradiance)
         return LitScene(s.model, s.poses, s.levels, meshes, drawn, s.frame.gloss, radiance, units)
 
@@ -110,7 +110,7 @@ class Shot:
         seen = seen[np.isfinite(seen)]
         if scale is None or not len(seen) or any(seen.min() <= line <= seen.max() for line in scale.lines):
             return ""
-        unit = units_of(self.solver.scene.units).per_area
+        unit = UNITS[self.solver.scene.units].per_area
         low, high = (f"{E:.3g}" if E < 1000 else f"{E:.0f}" for E in (seen.min(), seen.max()))
         lines = ", ".join(f"{line:g}" for line in scale.lines) or "nowhere on its scale"
         return f"no isolines: the picture has about {low} to {high} {unit}, they are at {lines}"

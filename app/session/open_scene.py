@@ -243,9 +243,9 @@ class OpenScene:
     def lit(self) -> LitScene:
         """The light on show."""
         from app.draw.lit_scene import LitScene
-        from gi_core.scene.types import units_of
+        from gi_core.scene.types import UNITS
 
-        light, radiance, units = self.light.snapshot, self.settings.shows_radiance, units_of(self.scene.units)
+        light, radiance, units = self.light.snapshot, self.settings.shows_radiance, UNITS[self.scene.units]
         return LitScene(self.model, light.poses, light.levels, self.meshes, light.drawn, light.gloss, radiance, units)
 
     def metered(self, camera: Turntable) -> float:

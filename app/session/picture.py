@@ -15,7 +15,7 @@ from app.draw.shot import Shot
 from app.rest.scheduler import RestWork
 from app.session.snapshot import Snapshot, snapshot_of
 from app.settings import REFERENCE, Settings
-from gi_core.scene.types import RADIOMETRIC, Units, units_of
+from gi_core.scene.types import RADIOMETRIC, UNITS, Units
 
 
 class Picture(NamedTuple):
@@ -76,7 +76,7 @@ def metadata_of(shot: Shot) -> dict[str, str]:
         replace(shot.settings, exposure=shot.exposure),
         shot.camera,
         scale=shot.scale,
-        units=units_of(shot.solver.scene.units),
+        units=UNITS[shot.solver.scene.units],
     )
     return picture.metadata(snapshot_of(shot.solver, RestWork(shot.solver, time.perf_counter)))
 

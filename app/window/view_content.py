@@ -110,7 +110,7 @@ def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None,
 def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
     """Return all read-outs on show as CSV."""
     from app.session.readouts import Row, csv_text
-    from gi_core.scene.types import units_of
+    from gi_core.scene.types import UNITS
 
     snapshot = session.light.snapshot
     places = {p.name: p.position for p in session.scene.probes}
@@ -120,7 +120,7 @@ def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
             light = three(position), reading.irradiance, math.nan, reading.radiance
             rows.append(Row("pin", pin.name, *light, reading.object, reading.material))
     current = [light for light in snapshot.rest.surfaces if light.is_current]
-    return csv_text(rows, current, units_of(session.scene.units))
+    return csv_text(rows, current, UNITS[session.scene.units])
 
 
 def paint(

@@ -31,7 +31,7 @@ from app.window.legend import of_errors
 from app.window.pointer import Pins, Pointer, pick
 from app.window.scale_fit import ScaleFit
 from app.window.view_content import Shown, Side
-from gi_core.scene.types import part_named, units_of
+from gi_core.scene.types import UNITS, part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 FADING_SECONDS, FADING_STEPS = 0.5, 4  # of the outline of a surface, with a picture per step
@@ -342,7 +342,7 @@ class Viewport:
         split = self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None
         s = self.session
         scale = self.scale_fit.scale if s.settings.show in FALSE_COLOURS else None
-        return Picture(s.settings, self.view.camera, s.version, split, scale, units_of(s.scene.units))
+        return Picture(s.settings, self.view.camera, s.version, split, scale, UNITS[s.scene.units])
 
     @property
     def legend(self) -> Legend | None:

@@ -296,11 +296,7 @@ class Units(NamedTuple):
 
 RADIOMETRIC = Units("Irradiance", "W/m²", "radiance", "W/m²/sr", "W")
 PHOTOMETRIC = Units("Illuminance", "lx", "luminance", "cd/m²", "lm")
-
-
-def units_of(units: str) -> Units:
-    """Return the quantities for `Scene.units`."""
-    return PHOTOMETRIC if units == "photometric" else RADIOMETRIC
+UNITS = {"radiometric": RADIOMETRIC, "photometric": PHOTOMETRIC}  # by `Scene.units`
 
 
 @dataclass(frozen=True, repr=False)

@@ -19,7 +19,7 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import REC709, luminance
 from gi_core.lights.lamps import BRIGHTEST
-from gi_core.scene.types import units_of
+from gi_core.scene.types import UNITS
 
 BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
 PERCENT = "   %.0f %%"  # right of the knob at 100 %
@@ -70,7 +70,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
 
 def _flux_field(lamp: LampLevel, k: int, session: Session) -> LampLevel:
     """Draw the flux of the selected lamp as a number; it sets the level."""
-    unit = units_of(session.scene.units).flux
+    unit = UNITS[session.scene.units].flux
     full = _flux(lamp._replace(level=1.0, on=True), "", k, session)
     (flux,), edited, *_ = ui.fields("Flux", (full * lamp.level,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
     ui.tip("Flux of the selected lamp. Double-click to type it; the level follows.")
@@ -222,4 +222,4 @@ def _flux(lamp: LampLevel, solo: str, k: int, session: Session) -> float:
 
 def _shown(flux: float, session: Session) -> str:
     number = f"{flux:.4g}" if flux < 1e4 else ui.thousands(round(flux))
-    return f"{number} {units_of(session.scene.units).flux}"
+    return f"{number} {UNITS[session.scene.units].flux}"

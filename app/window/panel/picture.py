@@ -23,7 +23,7 @@ from app.settings import (
 )
 from app.window.panel import widgets as ui
 from app.window.parts import Window
-from gi_core.scene.types import Units, units_of
+from gi_core.scene.types import UNITS, Units
 
 TONE_MAP_NAMES = {
     "agx": "AgX",
@@ -53,7 +53,7 @@ def show_names(units: Units) -> dict[str, str]:
 
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
-    start, units = window.session.start_exposure, units_of(window.session.scene.units)
+    start, units = window.session.start_exposure, UNITS[window.session.scene.units]
     low, high = start - 10.0, start + 10.0  # EV
     of_values = "false colours show values of light" if s.show in FALSE_COLOURS else ""
     with ui.idle(of_values):

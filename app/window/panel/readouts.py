@@ -17,7 +17,7 @@ from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
-from gi_core.scene.types import MOST_GRID_POINTS, TARGETS, CalculationSurface, Units, units_of
+from gi_core.scene.types import MOST_GRID_POINTS, TARGETS, UNITS, CalculationSurface, Units
 
 PIN = ui.Button(
     "pin",
@@ -45,7 +45,7 @@ class Edit(NamedTuple):
 
 
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
-    session, units = window.session, units_of(window.session.scene.units)
+    session, units = window.session, UNITS[window.session.scene.units]
     snapshot, unit, surface = session.light.snapshot, units.per_area, units.on_surface
     imgui.begin_disabled(not session.is_current)  # numbers of the light before
     for name, E in snapshot.probes.items():
@@ -109,7 +109,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
                 _place(surface, session, edit)
                 _grid(surface, grids[surface].shape, edit)
                 _targets(surface, edit)
-                _numbers(lights.get(surface), units_of(session.scene.units))
+                _numbers(lights.get(surface), UNITS[session.scene.units])
             else:
                 ui.wrapped(f"{surface.on} is no longer there.")
             if imgui.button("Remove surface"):
