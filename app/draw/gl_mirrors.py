@@ -106,7 +106,9 @@ class GLMirrors:
         """
         shown = shares(picture)
         planes = self._through(self._chosen(shown, PLANES_SHOWN, 0.002), picture, models, 1.0, (PROBE,))
-        needed = {r.probe.number for r in map(self._of.__getitem__, shown) if not _is_by(r, planes)}
+        needed = {
+            r.probe.number for r in map(self._of.__getitem__, shown) if r.plane is None or r.plane.number not in planes
+        }
         for view, _ in planes.values():
             needed |= {self._of[which].probe.number for which in shares(view)}
         poses = *key, *(m.tobytes() for m in models)
@@ -277,10 +279,6 @@ def _blurs(reflectors: Iterable[Reflector]) -> bool:
 
 def _filter(blurred: bool) -> tuple[int, int]:
     return (moderngl.LINEAR_MIPMAP_LINEAR if blurred else moderngl.LINEAR), moderngl.LINEAR
-
-
-def _is_by(r: Reflector, planes: Reflected) -> bool:
-    return r.plane is not None and r.plane.number in planes
 
 
 def _rectangle(corners: np.ndarray, to_clip: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int] | None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw.draw_mesh import DrawMesh
 from app.draw.false_colour import Display
 from app.draw.raycast import Coloured, Sharp, above_textures, seen_radiance
 from app.draw.tonemap import BACKGROUND, srgb_decode
@@ -99,7 +98,9 @@ class Mirrors:
         for o, mesh in enumerate(meshes):
             R, first, none = at.rotation[o], len(self._reflectors), np.zeros((len(mesh.positions), 3))
             own = mesh.reflector is not None
-            of_face.append(np.where(mesh.reflector < 0, -1, mesh.reflector + first) if own else _none_of(mesh))
+            of_face.append(
+                np.where(mesh.reflector < 0, -1, mesh.reflector + first) if own else np.full(len(mesh.triangles), -1)
+            )
             normals.append(mesh.gloss.normal @ R.T if own else none)
             tangents.append(none if not own or mesh.gloss.tangent is None else mesh.gloss.tangent @ R.T)
             for r in mesh.reflectors:
@@ -300,10 +301,6 @@ def _within(counts: np.ndarray, most: int) -> np.ndarray:
     while (counts[counts > 1]).sum() > most and (counts > 1).any():
         counts = np.maximum(counts // 2, 1)
     return counts
-
-
-def _none_of(mesh: DrawMesh) -> np.ndarray:
-    return np.full(len(mesh.triangles), -1)
 
 
 def _virtual_eye(r: Reflector, R: np.ndarray, position: np.ndarray, eye: np.ndarray) -> np.ndarray:

@@ -158,9 +158,6 @@ class CameraControl:
         """Break a flight off."""
         self.flight = None
 
-    def go_home(self) -> None:
-        self.fly_to(self.home)
-
     def frame(self, names: tuple[str, ...], lamp: LightId | None) -> None:
         """Show objects by name, else a lamp, or everything without either, from the present direction."""
         s, camera, bounds, margin = self.session, self.view.camera, self.lit, 1.0

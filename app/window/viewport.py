@@ -47,12 +47,9 @@ class Wipe:
         self.at = 0.5
         self.held = False
 
-    def is_near(self, x: float, left: float, width: float) -> bool:
-        return abs(x - (left + self.at * width)) <= 0.5 * imgui.get_font_size()  # the line is grabbed within 0.5 em
-
     def handle(self, io, left: float, width: float, hovered: bool) -> bool:
         """Read the mouse of this frame; return whether the line takes it."""
-        near = hovered and self.is_near(io.mouse_pos.x, left, width)
+        near = hovered and abs(io.mouse_pos.x - (left + self.at * width)) <= 0.5 * imgui.get_font_size()
         if near and imgui.is_mouse_clicked(0):
             self.held = True
         takes = near or self.held

@@ -18,16 +18,13 @@ def available() -> int | None:
 
     The least of the machine's memory, of control groups (containers), and of RLIMIT_AS (`ulimit -v`).
     """
-    return min((*_of_machine(), *_of_groups(), *_of_process()), default=None)
+    of_machine = (1024 * n for n in _numbers("proc/meminfo", "MemAvailable:"))
+    return min((*of_machine, *_of_groups(), *_of_process()), default=None)
 
 
 def sentence(problem: MemoryError) -> str:
     """Return an allocation that failed, in one sentence with its remedy."""
     return f"memory is full ({str(problem) or 'an allocation failed'}): take fewer photons, or simplify the scene"
-
-
-def _of_machine() -> Iterator[int]:
-    yield from (1024 * n for n in _numbers("proc/meminfo", "MemAvailable:"))
 
 
 def _of_groups() -> Iterator[int]:

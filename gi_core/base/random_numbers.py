@@ -112,6 +112,22 @@ def picked(cdf, u):
 
 
 @kernel
+def interval(table, a, b, w, count, x):
+    """Return the k of 0 .. count - 2 where x lies between entries k and k + 1 of an ascending table.
+
+    An entry is (1 - w) table[a + k] + w table[b + k].
+    """
+    low, high = 0, count - 1
+    while high - low > 1:
+        middle = (low + high) >> 1
+        if (1.0 - w) * table[a + middle] + w * table[b + middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
 def basis(nx, ny, nz):
     """Return two unit vectors that complete a unit normal (Duff et al. 2017)."""
     sign = math.copysign(1.0, nz)

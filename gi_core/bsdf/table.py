@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.random_numbers import interval
 
 # Columns of Tables.head: numbers of rows theta_i, of rows phi_i, of cells of y, of cells of psi, of stored channels; -1
 # if o is stored turned by 180 degrees, else 1 ...
@@ -70,13 +71,7 @@ def _row(tables, m, ix, iy, iz):
     """Return the first row of the interpolation and its two weights, of the next theta_i and of the next phi_i."""
     data, start, last = tables.data, tables.head[m, _THETA], tables.head[m, _THETAS] - 1
     theta = min(math.acos(min(1.0, iz)), data[start + last])
-    low, high = 0, last
-    while high - low > 1:
-        middle = (low + high) >> 1
-        if data[start + middle] <= theta:
-            low = middle
-        else:
-            high = middle
+    low = interval(data, start, start, 0.0, last + 1, theta)
     t = (theta - data[start + low]) / (data[start + low + 1] - data[start + low])
     phis = tables.head[m, _PHIS]
     if phis == 1:
@@ -197,13 +192,7 @@ def _cell(tables, m, y, psi):
     """Return ring and share, sector and share of (y, psi)."""
     head, data = tables.head, tables.data
     start = head[m, _NODE]
-    low, high = 0, head[m, _RINGS]
-    while high - low > 1:
-        middle = (low + high) >> 1
-        if data[start + middle] <= y:
-            low = middle
-        else:
-            high = middle
+    low = interval(data, start, start, 0.0, head[m, _RINGS] + 1, y)
     share = (y - data[start + low]) / (data[start + low + 1] - data[start + low])
     sectors = head[m, _SECTORS]
     x = psi * sectors / (math.pi if head[m, _PHIS] == 1 else 2.0 * math.pi)
@@ -290,13 +279,7 @@ def sample(tables, m, ix, iy, iz, u, v, w):
     rings, sectors = head[m, _RINGS], head[m, _SECTORS]
     start = head[m, _MARGINAL] + chosen * (rings + 1)
     x = u * data[start + rings]
-    k, high = 0, rings
-    while high - k > 1:
-        middle = (k + high) >> 1
-        if data[start + middle] <= x:
-            k = middle
-        else:
-            high = middle
+    k = interval(data, start, start, 0.0, rings + 1, x)
     lower = head[m, _CUMULATIVE] + (chosen * (rings + 1) + k) * (sectors + 1)
     upper = lower + sectors + 1
     node = head[m, _NODE] + k
@@ -313,13 +296,7 @@ def sample(tables, m, ix, iy, iz, u, v, w):
             v -= 1.0
             side = -1.0
     x = v * ((1.0 - fy) * data[lower + sectors] + fy * data[upper + sectors])
-    s, high = 0, sectors
-    while high - s > 1:
-        middle = (s + high) >> 1
-        if (1.0 - fy) * data[lower + middle] + fy * data[upper + middle] <= x:
-            s = middle
-        else:
-            high = middle
+    s = interval(data, lower, upper, fy, sectors + 1, x)
     x -= (1.0 - fy) * data[lower + s] + fy * data[upper + s]
     stride = head[m, _PLANES]
     at = head[m, _DENSITY] + ((chosen * (rings + 1) + k) * (sectors + 1) + s) * stride

@@ -143,7 +143,7 @@ class MobileGather:
         E = _exchanged(direct, bounced, exchange, paths)
         if len(self._glossy):
             add_exchanged(exchange, direct + E, by_path)
-            directions = self._kind_directions(paths)
+            directions = np.ascontiguousarray(self._directions[paths].transpose(0, 2, 1), np.float32)
             light_by_path = BouncedLight(self._normals, self._near, self._kinds, directions, light.close, by_path)
             self.path_light = PathLight(light_by_path, lit)
         return direct + average_neighbours(self._near, light.close, counts, E, self._model.threads)
@@ -180,9 +180,6 @@ class MobileGather:
         if self._bounced.shape != shape:
             self._bounced = np.empty(shape, np.float32)
         return self._bounced
-
-    def _kind_directions(self, paths: int) -> np.ndarray:
-        return np.ascontiguousarray(self._directions[paths].transpose(0, 2, 1), np.float32)
 
     def _light_by(self, lights: Lights | None, resting: np.ndarray | None, reflectance: np.ndarray) -> None:
         """Use this light from now on; arguments as for irradiance()."""

@@ -22,16 +22,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import weighted
-from gi_core.gloss.discs import (
-    DIRECTION_BITS,
-    FLUX_SHIFT,
-    Arrivals,
-    GlossDiscs,
-    Intake,
-    add_rays,
-    arrivals,
-    deposit,
-)
+from gi_core.gloss.discs import DIRECTION_BITS, FLUX_SHIFT, Arrivals, GlossDiscs, Intake, add_rays, arrivals, deposit
 from gi_core.gloss.hemisphere import CELLS, SUMS, axes_of, even_light
 from gi_core.gloss.light import FIELDS, CellWriter, GlossLight
 from gi_core.photons.paths import PathVertices, Segments, segments_of

@@ -19,14 +19,7 @@ from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
 from gi_core.lights.area import AreaLights, point_on_lamp
 from gi_core.lights.light_sampling import Lights
-from gi_core.lights.next_event import (
-    LIGHT_U,
-    LIGHT_V,
-    Shadows,
-    aim_at_lamp,
-    join_delta,
-    room_for_shadows,
-)
+from gi_core.lights.next_event import LIGHT_U, LIGHT_V, Shadows, aim_at_lamp, join_delta, room_for_shadows
 from gi_core.lights.photometric import density
 
 CANDIDATES = 8  # per shadow ray

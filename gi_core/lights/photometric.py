@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.random_numbers import interval
 from gi_core.base.vec import cross, dot, weighted
 from gi_core.lights import point
 from gi_core.scene.types import Light, PhotometricLight, Scene
@@ -167,7 +168,7 @@ def drawn(tables, start, u, v):
     planes = gammas + rows
     density, across = planes + columns, planes + columns + rows * columns
     below = across + rows * columns
-    k = _interval(tables, below, rows, u)
+    k = interval(tables, below, below, 0.0, rows, u)
     low, high = tables[gammas + k], tables[gammas + k + 1]
     full = across + columns - 1  # of row k, the integral over all C
     first, last = tables[full + k * columns], tables[full + (k + 1) * columns]
@@ -177,14 +178,9 @@ def drawn(tables, start, u, v):
     w = min(max((gamma - low) / (high - low), 0.0), 1.0)
     # The same interpolation of the running integral over C.
     a, b = across + k * columns, across + (k + 1) * columns
-    left, right = 0, columns - 1
+    right = columns - 1
     target = v * ((1.0 - w) * tables[a + right] + w * tables[b + right])
-    while right - left > 1:
-        middle = (left + right) // 2
-        if (1.0 - w) * tables[a + middle] + w * tables[b + middle] <= target:
-            left = middle
-        else:
-            right = middle
+    left = interval(tables, a, b, w, columns, target)
     rest = target - ((1.0 - w) * tables[a + left] + w * tables[b + left])
     a, b = density + k * columns + left, density + (k + 1) * columns + left
     value = (1.0 - w) * tables[a] + w * tables[b]
@@ -235,23 +231,11 @@ def density(tables, start, axis, c0, x, y, z):
         plane += 2.0 * math.pi
     if not tables[gammas] <= gamma <= tables[gammas + rows - 1]:
         return 0.0
-    k, j = _interval(tables, gammas, rows, gamma), _interval(tables, planes, columns, plane)
+    k = interval(tables, gammas, gammas, 0.0, rows, gamma)
+    j = interval(tables, planes, planes, 0.0, columns, plane)
     w = (gamma - tables[gammas + k]) / (tables[gammas + k + 1] - tables[gammas + k])
     s = min((plane - tables[planes + j]) / (tables[planes + j + 1] - tables[planes + j]), 1.0)
     one, two = values + k * columns + j, values + (k + 1) * columns + j
     return (1.0 - w) * ((1.0 - s) * tables[one] + s * tables[one + 1]) + w * (
         (1.0 - s) * tables[two] + s * tables[two + 1]
     )
-
-
-@kernel
-def _interval(tables, first, count, x):
-    """Return k, at most count - 2, with tables[first + k] <= x < tables[first + k + 1]."""
-    left, right = 0, count - 1
-    while right - left > 1:
-        middle = (left + right) // 2
-        if tables[first + middle] <= x:
-            left = middle
-        else:
-            right = middle
-    return left

@@ -11,16 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.rays.triangles import (
-    CELLS,
-    STACK,
-    TESTS,
-    Meshes,
-    Triangles,
-    nearer,
-    test_ray,
-    triangles_of,
-)
+from gi_core.rays.triangles import CELLS, STACK, TESTS, Meshes, Triangles, nearer, test_ray, triangles_of
 
 BINS = 16
 DEEPEST = 40  # nodes below this depth are halved by count: 24 levels more hold 16 million leaves

@@ -42,7 +42,7 @@ def act(window: Window, name: str | Request) -> None:
         case Refinish():
             objects.refinish(window, name)
         case ChoosePart(part):
-            objects.choose_part(window, part)
+            window.viewport.chosen_part = part
         case Move():
             objects.move(window, name)
         case SelectLamp(light):

@@ -49,10 +49,6 @@ def refinish(window: Window, asked: Refinish) -> None:
     window.session.change_scene(Finish(asked.surface, asked.material, asked.part), first=asked.first)
 
 
-def choose_part(window: Window, name: str) -> None:
-    window.viewport.chosen_part = name
-
-
 def rest(window: Window) -> None:
     """Lower each selected object onto what lies below it, the lowest one first."""
     from app.session.free_place import lowered_pose

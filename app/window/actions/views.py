@@ -27,7 +27,8 @@ def show_bookmark(k: int, window: Window) -> None:
 
 
 def reset_view(window: Window) -> None:
-    window.viewport.control.go_home()
+    control = window.viewport.control
+    control.fly_to(control.home)
 
 
 def reset_all(window: Window) -> None:

@@ -130,21 +130,13 @@ class Folds:
 __all__ = ["RESEARCH", "SECTIONS", "Folds", "Section", "draw", "quality"]
 
 
-def _always(window: Window) -> bool:
-    return True
-
-
-def _has_discs(window: Window) -> bool:
-    return bool(window.session.light.snapshot.search_summary)
-
-
 class Section(NamedTuple):
     """A part of the panel under a folding header."""
 
     title: str
     draw: Callable[[Settings, Window, set[str]], Settings]
     unfolded: bool = True  # at the first start; later starts restore the last state
-    visible: Callable[[Window], bool] = _always
+    visible: Callable[[Window], bool] = lambda window: True
 
 
 SECTIONS = (
@@ -164,7 +156,7 @@ RESEARCH = (
     Section("Error", research.error),
     Section("Error against time", chart.draw, unfolded=False),
     Section("Bias correction", research.artifacts, unfolded=False),
-    Section("Disc search", research.search, unfolded=False, visible=_has_discs),
+    Section("Disc search", research.search, False, lambda window: bool(window.session.light.snapshot.search_summary)),
     Section("Rays", research.rays, unfolded=False),
     Section("Timings", research.timings, unfolded=False),
     Section("Statistics", research.statistics, unfolded=False),

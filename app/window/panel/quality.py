@@ -42,7 +42,8 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     label = "Quality"
     changed, new = ui.slider(label, k + 1, 1, len(LEVELS), now)
     if changed:
-        s = at_level(s, min(max(new, 1), len(LEVELS)) - 1, chosen)
+        level = LEVELS[min(max(new, 1), len(LEVELS)) - 1]
+        s = replace(s, photons=photons_of(level, chosen), budget=level.budget)
     ui.tip(_about(chosen, session.points.all))
     cost = ui.ms(light.gi_seconds.value) if light.gi_seconds.value > 0 else ui.DASH
     of = f" of {s.budget:.0f} ms" if s.budget > 0 else ""
@@ -70,11 +71,6 @@ def level_of(s: Settings, chosen: int) -> tuple[str, int]:
         if (photons_of(level, chosen), level.budget) == (s.photons, s.budget):
             return level.name, k
     return "custom", nearest
-
-
-def at_level(s: Settings, k: int, chosen: int) -> Settings:
-    """Return the settings with photons and time budget of a level."""
-    return replace(s, photons=photons_of(LEVELS[k], chosen), budget=LEVELS[k].budget)
 
 
 def photons_of(level: Level, chosen: int) -> int:

@@ -11,15 +11,7 @@ import pytest
 from app.draw.camera import from_camera, scene_bounds
 from app.draw.draw_mesh import draw_meshes
 from app.draw.lit_scene import LitScene, metered
-from app.draw.tonemap import (
-    NEUTRAL,
-    TONE_MAPS,
-    gains_for,
-    meter,
-    srgb_encode,
-    to_display,
-    view_weights,
-)
+from app.draw.tonemap import NEUTRAL, TONE_MAPS, gains_for, meter, srgb_encode, to_display, view_weights
 from app.settings import TONE_MAPS as NAMES
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
