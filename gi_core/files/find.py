@@ -37,8 +37,9 @@ def find_scene(name_or_path: str | Path) -> Path:
     if name in shipped:
         return Path(str(resources.files("scenes") / f"{name}.toml"))
     listed = ", ".join(shipped)
-    if os.path.isdir(path):
-        raise SceneError(f"{name}: a scene is a file, this is a folder; shipped scenes are {listed}")
+    if os.path.exists(path):
+        kind = "folder" if os.path.isdir(path) else "pipe, socket or device"
+        raise SceneError(f"{name}: a scene is a file, this is a {kind}; shipped scenes are {listed}")
     # least likeness of a mistyped name: 0.75 of 1
     meant = difflib.get_close_matches(path.name, _beside(path), 1, 0.75) or difflib.get_close_matches(name, shipped, 1)
     hint = f"did you mean {meant[0]}? " if meant else ""

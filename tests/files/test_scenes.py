@@ -1,6 +1,7 @@
 """The shipped scenes agree with their comments; third-party scenes load, if present."""
 
 import json
+import os
 import subprocess
 import sys
 from importlib import import_module, resources
@@ -34,6 +35,14 @@ SHIPPED["tree_worst"] = 1
 
 def area(mesh) -> float:
     return float(face_normals(mesh)[1].sum())
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes in folders")
+def test_a_pipe_is_no_scene(tmp_path):
+    """The sentence proposed the pipe's own name."""
+    os.mkfifo(tmp_path / "room.toml")
+    with pytest.raises(SceneError, match=r"room.toml: a scene is a file, this is a pipe, socket or device; shipped"):
+        find_scene(tmp_path / "room.toml")
 
 
 def test_shipped_scenes_are_found_by_name():
