@@ -80,11 +80,11 @@ class Model:
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
         self.farthest = float(np.abs(lit[0]).max() + 1.5 * lit[1])  # [m], largest coordinate of lights and of photons
 
-    def _guide_of(self, kind: int, parameters: np.ndarray) -> Guide:
+    def _guide_of(self, kind: int, parameters: np.ndarray, tables: np.ndarray) -> Guide:
         """Return the guide of a distant light, kept for other lights of the same geometry."""
         key = digest(np.array([kind, self.world.size]), parameters)
         if key not in self._guides:
-            self._guides[key] = Guide(kind, parameters, self._meets_receivers)
+            self._guides[key] = Guide(kind, parameters, tables, self._meets_receivers)
         return self._guides[key]
 
     def _meets_receivers(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

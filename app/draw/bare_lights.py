@@ -16,6 +16,7 @@ from gi_core.geometry.error import luminance
 from gi_core.gloss.lobe_rays import arriving, unoccluded, without_surface
 from gi_core.lights.light_sampling import DeltaLights
 from gi_core.lights.photometric import axes, share_ahead
+from gi_core.lights.sky import Sky
 from gi_core.scene.types import PhotometricLight
 
 if TYPE_CHECKING:
@@ -27,13 +28,15 @@ if TYPE_CHECKING:
     from gi_core.rays.accelerator import Transforms
 
 
+NO_SKY = Sky(np.zeros(3), np.zeros(3), 0, np.zeros(3), np.zeros(3), np.ones((1, 1, 3)))
+
+
 class LightFaces(NamedTuple):
     """Bright sides of the rectangles of luminaires, in the space of the model, and the sky."""
 
     corners: np.ndarray  # (k, 4, 3) float64 [m], counterclockwise seen from the bright side
     radiance: np.ndarray  # (k, 3) float64 [W/m2/sr]
-    up: np.ndarray = np.zeros(3)  # float64 unit
-    sky: np.ndarray = np.zeros(3)  # float64 [W/m2/sr], above the horizon
+    sky: Sky = NO_SKY
 
     @property
     def mesh(self) -> DrawMesh:
@@ -69,7 +72,7 @@ class LightFaces(NamedTuple):
 
     def open_to_sky(self, strip: Strip) -> np.ndarray:
         """Return the rays (m,) of a strip that see the sky."""
-        return np.flatnonzero((strip.face < 0) & (strip.directions @ self.up > 0) & self.sky.any())
+        return np.flatnonzero((strip.face < 0) & (strip.directions @ self.sky.up > 0) & self.sky.radiance.any())
 
 
 def light_faces(model: Model, levels: np.ndarray) -> LightFaces:
@@ -88,7 +91,7 @@ def light_faces(model: Model, levels: np.ndarray) -> LightFaces:
             if share > 1e-3 and flux.any():  # 1e-3 of the flux makes a side bright
                 corners.append(places[None])
                 radiance.append((share * flux / (math.pi * light.size[0] * light.size[1]))[None])
-    return LightFaces(np.concatenate(corners), np.concatenate(radiance), sky.up, sky.radiance)
+    return LightFaces(np.concatenate(corners), np.concatenate(radiance), sky)
 
 
 HIGHLIGHTS = 16  # highlights per picture, as in surface.frag: those of the strongest lights

@@ -239,7 +239,7 @@ class Mirrors:
         face, u, v = self._nearest(lit.world, origins, d)
         out = np.tile(self._background, (len(face), 1))
         if self._lights.sky.radiance.any():
-            out = np.where((d @ self._lights.sky.up > 0)[:, None], self._lights.sky.radiance, 0.0)
+            out = self._lights.sky.seen(d)
         rays = np.flatnonzero(face >= 0)
         if not len(rays):
             return out

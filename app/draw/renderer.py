@@ -38,6 +38,7 @@ TONE_MAP_CODES = {
     "clip": 0, "reinhard": 1, "aces": 2, "as is": 3, "false colours": 4, "reflection": 5, "compressed reflection": 6,
     "agx": 7, "neutral": 8, "linear": 9,
 }  # fmt: skip
+SKY_UNIT = 5
 GLOSS_UNITS = {"cells": 1, "owners": 4}  # texture units; 2 and 3 are reflections
 SHARP, SHARP_TEXTURED = ("SHARP",), ("SHARP", "TEXTURED")  # variants of the shaders
 NO_SCALE = Scale(0.0, 1.0, False)
@@ -89,6 +90,7 @@ class Renderer:
         self._screen = ctx.vertex_array(self._outline, [])
         self._sky = load_program(ctx, "screen.vert", "sky.frag")
         self._sky_screen = ctx.vertex_array(self._sky, [])
+        self._dome: tuple[tuple, moderngl.Texture] | None = None  # what its colours are of, and a texel per patch
         self._linear: LinearTarget | None = None  # of pictures with panes; None: there was none
         self._lights: BareLights | None = None
         self._faces = LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3)))
@@ -156,7 +158,8 @@ class Renderer:
 
     def set_light_faces(self, faces: LightFaces) -> None:
         """Show the faces of luminaires, and the sky."""
-        if all(np.array_equal(a, b) for a, b in zip(faces, self._faces, strict=True)):
+        now, before = ([of.corners, of.radiance, *map(np.asarray, of.sky)] for of in (faces, self._faces))
+        if all(np.array_equal(a, b) for a, b in zip(now, before, strict=True)):
             return
         self._mirrors.forget()
         if self._bright is not None:
@@ -294,14 +297,23 @@ class Renderer:
 
     def _draw_sky(self, look: Look, view: View, mode: str) -> None:
         """Draw the sky, before all objects; mode: of TONE_MAP_CODES."""
-        faces, sky, mirrored = self._faces, self._sky, view.gloss > 0
-        if not faces.sky.any() or not look.is_light or (look.scale is not None and not mirrored):
+        of, sky, mirrored = self._faces.sky, self._sky, view.gloss > 0
+        if not of.radiance.any() or not look.is_light or (look.scale is not None and not mirrored):
             return
-        light = 2.0**look.exposure * np.array(look.gains) * faces.sky
-        if mode in TONE_MAPS:
-            light = to_display(faces.sky, look.exposure, mode, look.gains) / 255
+        key = id(self._faces), look.exposure, mode, tuple(look.gains)
+        if self._dome is None or self._dome[0] != key:
+            light, (rows, columns, _) = (of.radiance * of.shape).reshape(-1, 3), of.shape.shape
+            if mode in TONE_MAPS:
+                light = to_display(light, look.exposure, mode, look.gains) / 255
+            else:
+                light = 2.0**look.exposure * np.array(look.gains) * light
+            if self._dome is not None:
+                self._dome[1].release()
+            self._dome = key, self.ctx.texture((columns, rows), 3, light.astype(np.float32).tobytes(), dtype="f4")
+        self._dome[1].use(SKY_UNIT)
         sky["direction_of"].write(np.linalg.inv(view.view_projection[[0, 1, 3], :3]).T.astype(np.float32).tobytes())
-        sky["pixels"], sky["up"], sky["light"] = tuple(map(float, view.size)), tuple(faces.up), tuple(light)
+        sky["pixels"], sky["dome"] = tuple(map(float, view.size)), SKY_UNIT
+        sky["up"], sky["east"], sky["north"] = map(tuple, (of.up, of.east, of.north))
         sky["compressed"], sky["far"] = view.compressed, BACKDROP if mirrored else 1.0
         sky["everywhere"] = mirrored
         self.ctx.disable(self.ctx.DEPTH_TEST | self.ctx.CULL_FACE)
@@ -464,7 +476,8 @@ class Renderer:
         self._mirrors.release()
         self._coverage.release()
         screens = self._screen, self._outline, self._sky_screen, self._sky
-        for thing in (*screens, self._programs.mask, self._programs.pane, *self._programs.of_surfaces):
+        dome = () if self._dome is None else self._dome[1:]
+        for thing in (*screens, *dome, self._programs.mask, self._programs.pane, *self._programs.of_surfaces):
             thing.release()
         if self._linear is not None:
             self._linear.release()

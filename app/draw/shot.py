@@ -167,7 +167,7 @@ def picture(
             behind = through + veil * 2.0**display.exposure * display.gains  # the shader knows their sum alone
             colours[:] = np.round(np.clip(np.array(BACKGROUND) * behind, 0, 1) * 255)
         if lamps is not None and display.scale is None and len(rays := lamps.open_to_sky(strip)):
-            sky = np.tile(lamps.sky, (len(rays), 1))
+            sky = lamps.sky.seen(strip.directions[rays])
             colours[rays] = display.colours(sky * through[rays] + veil[rays] if glazed else sky)
         hit = np.flatnonzero(strip.face >= 0)
         if len(hit):

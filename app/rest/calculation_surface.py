@@ -21,15 +21,17 @@ from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
+from gi_core.lights.sky import overcast
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
-from gi_core.scene.types import MOST_GRID_POINTS, CalculationSurface
+from gi_core.scene.types import DAYLIGHT_FACTOR, MOST_GRID_POINTS, CalculationSurface
 from gi_core.scene.validate import check_surface
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from app.settings import Settings
+    from gi_core.lights.light_sampling import Lights
     from gi_core.model import Model
     from gi_core.scene import Pose, Scene
 
@@ -80,7 +82,10 @@ class Grid(NamedTuple):
 
 
 class SurfaceLight(NamedTuple):
-    """Irradiance at the points of a surface, as luminance of RGB [W/m2], or [lx] in a photometric scene."""
+    """Irradiance at the points of a surface, as luminance of RGB [W/m2], or [lx] in a photometric scene; or factors.
+
+    A daylight factor [%] is the share of the light that the CIE's overcast sky brings to open ground.
+    """
 
     surface: CalculationSurface
     grid: Grid
@@ -428,10 +433,14 @@ def surface_steps(
         lit = free[reached]
         yield SurfaceLight(surface, grid, values, errors, 0.0)
     free = lit if len(lit) else free
-    rounds = point_rounds(model, grid.positions[free], normals[free], poses, levels, seed)
+    lights, factor = None, 1.0
+    if surface.quantity == DAYLIGHT_FACTOR:  # alone, a sky that brings 1 to a horizontal plane in the open
+        lights = model.lights_at(np.zeros_like(levels))._replace(sky=overcast(level.axes.up))
+        factor = 100.0  # percent
+    rounds = point_rounds(model, grid.positions[free], normals[free], poses, levels, seed, lights)
     for E, error, fraction in light_steps(rounds, noise):
         values, errors = values.copy(), errors.copy()
-        values[free], errors[free] = E, error
+        values[free], errors[free] = factor * E, factor * error
         yield SurfaceLight(surface, grid, values, errors, fraction)
 
 
@@ -453,11 +462,14 @@ def all_steps(
 
 
 def point_rounds(
-    model: Model, positions: np.ndarray, normals: np.ndarray, poses: Mapping[str, Pose], levels: np.ndarray, seed: int
-) -> ReferenceRounds:
-    """Return rounds of paths at points (n, 3) [m] with normals (n, 3); all points count alike."""
+    model: Model, positions: np.ndarray, normals: np.ndarray, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
+    lights: Lights | None = None,
+) -> ReferenceRounds:  # fmt: skip
+    """Return rounds of paths at points (n, 3) [m] with normals (n, 3), which count alike; lights: see there."""
     weights = np.ones(len(positions))
-    return ReferenceRounds(model.scene, positions, normals, seed, weights, poses, model=model, levels=levels)
+    return ReferenceRounds(
+        model.scene, positions, normals, seed, weights, poses, model=model, levels=levels, lights=lights
+    )
 
 
 def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:

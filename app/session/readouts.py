@@ -12,7 +12,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from app.rest.calculation_surface import Level, SurfaceLight
-    from gi_core.scene.types import Units
+    from gi_core.scene.types import CalculationSurface, Units
 
 LEFT_OUT = "inside objects or outside the room"
 LONG_NAMES = {
@@ -50,7 +50,8 @@ def csv_text(rows: Sequence[Row], lights: Sequence[SurfaceLight], units: Units) 
         name, none, verdicts = _cell(light.surface.name), ("",) * 3, light.verdicts
         for number, value, error, _ in light.numbers.rows():
             judged = f"{dict(light.surface.targets)[number]:g}: {verdicts[number]}" if number in verdicts else ""
-            write(("surface", number, *none, _number(value), _number(error), "", name, "", judged))
+            kind = "surface" if light.surface.quantity == "illuminance" else f"{light.surface.quantity} [%]"
+            write((kind, number, *none, _number(value), _number(error), "", name, "", judged))
         for k, (position, E, error) in enumerate(zip(light.grid.positions, light.values, light.errors, strict=True)):
             a, b = divmod(k, light.grid.shape[1])
             place = f"{a + 1} {b + 1}", *map(_place, position)
@@ -62,15 +63,21 @@ def text_lines(rows: Sequence[Row], lights: Sequence[SurfaceLight], level: Level
     """Return all read-outs as lines of text."""
     lines = []
     for light in lights:
+        unit = unit_of(light.surface, units)
         lines += [f"{light.surface.name:18} {described(light, level)}"]
         for name, value, error, has_unit in light.numbers.rows():
-            text = f"{LONG_NAMES[name]:18} {shown(value, error, units.per_area if has_unit else '')}"
+            text = f"{LONG_NAMES[name]:18} {shown(value, error, unit if has_unit else '')}"
             about = MEANINGS.get(name, "")
             lines.append(f"{text}   {about}".rstrip() + judged(light, name, units))
         lines += ["", *_map(light, level, units)]
     for r in rows:
         lines.append(f'{r.kind} "{r.name}"'.ljust(30) + f" {shown(r.irradiance, r.error, units.per_area)}")
     return lines
+
+
+def unit_of(surface: CalculationSurface, units: Units) -> str:
+    """Return the unit of the values of a surface."""
+    return units.per_area if surface.quantity == "illuminance" else "%"
 
 
 def described(light: SurfaceLight, level: Level) -> str:
@@ -94,7 +101,7 @@ def judged(light: SurfaceLight, number: str, units: Units) -> str:
     targets = dict(light.surface.targets)
     if number not in targets:
         return ""
-    unit = "" if number in ("U0", "Ud") else f" {units.per_area}"
+    unit = "" if number in ("U0", "Ud") else f" {unit_of(light.surface, units)}"
     bound = "at most" if number in AT_MOST else "at least"
     return f"   {bound} {targets[number]:g}{unit}: {light.verdicts[number]}"
 
@@ -111,7 +118,8 @@ def _map(light: SurfaceLight, level: Level, units: Units) -> list[str]:
     cells = ["-" if math.isnan(v) else _rounded(v, e) for v, e in zip(light.values, light.errors, strict=True)]
     places = [f"{c:.2f}" for c in columns]
     width = max(9, 2 + max(map(len, [*cells, *places])))
-    out = [f"{units.on_surface} [{units.per_area}]", head.rjust(11) + "".join(c.rjust(width) for c in places)]
+    quantity = units.on_surface if light.surface.quantity == "illuminance" else light.surface.quantity.capitalize()
+    out = [f"{quantity} [{unit_of(light.surface, units)}]", head.rjust(11) + "".join(c.rjust(width) for c in places)]
     for k, place in enumerate(rows):
         out.append(f"{place:11.2f}" + "".join(cell.rjust(width) for cell in cells[k::b]))
     return [*out, ""]

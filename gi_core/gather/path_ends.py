@@ -20,6 +20,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import barycentric, dot, rotate, row
 from gi_core.bsdf import lambertian, surface
 from gi_core.lights.next_event import lifted, share_of_bounce
+from gi_core.lights.sky import patch
 from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.two_level import lift_off, on_plane
@@ -405,9 +406,11 @@ def arrive(world, at, lights, sky, rays, ending, total):
             continue
         d = _direction(rays, k)
         if f < 0:
-            if dot(d, sky.up) > 0.0:
+            z = dot(d, sky.up)
+            if z > 0.0:
+                high, around = patch(sky, d, z)
                 for c in range(3):
-                    light = math.pi * sky.radiance[c] * _passed(rays, k, c)
+                    light = math.pi * sky.radiance[c] * sky.shape[high, around, c] * _passed(rays, k, c)
                     total[i, 3 * sky.lamp + c] += _weight(rays, i, k, c) * light
                     _record(ending, rays, i, k, c, light)
             continue

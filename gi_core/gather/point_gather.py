@@ -25,7 +25,7 @@ class Gatherer:
 
     def __init__(
         self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True,
-        levels=None, per_lamp=False,
+        levels=None, per_lamp=False, lights=None,
     ):  # fmt: skip
         """Arguments and errors are those of ReferenceRounds."""
         positions, normals = _checked(positions, normals)
@@ -35,7 +35,7 @@ class Gatherer:
         lamps = self.model.emitters.lamps
         self.per_lamp = per_lamp and lamps.count > 1
         levels = lamps.full() if levels is None else levels
-        self._lights = self.model.lights if self.per_lamp else self.model.lights_at(levels)
+        self._lights = self.model.lights if self.per_lamp else lights or self.model.lights_at(levels)
         self._seed = seed_of(Stream.REFERENCE, seed)
         self.least_set = least_set(self._lights.delta)
         self._light_sampling = light_sampling

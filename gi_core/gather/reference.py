@@ -22,6 +22,7 @@ from gi_core.base.pause import STEP, Pace
 from gi_core.base.random_numbers import Stream
 from gi_core.gather.point_gather import PATHS_PER_POINT, Gatherer
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
+from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
@@ -207,17 +208,19 @@ class ReferenceRounds(Rounds):
         poses: Mapping[str, Pose | np.ndarray] | None = None, light_sampling: bool = True, model: Model | None = None,
         state: ReferenceState | None = None, mobiles: bool = True, rounds: int = ROUNDS,
         levels: np.ndarray | None = None, per_lamp: bool = False,
-        smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
+        smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray, lights: Lights | None = None,
     ):  # fmt: skip
         """Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
 
         weights (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.
         state: continue from a copy of it, with the same bits as without a break. rounds: rounds of independent paths
         until AIM; more rounds give earlier results, fewer are better stratified. per_lamp: light of G > 1 lamps follows
-        that of all, in 3 G more channels, at the levels of the scene file. Raises SceneError for a bad pose,
+        that of all, in 3 G more channels, at the levels of the scene file. lights: in place of the
+        model's at `levels`. Raises SceneError for a bad pose,
         ValueError for bad points, weights, or a state of other points.
         """
-        gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles, levels, per_lamp)
+        gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles, levels, per_lamp,
+                            lights)  # fmt: skip
         n = len(gatherer.positions)
         if weights is not None:
             weights = np.asarray(weights, np.float64)

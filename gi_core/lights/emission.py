@@ -31,7 +31,8 @@ from gi_core.lights.kinds import AREA, IS_DISTANT, KIND_OF, KINDS, PHOTOMETRIC, 
 from gi_core.lights.kinds import parameters as parameters_of
 from gi_core.lights.lamps import Lamps, lamps_of, sky_name
 from gi_core.lights.photometric import TABLE, tables_of
-from gi_core.scene.types import Scene
+from gi_core.lights.sky import patches, table_of
+from gi_core.scene.types import UNIFORM_SKY, Scene, SkyLight
 
 EVEN = 0.1  # share of photons that starts evenly: 1e-4 of the light that arrives comes from cells without hits
 CELL_RAYS = 4  # 16 win nothing
@@ -45,14 +46,14 @@ Hits = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Guide:
     """`arriving`, `landing`: shares of a light's flux that hit receivers, any face; `table` (n,): for guided()."""
 
-    def __init__(self, kind: int, parameters: np.ndarray, hits: Hits):
+    def __init__(self, kind: int, parameters: np.ndarray, tables: np.ndarray, hits: Hits):
         """hits(origin (n, 3) [m], direction (n, 3) unit): whether rays meet sides with receivers, any, (n,) bool."""
         self.shape = CELLS[kind]
         cells = int(np.prod(self.shape))
         low = np.stack(np.unravel_index(np.repeat(np.arange(cells), CELL_RAYS), self.shape), axis=1)
         numbers = (low + np.random.default_rng(0).random(low.shape)) / self.shape
         origin, direction = np.empty((2, len(numbers), 3), np.float32)
-        _emit_all(kind, parameters, numbers, origin, direction)
+        _emit_all(kind, parameters, tables, numbers, origin, direction)
         meets, lands = hits(origin, direction)
         share = meets.reshape(cells, CELL_RAYS).mean(axis=1).reshape(self.shape)
         self.arriving, self.landing = float(meets.mean()), float(lands.mean())
@@ -61,10 +62,10 @@ class Guide:
 
 
 @kernel
-def _emit_all(kind, parameters, numbers, origin, direction):
+def _emit_all(kind, parameters, tables, numbers, origin, direction):
     for k in range(len(numbers)):
         s, t, u, v = numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3]
-        start, way = emitted(kind, parameters, numbers[0], u, v, s, t)
+        start, way = emitted(kind, parameters, tables, u, v, s, t)
         for c in range(3):
             origin[k, c], direction[k, c] = start[c], way[c]
 
@@ -133,7 +134,7 @@ class Emitters(NamedTuple):
     scale: np.ndarray  # (G,) float64, of the unit of each lamp's photons; 1 where photons are shared by flux
     lamp: np.ndarray  # (E,) int64, lamp of each emitter
     lamps: Lamps
-    tables: np.ndarray  # (n,) float64, of luminaires, see `photometric.py`
+    tables: np.ndarray  # (n,) float64, of luminaires and skies, see `photometric.py`, `sky.py`
     arriving: np.ndarray  # (G,) float64, share of each lamp's flux that meets receivers, in powers of 4; 1: not guided
     guides: np.ndarray  # (m,) float64, of guided emitters, see Guide
     guide: np.ndarray  # (E, 2) int64, first and last of an emitter's numbers among `guides`
@@ -184,12 +185,13 @@ class Emitters(NamedTuple):
         cdf[-1] = 1.0
         return self._replace(cdf=cdf, scale=self.shares_of_flux / shares / np.where(self.arriving < 1.0, EVEN, 1.0))
 
-    def guided(self, guide_of: Callable[[int, np.ndarray], Guide]) -> Emitters:
+    def guided(self, guide_of: Callable[[int, np.ndarray, np.ndarray], Guide]) -> Emitters:
         """Return emitters whose distant lamps emit mostly what meets receivers, where little does.
 
-        guide_of: returns the guide of a kind of emitter and its parameters. Fluxes stay.
+        guide_of: returns the guide of a kind of emitter, its parameters, and all tables. Fluxes stay.
         """
-        guides = {e: guide_of(int(self.kind[e]), self.parameters[e]) for e in np.flatnonzero(IS_DISTANT[self.kind])}
+        distant = np.flatnonzero(IS_DISTANT[self.kind])
+        guides = {e: guide_of(int(self.kind[e]), self.parameters[e], self.tables) for e in distant}
         if not guides:
             return self
         share, largest = np.ones((3, len(self.kind))), self.flux.max(axis=1)
@@ -267,6 +269,8 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
     for light, table in zip(scene.lights, starts, strict=True):
         kind = KIND_OF[type(light)]
         name = sky_name(scene) if kind == SKY else light.name
+        if isinstance(light, SkyLight) and light.cie != UNIFORM_SKY:
+            table, tables = len(tables), np.concatenate([tables, table_of(patches(light, around.up))])
         add(kind, parameters_of(light, around, table), KINDS[kind].flux(light, around), name)
     return _distribution(kinds, parameters, faces, flux, names, tables)
 
@@ -359,7 +363,8 @@ def _alike(before: Emitters, g: int, now: Emitters, k: int) -> bool:
     old, new = before.parameters[a].copy(), now.parameters[b].copy()
     luminaires = before.kind[a] == PHOTOMETRIC
     starts = old[luminaires, TABLE].astype(int), new[luminaires, TABLE].astype(int)
-    old[luminaires, TABLE] = new[luminaires, TABLE] = 0
+    tabled = luminaires | (before.kind[a] == SKY)  # other parameters of a sky describe its table
+    old[tabled, TABLE] = new[tabled, TABLE] = 0
     guides = ([of.guides[slice(*of.guide[e])] for e in rows] for of, rows in ((before, a), (now, b)))
     return (
         np.array_equal(before.kind[a], now.kind[b])

@@ -16,6 +16,7 @@ from gi_core.lights.kinds import arrived
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
+from gi_core.lights.sky import directions
 
 LIGHT_POINTS = 64  # on area lights, and directions to an open sky
 SKY_DIRECTIONS = 1024  # to a sky of which little arrives: of 64, one or two show through a window
@@ -64,8 +65,8 @@ def light_points(
         parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of, each / math.pi))
     if SKY in kinds and sky.radiance.any():
         count = SKY_DIRECTIONS if arriving[sky.lamp] < 1.0 else LIGHT_POINTS
-        value, lamp_of = np.tile(sky.radiance * (2 * math.pi / count), (count, 1)), np.full(count, sky.lamp)
-        towards, reach = _to_sky(seed, count, sky.up), np.full(count, np.inf)
+        lamp_of, reach = np.full(count, sky.lamp), np.full(count, np.inf)
+        towards, value = directions(sky, _pairs(seed, count))
         parts.append((SKY, np.zeros(count, np.int64), towards, reach, value, lamp_of, np.zeros(count)))
     kind = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
     return LightPoints(kind, *(np.concatenate(a) for a in list(zip(*parts, strict=True))[1:]))
@@ -80,14 +81,10 @@ def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: 
     return rows[drawn.face[0]], drawn.point[0], 1.0 / (count * drawn.density[0])
 
 
-def _to_sky(seed: int, count: int, up: np.ndarray) -> np.ndarray:
-    """Return unit directions (count, 3) of equal solid angle above the horizon."""
+def _pairs(seed: int, count: int) -> np.ndarray:
+    """Return a Hammersley set of pairs in [0, 1), (count, 2)."""
     key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(count)
-    turn = 2 * math.pi * np.array([owen_sobol.unit(np.uint64(i), key) for i in k])  # a Hammersley set
-    z = (k + 0.5) / count
-    r = np.sqrt(1 - z * z)
-    local = zip(r * np.cos(turn), r * np.sin(turn), z, strict=True)
-    return np.array([random_numbers.from_frame(*way, *up) for way in local])
+    return np.stack([(k + 0.5) / count, [owen_sobol.unit(np.uint64(i), key) for i in k]], axis=1)
 
 
 @inlined

@@ -196,11 +196,17 @@ class DirectionalLight(NamedTuple):
     irradiance: tuple[float, float, float]  # E on a plane facing it [W/m2]
 
 
+UNIFORM_SKY, OVERCAST_SKY = 5, 16
+SUNLESS_SKIES = 1, 3, UNIFORM_SKY, OVERCAST_SKY  # types that do not depend on the sun
+
+
 class SkyLight(NamedTuple):
-    """A uniform dome above the plane normal to `up`: the overcast sky of constant radiance."""
+    """A dome above the plane normal to `up`, see `gi_core.lights.sky`."""
 
     name: str
     radiance: tuple[float, float, float]  # L [W/m2/sr]; a horizontal plane in the open gets pi L
+    cie: int = UNIFORM_SKY  # type by ISO 15469, 1 to 15; 16: its traditional overcast sky
+    sun: tuple[float, float, float] | None = None  # direction to the sun; None: the type has none
 
 
 class Daylight(NamedTuple):
@@ -212,6 +218,7 @@ class Daylight(NamedTuple):
     utc_offset: float  # hours that the clock is ahead of UTC
     turbidity: float = 3.0  # of Linke
     north: tuple[float, float, float] | None = None  # not along `up`; None: that of gi_core.base.vectors.frame_of
+    sky: int = UNIFORM_SKY  # type by ISO 15469, as of SkyLight
 
 
 PlacedLight = PointLight | SpotLight | PhotometricLight
@@ -258,10 +265,12 @@ class CalculationSurface(NamedTuple):
     turn: float = 0.0  # degrees round the vertical through its middle, from the first axis towards the second
     margin: float | None = None  # [m] left out along its sides; None: 0.5 in a room, else 0
     points: tuple[int, int] | None = None  # along the two sides; None: by EN 12464-1
+    quantity: str = "illuminance"  # one of QUANTITIES
     targets: tuple[tuple[str, float], ...] = ()  # by name of TARGETS, in their order
 
 
 MOST_GRID_POINTS = 100  # along a side of a surface
+_, DAYLIGHT_FACTOR = QUANTITIES = "illuminance", "daylight factor"
 TARGETS = "mean", "minimum", "maximum", "U0", "Ud"  # numbers of a surface
 
 

@@ -27,10 +27,13 @@ from gi_core.scene.rules import (
     TINIEST,
     Rule,
     is_array,
+    is_direction,
     is_number,
     one_of,
 )
 from gi_core.scene.types import (
+    OVERCAST_SKY,
+    SUNLESS_SKIES,
     CalculationSurface,
     Camera,
     Daylight,
@@ -94,7 +97,11 @@ FIELDS: dict[type, dict[str, Rule]] = {
         "gammas_degrees": GAMMAS, "planes_degrees": PLANES, "size": SIZE,
     },
     DirectionalLight: {"direction": DIRECTION, "irradiance": STRENGTH},
-    SkyLight: {"radiance": STRENGTH},
+    SkyLight: {
+        "radiance": STRENGTH,
+        "cie": Rule("a whole number from 1 to 16", lambda value: type(value) is int and 1 <= value <= OVERCAST_SKY),
+        "sun": Rule("None or three numbers that are not all 0", lambda value: value is None or is_direction(value)),
+    },
     Probe: {"position": PLACE, "normal": DIRECTION},
     Camera: {"position": PLACE, "target": PLACE, "vertical_fov_degrees": NUMBER},
     Defaults: {"estimator": TEXT, "exposure": NUMBER, "radius": LENGTH, "scene_size": LENGTH},
@@ -205,6 +212,8 @@ def _check_fields(where: str, record) -> None:
             f"{where}: angles must be 0 <= inner_degrees <= outer_degrees <= 90, "
             f"got {record.inner_degrees!r} and {record.outer_degrees!r}"
         )
+    if isinstance(record, SkyLight) and record.sun is None and record.cie not in SUNLESS_SKIES:
+        raise SceneError(f"{where}: a sky of cie = {record.cie} needs the direction to the sun; write sun = [x, y, z]")
     if isinstance(record, PhotometricLight):
         _check_photometric(where, record)
 

@@ -48,7 +48,7 @@ def room(levels=None, names=LAMPS) -> Scene:
     )
     lights = (
         PointLight(bulb, (0.8, 0.8, 0.7), lit((0.5, 0.5, 2.0), "bulb")),
-        SkyLight(sky, lit((0.3, 0.4, 0.5), "firmament")),
+        SkyLight(sky, lit((0.3, 0.4, 0.5), "firmament"), 12, (0.5, 0.2, 0.4)),
     )
     return Scene(static, materials, mobiles, lights, up=(0, 0, 1), name="room")
 

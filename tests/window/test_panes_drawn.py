@@ -61,6 +61,17 @@ def test_both_pictures_show_the_sky_above_the_horizon_and_through_panes(show):
         assert (left == to_display(np.array(sky.radiance), 0.0, "clip")).all() and right[0] < left[0]
 
 
+def test_both_pictures_show_the_same_clear_sky():
+    sky = SkyLight("sky", (0.1, 0.2, 0.3), 12, (0.4, 0.8, 0.3))
+    floor, eye = quad((-1, 1, -1), (2, 0, 0), (0, 1, 0), (2, 2)), Camera((0.0, -1.0, 0.0), (0.0, 2.0, 0.6), 80.0)
+    open_view = Scene(floor, (grey(0.5),), (), (sky,), camera=eye, up=(0, 0, 1))
+    shot = shot_of(open_view, tone_map="clip", white_balance=False)
+    traced, drawn = shot.take().astype(int), gl_picture(shot).astype(int)
+    apart = np.abs(traced - drawn).max(axis=2)[:40]
+    assert apart.max() <= 12 and np.percentile(apart, 95) <= 2, "rounding at the edges of patches"
+    assert np.ptp(traced[:40, :, 1]) > 60
+
+
 def test_light_behind_a_pane_is_multiplied_in_the_layers():
     shot, bare = shot_of(scene(True)), shot_of(scene(True))
     through = layers(shot).colour

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +19,18 @@ from gi_core.lights.daylight import sun_of
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.errors import utf8
 from gi_core.scene.pose import three
-from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PlacedLight, PointLight, SpotLight
+from gi_core.scene.types import (
+    OVERCAST_SKY,
+    SUNLESS_SKIES,
+    UNIFORM_SKY,
+    DirectionalLight,
+    Light,
+    PhotometricLight,
+    PlacedLight,
+    PointLight,
+    SkyLight,
+    SpotLight,
+)
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Values
@@ -29,8 +41,16 @@ KINDS = {
     SPOT: "A point that shines into a cone.",
     PANEL: "A rectangle of constant luminance, as a ceiling panel.",
     SUN: "Parallel light.",
-    SKY: "An overcast sky: a dome of constant luminance. Rooms need an opening.",
+    SKY: "A dome above everything, uniform at first. Rooms need an opening.",
     FILE: "A luminaire by its maker's IES or EULUMDAT file (.ies, .ldt).",
+}
+SKY_TYPES = {
+    1: "overcast",
+    3: "overcast, moderate",
+    UNIFORM_SKY: "uniform",
+    12: "clear",
+    13: "clear, polluted",
+    OVERCAST_SKY: "overcast, 1 + 2 sin",
 }
 DUPLICATE = ui.Button("duplicate lamp", "Duplicate lamp", "Put a copy of the lamp beside it.")
 REPLACE = ui.Button(
@@ -147,6 +167,10 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
             (cone[k],), *done = ui.fields(name, cone[k : k + 1], 0.2, "%.1f°", ("angle",))
             ui.tip(f"{about} [degrees]. The flux stays.")
             _changed(lamp, beam(light, *cone), done, actions)
+    if isinstance(light, SkyLight):
+        types = range(1, OVERCAST_SKY + 1) if light.sun is not None else SUNLESS_SKIES
+        if (cie := _sky_type(light.cie, types)) is not None:
+            actions.add(ChangeLight(lamp, (("cie", cie),)))
     if isinstance(light, PhotometricLight):
         values, *done = ui.fields("Size", light.size, ui.SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90"))
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
@@ -158,6 +182,15 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
         name = (utf8(Path(file).name) if file else "Choose...") + "###file"
         about = "Give this lamp the distribution of an IES or EULUMDAT file (.ies, .ldt)."
         ui.buttons(actions, ui.Button("lamp file", name, about))
+
+
+def _sky_type(cie: int, types: Iterable[int]) -> int | None:
+    """Draw a choice of the distribution of a sky; return the type that is clicked."""
+    ui.label("Sky")
+    names = {k: (f"{k}: {SKY_TYPES.get(k, 'CIE')}", "") for k in types}
+    chosen = ui.one_of("cie", f"{cie}: {SKY_TYPES.get(cie, 'CIE')}", names, cie)
+    ui.tip("Distribution by ISO 15469. The light on open ground stays.")
+    return chosen
 
 
 def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
@@ -180,6 +213,8 @@ def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
     done = [moved, imgui.is_item_activated(), False]
     ui.tip(f"Time of the clock, UTC{day.utc_offset:+g}. Ctrl-click to type one: 9.5 is half past nine.")
     _changed(None, (("hour", round(60 * hour) / 60),), done, actions)
+    if (cie := _sky_type(day.sky, range(1, OVERCAST_SKY + 1))) is not None:
+        actions.add(ChangeLight(None, (("sky", cie),)))
     sun = sun_of(day)
     ui.number("Sun", f"{sun.altitude:.1f}°, {sun.azimuth:.1f}°", f"Altitude and azimuth: {sun}.")
     return s

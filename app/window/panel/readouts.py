@@ -10,14 +10,14 @@ from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
 from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, in_room, surfaces_of
-from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, shown
+from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, shown, unit_of
 from app.session.session import Session
 from app.settings import Settings
 from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
-from gi_core.scene.types import MOST_GRID_POINTS, TARGETS, UNITS, CalculationSurface, Units
+from gi_core.scene.types import MOST_GRID_POINTS, QUANTITIES, TARGETS, UNITS, CalculationSurface, Units
 
 PIN = ui.Button(
     "pin",
@@ -142,6 +142,11 @@ def _place(surface: CalculationSurface, session: Session, edit: Callable) -> Non
     taken = [x.name for x in surfaces_of(session.settings, session.scene)]
     if imgui.is_item_deactivated_after_edit() and name and name not in taken:
         edit(surface._replace(name=name))
+    names = {quantity: (quantity, "") for quantity in QUANTITIES}
+    ui.label("measures")
+    if (quantity := ui.one_of("quantity", surface.quantity, names, surface.quantity)) is not None:
+        edit(surface._replace(quantity=quantity))
+    ui.tip("Daylight factor: share of the light that the CIE's overcast sky brings to open ground [%].")
     s = surface if surface.on else in_room(surface, session.level)
     metres, degrees = (0.01, "%.3f m"), (0.5, "%.1f°")  # speed of a drag per pixel, and digits
     rows = [
@@ -186,7 +191,7 @@ def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -
 def _targets(surface: CalculationSurface, edit: Callable) -> None:
     """Draw the targets of mean and U0; a scene file may have others."""
     targets = dict(surface.targets)
-    for name, speed, digits in (("mean", 1.0, "%.0f"), ("U0", 0.005, "%.2f")):
+    for name, speed, digits in (("mean", 1.0, "%g"), ("U0", 0.005, "%.2f")):
         label, value = f"   {LONG_NAMES[name]} >=", targets.get(name, 0.0)
         (value,), edited, first, last = ui.fields(label, (value,), speed, digits, "t")
         ui.tip("Target; 0: none. A target holds, or not, where that is certain by two standard errors.")
@@ -203,7 +208,9 @@ def _numbers(light: SurfaceLight | None, units: Units) -> None:
     imgui.begin_disabled(not light.is_current)
     for name, value, error, has_unit in n.rows():
         about = f"{ABOUT[name]} ± is one standard error."
-        ui.number(f"   {LONG_NAMES[name]}", shown(value, error, units.per_area if has_unit else ""), about)
+        ui.number(
+            f"   {LONG_NAMES[name]}", shown(value, error, unit_of(light.surface, units) if has_unit else ""), about
+        )
         if target := judged(light, name, units).strip():
             colour = {PASS: theme.GOOD, FAIL: theme.ERROR}.get(light.verdicts[name], theme.DIM_TEXT)
             ui.wrapped(f"      {target}", colour)

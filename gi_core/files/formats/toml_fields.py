@@ -79,9 +79,10 @@ class Table:
         """Return true or false."""
         return self._value(key, default, "must be true or false", lambda v: isinstance(v, bool))
 
-    def count(self, key: str, default=None) -> int | None:
-        """Return a whole number >= 1."""
-        return self._value(key, default, "must be a whole number >= 1", lambda v: type(v) is int and v >= 1)
+    def count(self, key: str, default=None, most: float = math.inf) -> int | None:
+        """Return a whole number from 1 to `most`."""
+        rule = f"must be a whole number {'>= 1' if most == math.inf else f'from 1 to {most}'}"
+        return self._value(key, default, rule, lambda v: type(v) is int and 1 <= v <= most)
 
     def number(self, key: str, default=REQUIRED, above: float = -math.inf, below: float = math.inf, least=-math.inf):
         """Return a finite number: above < x < below, least <= x."""

@@ -21,7 +21,10 @@ from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
 from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
     MOST_GRID_POINTS,
+    OVERCAST_SKY,
+    QUANTITIES,
     TARGETS,
+    UNIFORM_SKY,
     CalculationSurface,
     Camera,
     Daylight,
@@ -40,6 +43,7 @@ from gi_core.scene.types import (
 )
 
 PLACE, AXIS, STRENGTH = of("vector"), of("direction"), of("vector", least=0)
+SKY_TYPE = of("count", default=UNIFORM_SKY, most=OVERCAST_SKY)
 PANEL = {  # c0: None: see c0_of()
     "position": PLACE, "direction": AXIS, "c0": of("direction", default=None), "flux": STRENGTH,
     "size": of("vector", n=2, least=0),
@@ -54,7 +58,7 @@ LIGHTS: dict[str, tuple[type[Light], Schema]] = {  # by type: record and keys
     "panel": (PhotometricLight, PANEL),
     "photometric": (PhotometricLight, {"file": of("text")} | PANEL),
     "directional": (DirectionalLight, {"direction": AXIS, "irradiance": STRENGTH}),
-    "sky": (SkyLight, {"radiance": STRENGTH}),
+    "sky": (SkyLight, {"radiance": STRENGTH, "cie": SKY_TYPE, "sun": of("direction", default=None)}),
 }
 # A surface of constant radiance: intensity falls with the cosine, linear between whole degrees within 4e-5.
 GAMMAS, PLANES = np.arange(0.0, 91.0), np.array([0.0, 360.0])
@@ -98,7 +102,10 @@ def changed_light(light: Light, table: Table) -> Light:
     keys = light._fields[1:] if not isinstance(light, PhotometricLight) else PANEL
     t, changes = Table(table.values, table.where, keys), {}
     for key in t.values:
-        changes[key] = t.number(key) if key.endswith("degrees") else t.vector(key, 2 if key == "size" else 3)
+        if key == "cie":
+            changes[key] = t.count(key, most=OVERCAST_SKY)
+        else:
+            changes[key] = t.number(key) if key.endswith("degrees") else t.vector(key, 2 if key == "size" else 3)
     return light._replace(**changes)
 
 
@@ -151,13 +158,14 @@ SURFACE = {
     "tilt": of("number", default=0.0, least=0, below=math.nextafter(180, 181)), "turn": of("number", default=0.0),
     "margin": of("number", default=None, least=0),
     "points": of("counts", n=2, most=MOST_GRID_POINTS), "targets": of("numbers_by", keys=TARGETS),
+    "quantity": of("text", default="illuminance", choices=QUANTITIES),
 }  # fmt: skip
 CAMERA = {"position": PLACE, "target": PLACE, "fov": of("number", default=45.0, above=0, below=180)}
 DAYLIGHT = {
     "place": of("place"), "date": of("date"), "hour": of("number", least=0, below=24),
     "utc_offset": of("number", least=-12, below=math.nextafter(15, 16)),
     "turbidity": of("number", default=3.0, least=1, below=math.nextafter(10, 11)),
-    "north": of("direction", default=None),
+    "north": of("direction", default=None), "sky": SKY_TYPE,
 }  # fmt: skip
 DEFAULTS = {
     "photons": of("count"), "radius": LENGTH, "neighbours": of("count"), "estimator": of("text", default=None),

@@ -177,7 +177,7 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
                 "outer_degrees": g.real(10.0, 80.0),
             }
         }
-        kinds |= {"sky": {"radiance": colour}}
+        kinds |= {"sky": {"radiance": colour, "cie": g.pick(1, 5, 12, 16), "sun": direction}}
         kinds["panel"] = {"position": g.reals(3), "direction": direction, "flux": colour, "size": [0.5, 0.2]}
         kind = g.pick(*kinds)
         lights.append(
@@ -204,7 +204,7 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
     parts += [_toml_table(g, "light", light, many=True) for light in lights]
     if g.chance(0.2):
         when = {"place": g.pick([40.4, -3.7], [-90, 180]), "date": "2026-03-21", "hour": g.pick(0, 9.5, 23)}
-        clear = {"turbidity": g.pick(1, 2.5, 10), "north": [direction[1], -direction[0], 0.1]}
+        clear = {"turbidity": g.pick(1, 2.5, 10), "north": [direction[1], -direction[0], 0.1], "sky": g.pick(5, 15)}
         parts.append(_toml_table(g, "daylight", _some(g, when | {"utc_offset": g.pick(0, 5.5, -3)}, clear)))
     if g.chance(0.6):
         name = g.pick(*materials)
@@ -230,7 +230,9 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
     if g.chance(0.3):
         place = {"position": g.reals(2), "size": g.reals(2, 0.5, 2.0), "tilt": g.real(0.0, 180.0), "turn": g.real()}
         may = g.pick(place, {"on": "stool 0"}) | {"height": g.real(), "margin": 0.1, "points": [3, 4]}
-        table = _some(g, {"name": "desk"}, may | {"targets": {"mean": g.real(1.0, 500.0)}})
+        table = _some(
+            g, {"name": "desk"}, may | {"targets": {"mean": g.real(1.0, 500.0)}, "quantity": "daylight factor"}
+        )
         parts.append(_toml_table(g, "surface", table, many=True))
     if g.chance(0.3):
         settings = {

@@ -21,6 +21,7 @@ LIGHTS = {
     "spot": (SpotLight("spot", (-0.4, 0.1, 0.9), (0.3, 0.0, -1.0), (2.0, 2.0, 2.0), 10.0, 40.0),),
     "sun": (DirectionalLight("sun", (0.3, 0.2, -1.0), (1.0, 0.9, 0.7)),),
     "sky": (SkyLight("sky", (0.2, 0.3, 0.5)),),
+    "clear sky": (SkyLight("clear sky", (0.2, 0.3, 0.5), 12, (0.4, 0.3, 0.5)),),
     "panel": (luminaire("panel", (0.0, -0.5, 0.9), (2.0, 2.0, 1.0), size=(0.3, 0.2)),),
     "downlight": (luminaire("downlight", (-0.5, -0.5, 0.9), (2.0, 2.0, 1.0)),),
 }

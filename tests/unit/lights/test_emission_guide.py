@@ -1,22 +1,31 @@
 """Guided emission of sun and sky."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gi_core.lights.emission import EVEN, Guide, emit, guided
 from gi_core.lights.kinds import SKY, SUN
 from gi_core.model import Model
-from gi_core.scene.types import SkyLight
+from gi_core.scene.types import Scene, SkyLight
 from tests.support.lit_from_outside import l_room, sky_room
 from tests.support.scene_builders import plane_scene
 
-AROUND = np.array([0.0, 0, 0, 0, 0, 1, 2.0, 0, 0, 0, 0, 0])
+
+def clear_room() -> Scene:
+    scene = sky_room()
+    skies = tuple(light._replace(cie=13, sun=(0.3, -0.2, 0.5)) for light in scene.lights)
+    return replace(scene, lights=skies)
+
+
+AROUND = np.array([0.0, 0, 0, 0, 0, 1, 2.0, 5, 0, 0, 0, -1])
 
 
 @pytest.mark.parametrize("kind", [SKY, SUN])
 def test_means_are_those_of_even_numbers(kind):
     """Within five standard errors: one chance in 10^6 each."""
-    guide = Guide(kind, AROUND, lambda origin, _: 2 * ((origin[:, 0] > 0.5) & (origin[:, 1] > 1.0),))
+    guide = Guide(kind, AROUND, np.zeros(0), lambda origin, _: 2 * ((origin[:, 0] > 0.5) & (origin[:, 1] > 1.0),))
     assert 0.02 < guide.arriving < 0.2
     rng = np.random.default_rng(1)
     drawn = np.array([guided(guide.table, *x) for x in rng.random((100_000, 4))])
@@ -27,7 +36,7 @@ def test_means_are_those_of_even_numbers(kind):
         assert (flux * value).mean() == pytest.approx(expected, abs=5 * (flux * value).std() / np.sqrt(len(flux)))
 
 
-@pytest.mark.parametrize(("place", "least"), [(l_room, 0.2), (sky_room, 0.1)])
+@pytest.mark.parametrize(("place", "least"), [(l_room, 0.2), (sky_room, 0.1), (clear_room, 0.1)])
 def test_photons_meet_receivers_and_carry_the_flux_of_even_ones(place, least):
     model = Model(place())
     emitters, pilot = model.emitters, model.pilot
