@@ -21,18 +21,12 @@ from gi_core.geometry.tessellation import tessellate
 from gi_core.geometry.texture_filter import lookup
 from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Paint, Pose, Scene, Texture
 from gi_core.scene.types import Mobile
-from tests.cli.test_render import gl_picture
+from tests.files.test_texture_files import UV, png
+from tests.support.gl_drawing import gl_picture
 from tests.support.mesh_writers import QUAD, QUAD_FACES, write_glb
 from tests.support.scene_builders import merge, quad, solve
 
-UV = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 RNG = np.random.default_rng(3)
-
-
-def png(pixels: np.ndarray) -> bytes:
-    data = io.BytesIO()
-    Image.fromarray(pixels).save(data, "png")
-    return data.getvalue()
 
 
 def leaf(n: int = 16) -> np.ndarray:

@@ -6,7 +6,7 @@ import pytest
 from gi_core.files.load import load_scene
 from gi_core.geometry.error import luminance
 from gi_core.solver import Solver
-from tests.support.mesh_writers import write_glb
+from tests.support.mesh_writers import gltf_lights, write_glb
 
 SIDE, ROWS = 10.0, 708  # [m], vertices per row: 2 x 707^2 triangles
 SUN = {"type": "directional", "intensity": 100.0}
@@ -23,16 +23,9 @@ def test_a_million_triangles_load_and_light(tmp_path):
     vertices = np.stack([x, 0.3 * np.sin(2 * x) * np.cos(3 * z), z], axis=-1).reshape(-1, 3)
     a, b, c, d = (k.reshape(-1) for k in _corners(np.arange(ROWS * ROWS).reshape(ROWS, ROWS)))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    half = np.sqrt(0.5)
-    sun = {"rotation": [-half, 0, 0, half], "extensions": {"KHR_lights_punctual": {"light": 0}}}  # -z turned down
-    write_glb(
-        tmp_path / "hills.glb",
-        vertices,
-        faces,
-        material={"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}},
-        nodes=[sun],
-        extensions={"KHR_lights_punctual": {"lights": [SUN]}},
-    )
+    half, black = np.sqrt(0.5), {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
+    lights = gltf_lights((SUN, {"rotation": [-half, 0, 0, half]}))  # -z turned down
+    write_glb(tmp_path / "hills.glb", vertices, faces, material=black, **lights)
 
     scene = load_scene(str(tmp_path / "hills.glb"))
     assert len(scene.static.faces) == len(faces) == 2 * 707**2

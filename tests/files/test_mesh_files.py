@@ -12,7 +12,7 @@ from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene import SceneError
-from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, write_glb, write_obj
+from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, gltf_lights, write_glb, write_obj
 
 RELATIVE = """mtllib elsewhere/room.mtl
 v 0 0 0
@@ -245,25 +245,20 @@ def test_obj_comments_and_a_mark_at_the_front(tmp_path):
 
 
 def test_a_lamp_on_a_node_of_no_size(tmp_path):
-    light = {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 3}]}}
-    node = {"scale": [0, 0, 0], "extensions": {"KHR_lights_punctual": {"light": 0}}}
-    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
+    lights = gltf_lights(({"type": "directional", "intensity": 3}, {"scale": [0, 0, 0]}))
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, **lights)
     assert load_scene(file, max_edge=1.0).lights[0].direction == (0.0, 0.0, -1.0)
 
 
 def test_what_a_loaded_scene_breaks_is_named_by_its_file(tmp_path):
-    light = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": -3}]}}
-    node = {"extensions": {"KHR_lights_punctual": {"light": 0}}}
-    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, **gltf_lights(({"type": "point", "intensity": -3}, {})))
     with pytest.raises(SceneError, match='a.glb: .*light "light 1": flux must be three numbers >= 0'):
         load_scene(file)
 
 
 def test_an_unknown_kind_of_gltf_light(tmp_path):
     """It became a spot."""
-    light = {"KHR_lights_punctual": {"lights": [{"type": "area", "intensity": 3}]}}
-    node = {"extensions": {"KHR_lights_punctual": {"light": 0}}}
-    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, **gltf_lights(({"type": "area", "intensity": 3}, {})))
     with pytest.raises(SceneError, match="a.glb: .* a light must be point, spot or directional, got 'area'"):
         read_mesh_file(file)
 

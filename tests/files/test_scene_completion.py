@@ -6,8 +6,10 @@ import pytest
 from gi_core.files.completion import SCALED
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
-from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_obj, write_scene
+from tests.support.mesh_writers import BOX, BOX_FACES, gltf_lights, write_glb, write_obj, write_scene
 from tests.support.scene_builders import solve
+
+DOWN = [-(0.5**0.5), 0, 0, 0.5**0.5]  # the rotation of a node whose light shines downwards
 
 
 def test_missing_file():
@@ -71,21 +73,12 @@ def test_glb_light_and_camera(tmp_path):
     """A node turned by -90 degrees about x looks down; candela become lumen over the whole sphere: x 4 pi."""
     extra = {
         "extensionsUsed": ["KHR_lights_punctual"],
-        "extensions": {
-            "KHR_lights_punctual": {
-                "lights": [
-                    {"type": "point", "intensity": 5, "color": [1, 0, 0], "name": "bulb"},
-                    {"type": "spot", "intensity": 10, "spot": {"outerConeAngle": 0.5}},
-                ]
-            }
-        },
-        "nodes": [
-            {"translation": [1, 2, 3], "extensions": {"KHR_lights_punctual": {"light": 0}}},
-            {"rotation": [-(0.5**0.5), 0, 0, 0.5**0.5], "extensions": {"KHR_lights_punctual": {"light": 1}}},
-            {"camera": 0, "translation": [0.5, 0.5, 4]},
-        ],
         "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
-    }
+    } | gltf_lights(
+        ({"type": "point", "intensity": 5, "color": [1, 0, 0], "name": "bulb"}, {"translation": [1, 2, 3]}),
+        ({"type": "spot", "intensity": 10, "spot": {"outerConeAngle": 0.5}}, {"rotation": DOWN}),
+        nodes=[{"camera": 0, "translation": [0.5, 0.5, 4]}],
+    )
     scene = load_scene(write_glb(tmp_path / "lit.glb", BOX, [[0, 1, 3], [0, 3, 2]], **extra))
     bulb, spot = scene.lights
     np.testing.assert_allclose(bulb.flux, [20 * np.pi, 0, 0])
@@ -110,22 +103,13 @@ def test_a_scaled_file_looks_the_same_with_its_own_lights_and_camera(tmp_path):
 
     Flux of point lights scales with the square; sun and radiance stay; values of the scene file are in metres.
     """
-    lights = [
-        {"type": "point", "intensity": 5e6},
-        {"type": "spot", "intensity": 3e6, "spot": {"outerConeAngle": 0.9}},
-        {"type": "directional", "intensity": 2.0},
-    ]
-    held = [{"extensions": {"KHR_lights_punctual": {"light": k}}} for k in range(3)]
-    extra = {
-        "extensions": {"KHR_lights_punctual": {"lights": lights}},
-        "nodes": [
-            {"translation": [500, 800, 500], **held[0]},
-            {"translation": [300, 700, 400], "rotation": [-(0.5**0.5), 0, 0, 0.5**0.5], **held[1]},
-            held[2],
-            {"camera": 0, "translation": [500, 500, 4000]},
-        ],
-        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
-    }
+    spot = {"type": "spot", "intensity": 3e6, "spot": {"outerConeAngle": 0.9}}
+    extra = gltf_lights(
+        ({"type": "point", "intensity": 5e6}, {"translation": [500, 800, 500]}),
+        (spot, {"translation": [300, 700, 400], "rotation": DOWN}),
+        ({"type": "directional", "intensity": 2.0}, {}),
+        nodes=[{"camera": 0, "translation": [500, 500, 4000]}],
+    ) | {"cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}]}
     write_glb(tmp_path / "room.glb", BOX * 1000, BOX_FACES[:, ::-1], **extra)
     lamp = '[[light]]\ntype = "point"\nposition = [0.5, 0.5, 0.5]\nflux = [0, 0, 0]\n'
     scenes, means = [], []

@@ -9,7 +9,7 @@ from gi_core.files.formats.mesh_file import read_mesh_file
 from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
 from gi_core.scene import DirectionalLight, PointLight, SceneError, SpotLight
-from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, write_glb, write_obj
+from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, gltf_lights, write_glb, write_obj
 
 
 def area(mesh) -> float:
@@ -113,25 +113,14 @@ def test_lights_below_nested_nodes(tmp_path):
 
 
 def test_a_spot_of_no_width_does_no_harm(tmp_path):
-    extra = {
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "spot", "spot": {"outerConeAngle": 0}}]}},
-        "nodes": [{"translation": [0.5, 0.5, 1], "extensions": {"KHR_lights_punctual": {"light": 0}}}],
-    }
-    (spot,) = read_mesh_file(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, **extra)).lights
+    lights = gltf_lights(({"type": "spot", "spot": {"outerConeAngle": 0}}, {"translation": [0.5, 0.5, 1]}))
+    (spot,) = read_mesh_file(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, **lights)).lights
     assert 0 <= spot.inner_degrees <= spot.outer_degrees and spot.outer_degrees > 0
 
 
 def test_a_file_of_lights_alone_needs_a_surface(tmp_path):
     file = tmp_path / "lights.gltf"
-    file.write_text(
-        json.dumps(
-            {
-                "asset": {"version": "2.0"},
-                "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
-                "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}],
-            }
-        )
-    )
+    file.write_text(json.dumps({"asset": {"version": "2.0"}} | gltf_lights(({"type": "point"}, {}))))
     with pytest.raises(SceneError, match="the mesh has no triangles; a scene needs at least one"):
         load_scene(file)
 

@@ -20,7 +20,7 @@ from gi_core.files import load
 from gi_core.files.find import find_scene, shipped_scenes
 from gi_core.model import Model
 from gi_core.scene import SceneError
-from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
+from tests.support.mesh_writers import BOX, BOX_FACES, gltf_lights, write_glb
 from tests.support.photometry import write_ies
 from tests.support.small_scale import small_room, small_work
 
@@ -195,9 +195,8 @@ def bring(names: str) -> None:
         elif name in FILES:
             path.write_text(FILES[name])
         elif path.suffix == ".glb" and name.startswith("room"):
-            node = {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0.5, 0.8, 0.5]}
-            lights = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 5}]}}
-            write_glb(path, BOX, BOX_FACES, material={"doubleSided": True}, nodes=[node], extensions=lights)
+            lights = gltf_lights(({"type": "point", "intensity": 5}, {"translation": [0.5, 0.8, 0.5]}))
+            write_glb(path, BOX, BOX_FACES, material={"doubleSided": True}, **lights)
         elif path.suffix == ".toml":
             small_room(Path(), name)
         elif path.suffix == ".ies":

@@ -10,7 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, SCENE, write_glb, write_obj, write_room
+from tests.support.mesh_writers import (
+    BOX,
+    BOX_FACES,
+    QUAD,
+    QUAD_FACES,
+    SCENE,
+    gltf_lights,
+    write_glb,
+    write_obj,
+    write_room,
+)
 from tests.support.photometry import write_ies, write_ldt
 
 NUMBERS = """0 -1 1 2 3 255 256 65535 -2147483648 4294967295 99999999999999999999 1e30 1e-30 1e308 1e999 nan inf
@@ -142,12 +152,11 @@ def seeds() -> dict[str, list[bytes]]:
         image = io.BytesIO()
         _dot(image)
         textured = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "emissiveFactor": [1, 0, 0]}
-        light = {"KHR_lights_punctual": {"lights": [{"type": "spot", "spot": {"outerConeAngle": 0.5}}]}}
+        extra = gltf_lights(({"type": "spot", "spot": {"outerConeAngle": 0.5}}, {"children": []}))
+        extra |= {"cameras": [{"type": "perspective", "perspective": {"yfov": 0.7}}]}
         glb = write_glb(
             folder / "a.glb", BOX, BOX_FACES, BOX - 0.5, BOX[:, :2], textured, {"scale": [1, 2, 1]},
-            colours=BOX, image=image.getvalue(), extensions=light,
-            nodes=[{"extensions": {"KHR_lights_punctual": {"light": 0}}, "children": []}],
-            cameras=[{"type": "perspective", "perspective": {"yfov": 0.7}}],
+            colours=BOX, image=image.getvalue(), **extra,
         ).read_bytes()  # fmt: skip
         plain = write_glb(folder / "b.glb", QUAD, QUAD_FACES).read_bytes()
         obj = write_obj(folder / "c.obj").read_bytes()

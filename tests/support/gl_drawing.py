@@ -1,5 +1,6 @@
 """Squares that face the eye, and readings of their picture."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -37,23 +38,29 @@ def background():
 HALF_TURN = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
-def gl_picture(shot, ctx=None) -> np.ndarray:
-    """Draw a shot with a new renderer, in a context of its own unless one is given."""
+@contextmanager
+def drawn(shot, ctx=None):
+    """Yield a new renderer that has drawn a shot, in a context of its own unless one is given."""
     from app.draw.renderer import Renderer
 
     own = support.standalone_context() if ctx is None else None
-    ctx = ctx or own
-    drawing = Renderer(ctx)
+    drawing = Renderer(ctx or own)
     try:
         drawing.set_scene(shot.lit.meshes)
         upload(drawing, shot)
         drawing.resize(*shot.settings.size)
         drawing.draw(look_of(shot))
-        return drawing.pixels()[..., :3].copy()
+        yield drawing
     finally:
         drawing.release()
         if own is not None:
             own.release()
+
+
+def gl_picture(shot, ctx=None) -> np.ndarray:
+    """Return the picture of a shot by a new renderer."""
+    with drawn(shot, ctx) as drawing:
+        return drawing.pixels()[..., :3].copy()
 
 
 def upload(drawing, shot) -> None:

@@ -45,6 +45,13 @@ def write_textured_room(folder: Path) -> None:
     Image.fromarray(np.full((4, 4, 3), 180, np.uint8)).save(folder / "wood.png")
 
 
+def gltf_lights(*lights: tuple[dict, dict], nodes=()) -> dict:
+    """Return the JSON of lights, each with the keys of its node, and of further nodes."""
+    key = "KHR_lights_punctual"
+    held = [node | {"extensions": {key: {"light": k}}} for k, (_, node) in enumerate(lights)]
+    return {"nodes": [*held, *nodes], "extensions": {key: {"lights": [light for light, _ in lights]}}}
+
+
 def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=None, uv1=None, colours=None, **extra):
     """Write one primitive; `material`, `node` and `extra` go into the JSON as they are."""
     blob, views, accessors = b"", [], []

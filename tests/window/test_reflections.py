@@ -194,16 +194,10 @@ def test_a_mirror_shows_a_mobile_at_its_new_pose_in_the_same_frame():
 @pytest.mark.gl
 def test_a_renderer_follows_moves_light_and_camera():
     """One renderer: probes are kept while light and poses rest, and a picture equals that of a new renderer."""
-    from app.draw.renderer import Renderer
-    from tests.support import viewer_support as support
-    from tests.support.gl_drawing import look_of, upload
+    from tests.support.gl_drawing import drawn, look_of, upload
 
     shot = shot_of(scene(Gloss((0.9, 0.7, 0.3), 0.05)))
-    ctx = support.standalone_context()
-    kept = Renderer(ctx)
-    try:
-        kept.set_scene(shot.lit.meshes)
-        kept.resize(*shot.settings.size)
+    with drawn(shot) as kept:
         cameras = Camera((0.2, -0.95, 0.8), (-0.1, 0.6, 0.65), 60.0), Camera((-0.6, -0.8, 1.2), (0.3, 0.4, 0.4), 50.0)
         for pose in (Pose((-0.4, -0.3, 0.5)), Pose((0.2, -0.2, 0.3))):
             shot.solver.move("red", pose)
@@ -211,10 +205,7 @@ def test_a_renderer_follows_moves_light_and_camera():
             for camera in cameras:
                 shot.camera = turned(camera, shot)
                 kept.draw(look_of(shot))
-                np.testing.assert_array_equal(kept.pixels(), gl_picture(shot, ctx))
-    finally:
-        kept.release()
-        ctx.release()
+                np.testing.assert_array_equal(kept.pixels(), gl_picture(shot, kept.ctx))
 
 
 def turned(camera: Camera, shot: Shot):
@@ -225,26 +216,15 @@ def turned(camera: Camera, shot: Shot):
 
 @pytest.mark.gl
 def test_a_scene_without_sharp_gloss_draws_nothing_more():
-    from app.draw.renderer import Renderer
-    from tests.support import viewer_support as support
-    from tests.support.gl_drawing import look_of, upload
+    from tests.support.gl_drawing import drawn
 
     satin = scene(Gloss(alpha=0.3))
     satin = replace(satin, materials=(*satin.materials[:2], satin.materials[3], *satin.materials[3:]))
     shot = shot_of(satin)
     assert not any(mesh.reflectors for mesh in shot.lit.meshes)
-    ctx = support.standalone_context()
-    drawing = Renderer(ctx)
-    try:
-        drawing.set_scene(shot.lit.meshes)
-        drawing.resize(*shot.settings.size)
-        upload(drawing, shot)
-        drawing.draw(look_of(shot))
+    with drawn(shot) as drawing:
         assert not drawing._mirrors and drawing._programs.sharp is None
         assert not drawing._mirrors._planes and not drawing._mirrors._cubes
-    finally:
-        drawing.release()
-        ctx.release()
 
 
 def test_metering_sees_gloss():
@@ -292,23 +272,12 @@ def test_a_room_of_gloss_with_hidden_planes_is_that_of_traced_rays(alpha, most):
 @pytest.mark.gl
 def test_a_view_has_few_planes_and_the_largest_ones():
     from app.draw import gl_mirrors
-    from app.draw.renderer import Renderer
-    from tests.support import viewer_support as support
-    from tests.support.gl_drawing import look_of, upload
+    from tests.support.gl_drawing import drawn
 
     shot = shot_of(hollow_room(0.0))
-    ctx = support.standalone_context()
-    drawing = Renderer(ctx)
-    try:
-        drawing.set_scene(shot.lit.meshes)
-        drawing.resize(*shot.settings.size)
-        upload(drawing, shot)
-        drawing.draw(look_of(shot))
+    with drawn(shot) as drawing:
         seen = drawing._mirrors._seen
         equations = {r.plane.number: r.plane.equation for r in shot.lit.meshes[0].reflectors if r.plane is not None}
         assert len(equations) == 12 and len(seen) == gl_mirrors.PLANES_SHOWN
         hidden = [n for n, e in equations.items() if abs(e[3]) in (1.5, 0.5, 2.1)]
         assert len(hidden) == 6 and not seen & set(hidden)
-    finally:
-        drawing.release()
-        ctx.release()
