@@ -11,13 +11,12 @@ from pathlib import Path
 from app.settings import UsageError
 
 
-def need(module: str, purpose: str, package: str = "") -> None:
+def need(module: str, purpose: str) -> None:
     """Raise UsageError, one sentence with the remedy, where a module cannot be imported."""
     try:
         import_module(module)
     except ImportError:
-        package = package or module
-        raise UsageError(f"{package}, which {purpose}, is not installed: pip install {package}") from None
+        raise UsageError(f"{module}, which {purpose}, is not installed: pip install {module}") from None
 
 
 def version() -> str:

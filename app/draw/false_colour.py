@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale
 ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
 MOST_LINES = 16  # isolines, as in surface.frag
-APART = 0.06  # of the scale: least distance of labels of isolines
 LINE_PIXELS = 1.5  # width of isolines, at 96 dots per inch
 LINE_OPACITY = 0.85
 LIGHT_FROM = 0.55  # of the scale: from there on lines are black, below white
@@ -58,12 +57,13 @@ class Scale(NamedTuple):
     @property
     def ticks(self) -> list[float]:
         """Values of the isolines, else round numbers from low to high, and the ends."""
-        label = 0.09  # of the scale: least distance of ticks from its ends, for their labels
+        # Of the scale: least distance of ticks from its ends, and of isolines, for their labels.
+        label, apart = 0.09, 0.06
         if self.lines:
-            inner, last = [], label - APART
+            inner, last = [], label - apart
             for t in self.lines:
                 at = float(self.position(np.array([t]))[0])
-                if last + APART <= at < 1 - label:
+                if last + apart <= at < 1 - label:
                     inner.append(t)
                     last = at
             return [self.low, *inner, self.high]

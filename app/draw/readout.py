@@ -31,7 +31,6 @@ STATIC = "static part"
 UNLIT = "back of a one-sided surface: no light is computed"
 
 
-EYE = 0.05  # of the scene's size: distance from which a pin is read
 PIXELS = 1 << 20  # per picture height there: the texture is read at a point
 
 
@@ -95,10 +94,11 @@ def read_pin(pin: Pin, picker: Picker, lit: LitScene) -> Pinned:
                             for f, v in ((to_world, position), (to_world_directions, normal)))  # fmt: skip
     if face < 0:
         return Pinned(pin, position, None)
-    eye = Camera(three(position + EYE * size * normal), three(position), 1.0)
+    away = 0.05 * size  # [m], of the eye from the pin
+    eye = Camera(three(position + away * normal), three(position), 1.0)
     camera = from_camera(eye, model.scene.up, Bounds(three(position), three(position)))
     direction = position - camera.eye()
-    hit = Hit(o, face, EYE * size, position)
+    hit = Hit(o, face, away, position)
     direction /= np.sqrt((direction * direction).sum())
     return Pinned(pin, position, read(lit, hit, direction, camera, PIXELS))
 

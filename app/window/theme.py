@@ -9,10 +9,8 @@ from app.draw.legend import LINE, TEXT
 WINDOW = (0.110, 0.114, 0.122)
 PANEL = (0.130, 0.134, 0.144)
 FRAME = (0.190, 0.196, 0.210)
-FRAME_HOVERED = (0.235, 0.243, 0.262)
 FRAME_ACTIVE = (0.270, 0.282, 0.310)
 ACCENT = LINE  # lamp light
-GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough for white text
 DIM_TEXT = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
 GOOD = (0.480, 0.800, 0.480)
@@ -51,7 +49,8 @@ def set_style() -> None:
     style.docking_separator_size = 1.0
     style.hover_stationary_delay, style.hover_delay_normal = 0.15, 0.45
     C = imgui.Col_
-    clear = (0.0, 0.0, 0.0, 0.0)
+    clear, hovered = (0.0, 0.0, 0.0, 0.0), (0.235, 0.243, 0.262)
+    grab = (0.560, 0.420, 0.225)  # the accent, dark enough for white text
     colours = {
         C.text: TEXT,
         C.text_disabled: DIM_TEXT,
@@ -60,24 +59,24 @@ def set_style() -> None:
         C.popup_bg: (0.150, 0.154, 0.165),
         C.border: (0.260, 0.268, 0.285),
         C.frame_bg: FRAME,
-        C.frame_bg_hovered: FRAME_HOVERED,
+        C.frame_bg_hovered: hovered,
         C.frame_bg_active: FRAME_ACTIVE,
         C.title_bg: WINDOW,
         C.title_bg_active: FRAME,
         C.check_mark: ACCENT,
-        C.slider_grab: GRAB,
+        C.slider_grab: grab,
         C.slider_grab_active: (0.680, 0.500, 0.250),
         C.button: FRAME,
-        C.button_hovered: FRAME_HOVERED,
+        C.button_hovered: hovered,
         C.button_active: FRAME_ACTIVE,
         C.header: FRAME,
-        C.header_hovered: FRAME_HOVERED,
+        C.header_hovered: hovered,
         C.header_active: FRAME_ACTIVE,
         C.separator: (0.235, 0.242, 0.258),
-        C.plot_histogram: GRAB,
+        C.plot_histogram: grab,
         C.tab: WINDOW,
         C.tab_selected: FRAME,
-        C.tab_hovered: FRAME_HOVERED,
+        C.tab_hovered: hovered,
         C.docking_empty_bg: WINDOW,
         C.modal_window_dim_bg: (0.0, 0.0, 0.0, 0.45),
         C.scrollbar_bg: clear,

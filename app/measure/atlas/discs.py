@@ -197,12 +197,12 @@ def lamp_near_a_surface() -> AtlasRow:
 GREY = Material("grey", (0.5,) * 3)
 
 
-def lit_room(*mobiles: Mobile, more=(), lights=()):
+def lit_room(*mobiles: Mobile):
     """A closed grey room of 1 m, a lamp of 0.2 m under its ceiling."""
     lamp = sheet((0.4, 0.4, 0.99), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 1)
     room = box((0, 0, 0), (1, 1, 1), 8, 0, inward=True)
     materials = GREY, Material("lamp", (0.0,) * 3, (10.0,) * 3)
-    return scene(joined(room, lamp, *more), materials, (0.5, -1.9, 0.8), (0.5, 0.5, 0.4), lights, mobiles)
+    return scene(joined(room, lamp), materials, (0.5, -1.9, 0.8), (0.5, 0.5, 0.4), (), mobiles)
 
 
 def block(half: float = 0.15, height: float = 0.3, at=(0.5, 0.5, 0.0)) -> Mobile:

@@ -49,12 +49,12 @@ def under_the_sky(alpha: float, views: Sequence[float], seed: int, radius: float
     return np.array(seen, float), np.diff(rays.offsets[::CELLS])[row]
 
 
-def sheets_under_the_sky(alpha: float, side: float = 0.02, along: int = 12) -> Scene:
-    """Return a square of glossy sheets, 1 m apart; side [m]; along: their number along an edge of the square."""
+def sheets_under_the_sky(alpha: float) -> Scene:
+    """Return a square of 12 x 12 glossy sheets of 2 cm, 1 m apart."""
     sky = SkyLight("sky", (1 / math.pi,) * 3)
-    places = [(i, j, 0.0) for i in range(along) for j in range(along)]
+    places = [(i, j, 0.0) for i in range(12) for j in range(12)]
     satin = Material("satin", (0.2,) * 3, gloss=Gloss((F0,) * 3, alpha))
-    sheets = joined(*(sheet(p, (side, 0, 0), (0, side, 0)) for p in places))
+    sheets = joined(*(sheet(p, (0.02, 0, 0), (0, 0.02, 0)) for p in places))
     return scene(sheets, (satin,), (6, -9, 9), (6, 6, 0), (sky,))
 
 

@@ -142,8 +142,6 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), quantity=quantity, **common)
 
 
-HALL, HALL_MIDDLE = 100.0, 47.5  # side of a hall, place of an object on all axes [m]
-DENSE, TINY = 0.2, 0.002  # radii of balls [m]
 SOUP_TRIANGLES = 1000
 
 
@@ -156,17 +154,18 @@ def ray_structures() -> Iterator[AtlasRow]:
     soup = np.concatenate([at, at + rng.uniform(-0.02, 0.02, (SOUP_TRIANGLES, 2, 3))], axis=1)
     yield _row("none", "none", "small triangles anywhere", "every ray tests all triangles", soup, anywhere)
 
-    dense, walls = ball(DENSE), box((0.0,) * 3, (HALL,) * 3)
-    hall = (HALL_MIDDLE + dense.vertices)[dense.faces], walls.vertices[walls.faces]
-    start = rng.uniform(0.1, 0.9, (cast, 3)) * HALL
-    aimed = _rays(start, HALL_MIDDLE - start)
-    where = f"a ball of {2 * DENSE:g} m in a hall of {HALL:g} m, rays aimed at it"
+    side, middle = 100.0, 47.5  # of a hall, place of a ball on all axes [m]
+    dense, walls = ball(0.2), box((0.0,) * 3, (side,) * 3)
+    hall = (middle + dense.vertices)[dense.faces], walls.vertices[walls.faces]
+    start = rng.uniform(0.1, 0.9, (cast, 3)) * side
+    aimed = _rays(start, middle - start)
+    where = f"a ball of 0.4 m in a hall of {side:g} m, rays aimed at it"
     theory = "the ball lies in one cell: a ray that enters it tests all of the ball's triangles"
     yield _row("grid3d", "grid3d", where, theory, np.concatenate(hall), aimed, len(dense.faces))
 
-    tiny = ball(TINY)
-    hall = (HALL_MIDDLE + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
-    where = f"a ball of {2e3 * TINY:g} mm in that hall, rays aimed at it"
+    tiny = ball(0.002)
+    hall = (middle + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
+    where = "a ball of 4 mm in that hall, rays aimed at it"
     theory = "the smallest cells, 12 levels deep, are larger than the ball: one lists all of its triangles"
     yield _row("octree", "octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), within=len(walls.faces))
 

@@ -81,9 +81,6 @@ def triangles_key(triangles: int, radius: str) -> str:
     return f"{triangles} triangles, radius {radius}"
 
 
-CLOSE = 0.02  # of the number of triangles wanted
-
-
 def run_apart(spec: dict) -> dict:
     """Measure a row by a separate process, which ends with this one. Raises UsageError."""
     with tempfile.TemporaryFile("w+") as said, tempfile.TemporaryFile("w+") as errors:
@@ -162,14 +159,15 @@ def _finer(mesh, triangles: int):
     from gi_core.geometry.surfaces import face_normals
     from gi_core.geometry.tessellation import tessellate
 
-    if len(mesh.faces) >= (1 - CLOSE) * triangles:
+    close = 0.02 * triangles
+    if len(mesh.faces) >= triangles - close:
         return mesh
     edge, best = 1.5 * math.sqrt(face_normals(mesh)[1].sum() / triangles), mesh
     for _ in range(8):  # 8 guesses of the longest edge
         tried = tessellate(mesh, edge)
         if abs(len(tried.faces) - triangles) < abs(len(best.faces) - triangles):
             best = tried
-        if abs(len(tried.faces) - triangles) <= CLOSE * triangles:
+        if abs(len(tried.faces) - triangles) <= close:
             break
         edge *= math.sqrt(len(tried.faces) / triangles)  # half the edge: four times the triangles
     return best
