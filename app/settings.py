@@ -243,6 +243,13 @@ class View:
         "calculation surface instead of the scene's: keys of [[surface]], such as 'name = \"desk\", height = 0.75'",
         "surface", kept="surface", **OF_SCENE,
     )  # fmt: skip
+    watts: tuple[tuple[str, float], ...] = option(  # before those of the scene file and of photometric files
+        (), values.watts, "NAME=W", "power of a lamp at full level [W]", "watts", kept="watts", of_scene=True
+    )
+    maintenance_factor: float | None = option(
+        None, values.maintenance, "F", "factor of the light of electric lamps on surfaces, 0 to 1 (the scene's)",
+        of_scene=True,
+    )  # fmt: skip
     fallback: bool = unlisted(True, resets=False)  # without a window, render to a file instead of failing
 
 

@@ -9,6 +9,7 @@ import argparse
 import datetime
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -152,6 +153,19 @@ def lamp(text: str) -> LampLevel:
     fits = name and equals and len(values) in (1, 3) and max(values) <= most_level
     _require(fits, f"NAME=LEVEL or NAME=r,g,b, numbers from 0 to {most_level:g}", text)
     return LampLevel(name, values[0]) if len(values) == 1 else LampLevel(name, 1.0, values)  # type: ignore[arg-type]
+
+
+def watts(text: str) -> tuple[str, float]:
+    name, _, number = text.rpartition("=")
+    with suppress(argparse.ArgumentTypeError):
+        return name, not_negative(number)
+    raise argparse.ArgumentTypeError(f"must be NAME=W, a power of 0 or more, got {text}")
+
+
+def maintenance(text: str) -> float:
+    value = finite(text)
+    _require(0 < value <= 1, "over 0, at most 1", text)
+    return value
 
 
 def pose(text: str) -> tuple[str, tuple[float, ...]]:

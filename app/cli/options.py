@@ -46,8 +46,8 @@ def picture(parser: argparse.ArgumentParser, *fields: str) -> None:
 
 
 def surface(add: Callable) -> None:
-    """Add --surface, and --plane for one that is level."""
-    _add(add, "surfaces")
+    """Add --surface, --plane for one that is level, and what belongs to the numbers of surfaces."""
+    _add(add, "surfaces", "watts", "maintenance_factor")
     add(
         "--plane", dest="surfaces", action="append", type=values.plane, default=argparse.SUPPRESS,
         metavar="A0,B0,A1,B1,H[,M,N]",
@@ -85,7 +85,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """
     chosen = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
     settings = opened(Settings(scene=chosen.pop("scene")), chosen.get("allow_outside", False))
-    for name in ("mobiles", "poses", "lamps", "surfaces"):
+    for name in ("mobiles", "poses", "lamps", "watts", "surfaces"):
         if name in chosen:
             before = () if name in ("mobiles", "surfaces") else getattr(settings, name)
             chosen[name] = (*before, *chosen[name])

@@ -58,7 +58,7 @@ def command_line(settings: Settings) -> str:
 
 def _word(field: str, value: Any) -> str:
     """Return a value as its option takes it."""
-    if field in ("poses", "lamps"):
+    if field in ("poses", "lamps", "watts"):
         return f"{value[0]}={_word('', value[1])}"
     if field == "surfaces":
         return ", ".join(f"{key} = {_inline(v)}" for key, v in _surface_table(value).items())
@@ -104,7 +104,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     """Return the settings of the tables of a saved scene. Raises SceneError."""
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import Table, of
-    from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes
+    from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes, read_watts
 
     file = Path(os.path.realpath(path))  # of a link: files are named relative to what it leads to
     boundary = Boundary(file.parent, allow_outside)
@@ -132,6 +132,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
         poses=poses,
         camera=camera,
         lamps=lamps,
+        watts=read_watts(root),
         light_scenes=scenes,
         pins=pins,
         cameras=cameras,
@@ -216,6 +217,8 @@ def _text_of(settings: Settings, names: Mapping[str, str]) -> str:
     document[TOGETHER] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
     if settings.edits:
         document["edits"] = [_table_of(edit, names) for edit in settings.edits]
+    if settings.watts:
+        document["watts"] = dict(settings.watts)
     if settings.camera is not None:
         document["camera"] = _camera_table(settings.camera)
     if settings.poses:

@@ -36,7 +36,7 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
     """
     import time
 
-    from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, surfaces_of
+    from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, maintained_levels, power, surfaces_of
     from app.session.readouts import csv_text, text_lines
     from gi_core.scene.types import UNITS
 
@@ -50,13 +50,14 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         solver = make_solver(scene, settings)
         level, units = level_of(solver.model), UNITS[scene.units]
         surfaces, started = surfaces_of(settings, scene) or (WORKING_PLANE,), time.monotonic()
-        for lights in all_steps(solver.model, surfaces, level, solver.poses, solver.levels, solver.seed, error):
+        levels = maintained_levels(solver.model, solver.levels, settings)
+        for lights in all_steps(solver.model, surfaces, level, solver.poses, levels, solver.seed, error):
             done, spent = sum(light.fraction for light in lights) / len(lights), time.monotonic() - started
             bar(f"measuring{time_left(spent * (1 / done - 1) if done > 0 else None)}", done)
         rows = _points(settings, solver, error)
     if file is not None:
         write_whole(file, csv_text(rows, lights, units))
-    return text_lines(rows, lights, level, units)
+    return text_lines(rows, lights, level, units, power(solver.model, solver.levels, settings, level))
 
 
 def _points(settings: Settings, solver, error: float) -> list:

@@ -21,6 +21,7 @@ from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
+from gi_core.lights.power import Power, maintained, power_of
 from gi_core.lights.sky import overcast
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
@@ -49,6 +50,17 @@ FIRST_ROUNDS, LAST_ROUNDS = 3, 8  # rounds before values are shown, and before t
 WORKING_PLANE = CalculationSurface("working plane")
 
 
+def maintained_levels(model: Model, levels: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return levels (G, 3) of the lamps on surfaces, with the maintenance factor."""
+    return maintained(model.emitters, levels, settings.maintenance_factor or model.scene.maintenance_factor)
+
+
+def power(model: Model, levels: np.ndarray, settings: Settings, level: Level) -> Power:
+    """Return the power of the lamps at levels (G, 3)."""
+    stated = dict(model.scene.watts + settings.watts)
+    return power_of(model.emitters, model.scene.lights, levels, stated, level.area)
+
+
 def surfaces_of(settings: Settings, scene: Scene) -> tuple[CalculationSurface, ...]:
     """Return the surfaces to measure: those of the settings, else those of the scene file."""
     return scene.surfaces if settings.surfaces is None else settings.surfaces
@@ -69,6 +81,7 @@ class Level(NamedTuple):
     axes: Axes
     low: np.ndarray  # (3,) across, along, up; low[2] is the floor
     high: np.ndarray
+    area: float  # [m2] of the floor
 
 
 class Grid(NamedTuple):
@@ -193,7 +206,8 @@ def level_of(model: Model) -> Level:
     """Return the box of a scene that light reaches, from the floor up (`floor_of`), along its axes."""
     lit = model.lit_part
     level = box_along(lit.low + model.origins[0], lit.high + model.origins[0], model.scene.up)
-    return level._replace(low=np.append(level.low[:2], floor_of(model, level)))
+    floor, share = floor_of(model, level)
+    return level._replace(low=np.append(level.low[:2], floor), area=share * level.area)
 
 
 def box_along(low, high, up) -> Level:
@@ -202,11 +216,12 @@ def box_along(low, high, up) -> Level:
     ends = np.array([low, high], np.float64)
     corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     along = corners @ np.array(axes[:3]).T
-    return Level(axes, along.min(axis=0), along.max(axis=0))
+    low, high = along.min(axis=0), along.max(axis=0)
+    return Level(axes, low, high, float(np.prod((high - low)[:2])))
 
 
-def floor_of(model: Model, level: Level) -> float:
-    """Return the height [m] of the floor of a scene whose light reaches the box `level`.
+def floor_of(model: Model, level: Level) -> tuple[float, float]:
+    """Return the height [m] of the floor of a scene whose light reaches the box `level`, and its share of the box.
 
     Vertical lines through the box pass all static surfaces that face up. Of those that are level and that light
     reaches, the floor is the lowest one half as large as the largest, or larger: no desk,
@@ -239,7 +254,10 @@ def floor_of(model: Model, level: Level) -> float:
     is_lit = np.searchsorted(arrived, tops, "right") > np.searchsorted(arrived, 2 * heights - tops)
     # the floor is the lowest level surface of 0.5 of the largest one's size
     large = np.flatnonzero(is_lit & (sizes >= 0.5 * np.max(sizes, where=is_lit, initial=1)))
-    return float(np.median(heights[large[0] : large[0] + sizes[large[0]]])) if len(large) else float(low[2])
+    if not len(large):
+        return float(low[2]), 1.0
+    size = sizes[large[0]]
+    return float(np.median(heights[large[0] : large[0] + size])), min(size / floor_lines**2, 1.0)
 
 
 def coarsest_cell(side: float) -> float:

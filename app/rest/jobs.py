@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from app.draw.draw_mesh import DrawMesh, meshes_of
 from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
 from app.rest.results import Comparison, FinePicture, GatherProgress
@@ -216,16 +218,18 @@ class SurfacesJob(Job):
         """The light on each surface that has a result, of this state or of an earlier one."""
         if self._key is None:
             return ()
-        state = state_of(self._solver)
+        state = (self._key[1], *state_of(self._solver))
         kept = [self._lights[s] for s in self._key[0] if s in self._lights]
         return tuple(light._replace(is_current=of == state) for light, of in kept)
 
     def key(self, settings: Settings) -> tuple | None:
-        from app.rest.calculation_surface import surfaces_of
+        from app.rest.calculation_surface import maintained_levels, surfaces_of
 
         s = self._solver
         surfaces = tuple(x for x in surfaces_of(settings, s.scene) if not x.on or x.on in parts_of(s.scene))
-        return (surfaces, *state_of(s)) if surfaces else None
+        if not surfaces:
+            return None
+        return surfaces, maintained_levels(s.model, s.levels, settings).tobytes(), *state_of(s)
 
     def begin(self) -> Iterator:
         from app.rest.calculation_surface import all_steps, level_of
@@ -234,7 +238,8 @@ class SurfacesJob(Job):
         self._level = self._level or level_of(s.model)
         done = [light.surface for light in self.lights if light.is_current and light.fraction == 1]
         left = [surface for surface in self._key[0] if surface not in done]
-        return all_steps(s.model, left, self._level, s.poses, s.levels, s.seed)
+        levels = np.frombuffer(self._key[1]).reshape(s.levels.shape)
+        return all_steps(s.model, left, self._level, s.poses, levels, s.seed)
 
     def take(self, result: tuple[SurfaceLight, ...]) -> bool:
         # earlier light stays until its successor has values

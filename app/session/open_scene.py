@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.session.method_view import MethodParts
     from gi_core.defaults import Chosen
     from gi_core.files.edits import Edit, Values
+    from gi_core.lights.power import Power
     from gi_core.model import Model
     from gi_core.scene import Scene
     from gi_core.scene.types import CalculationSurface, Daylight, Light
@@ -103,6 +104,13 @@ class OpenScene:
         from app.rest.calculation_surface import level_of
 
         return level_of(self.model)
+
+    @property
+    def power(self) -> Power:
+        """Electric power of the lamps on show."""
+        from app.rest.calculation_surface import power
+
+        return power(self.model, self.light.snapshot.levels, self.settings, self.level)
 
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:

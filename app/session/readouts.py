@@ -12,6 +12,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from app.rest.calculation_surface import Level, SurfaceLight
+    from gi_core.lights.power import Power
     from gi_core.scene.types import CalculationSurface, Units
 
 LEFT_OUT = "inside objects or outside the room"
@@ -59,7 +60,9 @@ def csv_text(rows: Sequence[Row], lights: Sequence[SurfaceLight], units: Units) 
     return out.getvalue()
 
 
-def text_lines(rows: Sequence[Row], lights: Sequence[SurfaceLight], level: Level, units: Units) -> list[str]:
+def text_lines(
+    rows: Sequence[Row], lights: Sequence[SurfaceLight], level: Level, units: Units, power: Power | None = None
+) -> list[str]:
     """Return all read-outs as lines of text."""
     lines = []
     for light in lights:
@@ -69,10 +72,29 @@ def text_lines(rows: Sequence[Row], lights: Sequence[SurfaceLight], level: Level
             text = f"{LONG_NAMES[name]:18} {shown(value, error, unit if has_unit else '')}"
             about = MEANINGS.get(name, "")
             lines.append(f"{text}   {about}".rstrip() + judged(light, name, units))
+        if power is not None and (text := per_100_lux(power, light, units)):
+            lines.append(f"{'power':18} {text}")
         lines += ["", *_map(light, level, units)]
+    if power is not None and power.of_lamp:
+        lines += [f"{'power':18} {power_text(power)}", ""]
     for r in rows:
         lines.append(f'{r.kind} "{r.name}"'.ljust(30) + f" {shown(r.irradiance, r.error, units.per_area)}")
     return lines
+
+
+def power_text(power: Power) -> str:
+    """Return the power of all lamps, and of the floor's area."""
+    text = f"{power.total:.4g} W, {power.per_area:.3g} W/m² of {power.area:.4g} m² floor"
+    return f"{text}; without {', '.join(power.unknown)}, of unknown watts" if power.unknown else text
+
+
+def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:
+    """Return the power per area and 100 lx of a surface, with its standard error; "" where it has no meaning."""
+    n = light.numbers
+    if not power.of_lamp or light.surface.quantity != "illuminance" or units.per_area != "lx" or not n.mean > 0:
+        return ""
+    value = power.per_100_lux(n.mean)
+    return f"{shown(value, value * n.mean_error / n.mean, 'W/m²')} per 100 lx"
 
 
 def unit_of(surface: CalculationSurface, units: Units) -> str:

@@ -34,7 +34,7 @@ from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import FILE, FLAG, LENGTH, is_direction
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Pose, Scene
-from gi_core.scene.validate import check_scene, check_size, check_surface
+from gi_core.scene.validate import check_lamp, check_scene, check_size, check_surface
 
 GLTF = ".glb", ".gltf"
 MOST_RECEIVERS = 150_000  # a bare mesh is refined to about as many, both sides counted, unless it is fine enough before
@@ -82,6 +82,8 @@ def load_scene(
             for step in STEPS:
                 step(loading)
             check_scene(loading.scene)
+            for name, _ in loading.scene.watts:
+                check_lamp(f"{where}: [watts]", name, loading.scene)
             for surface in loading.scene.surfaces:
                 check_surface(where, surface, loading.scene)
             return replace(loading.scene, files=(tuple(boundary.files), *loading.scene.files))
@@ -166,6 +168,8 @@ def _described(loading: Loading, stem: str, up) -> Scene:
         tuple(notes),
         tuple(file.light_scenes),
         surfaces=file.surfaces,
+        watts=file.watts,
+        maintenance_factor=file.maintenance_factor,
     )
     return daylit(scene, file.daylight, where) if file.daylight else scene
 

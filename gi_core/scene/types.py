@@ -186,6 +186,7 @@ class PhotometricLight(NamedTuple):
     planes_degrees: np.ndarray  # (P,) float64, increasing, from 0 to 360
     intensity: np.ndarray  # (P, T) float64, >= 0, of any unit: `flux` scales it
     size: tuple[float, float] = (0.0, 0.0)  # of the rectangle along C0 and C90 [m]
+    watts: float = 0.0  # [W] of its file; 0: unknown
 
 
 class DirectionalLight(NamedTuple):
@@ -265,8 +266,8 @@ class CalculationSurface(NamedTuple):
     turn: float = 0.0  # degrees round the vertical through its middle, from the first axis towards the second
     margin: float | None = None  # [m] left out along its sides; None: 0.5 in a room, else 0
     points: tuple[int, int] | None = None  # along the two sides; None: by EN 12464-1
-    quantity: str = "illuminance"  # one of QUANTITIES
     targets: tuple[tuple[str, float], ...] = ()  # by name of TARGETS, in their order
+    quantity: str = "illuminance"  # one of QUANTITIES
 
 
 MOST_GRID_POINTS = 100  # along a side of a surface
@@ -327,6 +328,8 @@ class Scene:
     files: tuple[tuple[str, ...], ...] = ()  # absolute paths: a file that was named, and those that it names
     daylight: Daylight | None = None  # of which the lights "sun" and "sky" are
     surfaces: tuple[CalculationSurface, ...] = ()
+    watts: tuple[tuple[str, float], ...] = ()  # [W] at level 1 by lamp, before those of files
+    maintenance_factor: float = 1.0  # of the light of electric lamps on surfaces
 
     def __repr__(self) -> str:
         lamps = len(self.lights) + sum(any(m.emission) for m in self.materials)

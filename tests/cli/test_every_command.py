@@ -21,7 +21,7 @@ VALUES = {  # of each option, or of one command's; None: a flag
     "--up": "y", "--units": "radiometric", "--allow-outside": None,
     "--estimator": "photon_map", "--photons": "3000", "--radius": "0.12", "--neighbours": "20", "--no-control": None,
     "--no-border-correction": None, "--textbook": None, "--search": "ray_cache", "--light": "best", "--gloss": "list",
-    "--lamp": "lamp=0.5", "--rays": "octree", "--seed": "3",
+    "--lamp": "lamp=0.5", "--watts": "lamp=30", "--maintenance-factor": "0.8", "--rays": "octree", "--seed": "3",
     "--size": "60x40", "--exposure": "1", "--no-white-balance": None, "--tone-map": "clip", "--show": "illuminance",
     "--illuminance-range": "1,100", "--luminance-range": "1,100", "--isolines": "auto", "--no-cull": None,
     "--surface": 'name = "a", size = [0.6, 0.6]', "--plane": "0.2,0.2,0.8,0.8,0.5,2,2",

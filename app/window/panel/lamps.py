@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 
 from app.draw.colour_map import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_one
 from app.session.lights import LightId
+from app.session.readouts import power_text
 from app.session.session import Session
 from app.settings import LampLevel, Settings
 from app.window import theme
@@ -19,6 +20,7 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import REC709, luminance
 from gi_core.lights.lamps import BRIGHTEST
+from gi_core.lights.power import full_watts
 from gi_core.scene.types import UNITS
 
 BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
@@ -47,6 +49,9 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     s = replace(s.in_light_scene(tuple(setting_of.values())), solo=solo)
     flux = sum(_flux(setting_of.get(name, LampLevel(name)), solo, k, session) for k, name in enumerate(lamps))
     ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
+    watts = full_watts(session.scene.lights, dict(session.scene.watts + s.watts))
+    if watts:
+        ui.number("Power", power_text(session.power), "Watts of photometric files, or as stated, at these levels.")
     snapshot = session.light.snapshot
     if snapshot.effective_photons < snapshot.photons:
         share = f"{100 * snapshot.effective_photons / max(snapshot.photons, 1):.0f} %"
@@ -64,6 +69,10 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         lamp = _flux_field(setting_of.get(name, LampLevel(name)), lamps.index(name), session)
         unselected = tuple(other for other in s.lamps if other.name != name)
         s = s if lamp == setting_of.get(name, LampLevel(name)) else replace(s, lamps=(*unselected, lamp))
+        (power,), edited, *_ = ui.fields("Watts", (watts.get(name, 0.0),), 0.5, "%.5g W", ("watts",))
+        ui.tip("Electric power of the selected lamp at full level; 0: none.")
+        if edited:
+            s = replace(s, watts=tuple({**dict(s.watts), name: max(power, 0.0)}.items()))
     lights.draw(window, actions)
     return s
 

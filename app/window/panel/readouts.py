@@ -10,13 +10,15 @@ from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
 from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, in_room, surfaces_of
-from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, shown, unit_of
+from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, per_100_lux, shown, unit_of
 from app.session.session import Session
 from app.settings import Settings
+from app.values import maintenance
 from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
+from gi_core.lights.power import Power
 from gi_core.scene.types import MOST_GRID_POINTS, QUANTITIES, TARGETS, UNITS, CalculationSurface, Units
 
 PIN = ui.Button(
@@ -96,7 +98,13 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
     """Draw the calculation surfaces: each with its place, its grid, its targets and its numbers."""
     session, viewport = window.session, window.viewport
     surfaces, lights = surfaces_of(s, session.scene), {x.surface: x for x in session.light.snapshot.rest.surfaces}
-    grids = dict(session.grids)
+    grids, power_of = dict(session.grids), session.power if surfaces else None
+    if surfaces:
+        factor = s.maintenance_factor or session.scene.maintenance_factor
+        moved, factor = ui.slider("Maintenance", factor, 0.3, 1.0, f"{factor:.2f}", read=maintenance)
+        ui.tip("Maintenance factor of EN 12464-1: share of the light of lamps, not of sun and sky, that counts here.")
+        if moved:
+            actions.add(Edit("maintenance_factor", round(factor, 2), imgui.is_item_activated(), False))
     for k, surface in enumerate(surfaces):
         imgui.push_id(f"surface {k}")
 
@@ -109,7 +117,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
                 _place(surface, session, edit)
                 _grid(surface, grids[surface].shape, edit)
                 _targets(surface, edit)
-                _numbers(lights.get(surface), UNITS[session.scene.units])
+                _numbers(lights.get(surface), UNITS[session.scene.units], power_of)
             else:
                 ui.wrapped(f"{surface.on} is no longer there.")
             if imgui.button("Remove surface"):
@@ -200,7 +208,7 @@ def _targets(surface: CalculationSurface, edit: Callable) -> None:
             edit(surface._replace(targets=tuple((t, asked[t]) for t in TARGETS if asked.get(t))), first, last)
 
 
-def _numbers(light: SurfaceLight | None, units: Units) -> None:
+def _numbers(light: SurfaceLight | None, units: Units, power_of: Power | None) -> None:
     if light is None:
         imgui.text_disabled("   measured at rest")
         return
@@ -214,6 +222,8 @@ def _numbers(light: SurfaceLight | None, units: Units) -> None:
         if target := judged(light, name, units).strip():
             colour = {PASS: theme.GOOD, FAIL: theme.ERROR}.get(light.verdicts[name], theme.DIM_TEXT)
             ui.wrapped(f"      {target}", colour)
+    if power_of is not None and (text := per_100_lux(power_of, light, units)):
+        ui.number("   power", text, "Power of all lamps per area of the floor, and per 100 lx of the mean.")
     imgui.end_disabled()
     state = (
         "measured at rest" if not light.is_current else "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"

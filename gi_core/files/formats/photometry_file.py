@@ -49,6 +49,7 @@ class PhotometryFile(NamedTuple):
     size: tuple[float, float]  # of the luminous opening along C0 and C90, as a rectangle [m]; 0: a point
     tilt: Tilt | None
     notes: list[str]
+    watts: float = 0.0  # 0: not stated
 
 
 def read_photometry(path: Path, where: str, boundary: Boundary) -> PhotometryFile:
@@ -173,7 +174,7 @@ def _ies(lines: list[str], where: str) -> PhotometryFile:
     later = numbers.number("the ballast-lamp photometric factor")  # since 2002 no factor any more
     if early and later > 0:
         scale *= later
-    numbers.number("the input watts")
+    watts = max(numbers.number("the input watts"), 0.0)
     if letter == "C":
         gammas = numbers.angles("vertical angles", rows, 180)
         planes = numbers.angles("horizontal angles", columns, 360)
@@ -187,7 +188,7 @@ def _ies(lines: list[str], where: str) -> PhotometryFile:
     flux, stated = _flux(gammas, *full, where), lamps * lumens
     if stated > 0 and flux > (1 + ELSEWHERE) * stated:
         numbers.notes.append(f"its table has {flux:.0f} lm, more than the {stated:.0f} lm of its lamps")
-    return PhotometryFile(gammas, *full, flux, size, tilt, numbers.notes)
+    return PhotometryFile(gammas, *full, flux, size, tilt, numbers.notes, watts)
 
 
 def _ies_words(lines: list[str], first: int) -> list[tuple[int, str]]:
@@ -350,7 +351,9 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
     )
     # The length lies along C90: C0 is the plane across a luminaire (EN 13032-2). Width 0: a circle.
     sides = (width, length) if width > 0 else (ROUND * length, ROUND * length)
-    return PhotometryFile(gammas, *full, flux, _opening(*sides, max(heights), notes), None, notes)
+    watts = _number(lines[31].strip().partition(" ")[0]) if len(lines) > 31 else math.nan  # of the first set of lamps
+    watts = watts if 0 < watts < DAMAGED else 0.0
+    return PhotometryFile(gammas, *full, flux, _opening(*sides, max(heights), notes), None, notes, watts)
 
 
 # Both -----------------------------------------------------------------------------------------------

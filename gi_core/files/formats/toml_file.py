@@ -126,7 +126,7 @@ def _of_file(t: Table, luminaires: Luminaires) -> dict[str, Any]:
         )
     own = Table({"size": list(file.size), "flux": list(flux)} | t.values, t.where, PANEL, t.values)
     return own.fields() | {
-        "gammas_degrees": file.gammas, "planes_degrees": file.planes, "intensity": file.intensity
+        "gammas_degrees": file.gammas, "planes_degrees": file.planes, "intensity": file.intensity, "watts": file.watts,
     }  # fmt: skip
 
 
@@ -141,7 +141,7 @@ UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 LENGTH, SCALE, NAME = of("number", default=None, above=0), of("number", default=1.0, above=0), of("text")
 ROOT = (
     "title", "up", "units", "static", "shape", "mobile", "light", "materials", "camera", "probe", "defaults",
-    "light_scenes", "daylight", "surface",
+    "light_scenes", "daylight", "surface", "watts", "maintenance_factor",
 )  # fmt: skip
 STATIC = {"mesh": of("texts"), "scale": SCALE, "max_edge": LENGTH}
 MOBILE = {
@@ -209,6 +209,8 @@ class SceneFile(NamedTuple):
     photometry: dict[Path, PhotometryFile]  # files of luminaires
     daylight: Daylight | None = None
     surfaces: tuple[CalculationSurface, ...] = ()
+    watts: tuple[tuple[str, float], ...] = ()
+    maintenance_factor: float = 1.0
 
 
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
@@ -256,7 +258,15 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
         luminaires.files,
         Daylight(**root.section("daylight", DAYLIGHT).fields()) if "daylight" in root else None,
         read_surfaces(root),
+        read_watts(root),
+        root.number("maintenance_factor", 1.0, above=0, below=math.nextafter(1, 2)),
     )
+
+
+def read_watts(root: Table) -> tuple[tuple[str, float], ...]:
+    """Return the table [watts]: power by lamp. Raises SceneError."""
+    table = root.section("watts")
+    return tuple((name, table.number(name, least=0)) for name in table.values)
 
 
 def read_surfaces(root: Table) -> tuple[CalculationSurface, ...]:

@@ -1,0 +1,118 @@
+"""Electric power and maintained light by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.rest.calculation_surface import level_of, maintained_levels, power, surface_steps
+from app.settings import Settings
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.photometry_file import read_photometry
+from gi_core.files.load import load_scene
+from gi_core.model import Model
+from gi_core.scene import CalculationSurface, SceneError
+from tests.support.photometry import write_ies, write_ldt
+
+ROOM = """up = "z"
+units = "photometric"
+maintenance_factor = 0.8
+watts = { bulb = 12.5 }
+[[shape]]
+type = "room"
+name = "room"
+size = [5, 4, 3]
+[materials.room]
+reflectance = [0.5, 0.5, 0.5]
+[[light]]
+type = "point"
+name = "bulb"
+position = [0, 0, 2.5]
+flux = [1000, 1000, 1000]
+[[light]]
+type = "photometric"
+name = "down"
+file = "down.ies"
+position = [1, 1, 2.5]
+direction = [0, 0, -1]
+[[light]]
+type = "photometric"
+name = "down 2"
+file = "down.ies"
+position = [-1, 1, 2.5]
+direction = [0, 0, -1]
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    write_ies(tmp_path / "down.ies", [0.0, 45.0, 90.0], [0.0], np.array([[500.0, 300.0, 0.0]]))
+    (tmp_path / "room.toml").write_text(ROOM)
+    return tmp_path / "room.toml"
+
+
+def test_photometric_files_state_watts(tmp_path):
+    gammas, table = [0.0, 45.0, 90.0], np.array([[500.0, 300.0, 0.0]])
+    for file in (
+        write_ies(tmp_path / "a.ies", gammas, [0.0], table),
+        write_ldt(tmp_path / "a.ldt", 1, gammas, [0.0], table),
+    ):
+        watts = read_photometry(file, file.name, Boundary(tmp_path)).watts
+        assert watts == {".ies": 50.0, ".ldt": 40.0}[file.suffix]
+    text = file.read_text().splitlines()
+    text[31] = "unknown"
+    file.write_text("\n".join(text))
+    assert read_photometry(file, file.name, Boundary(tmp_path)).watts == 0.0
+
+
+def test_power_by_hand(room):
+    scene, of_file = load_scene(room), 50.0
+    assert scene.watts == (("bulb", 12.5),)
+    model = Model(scene)
+    level, levels = level_of(model), model.emitters.lamps.full()
+    assert level.area == pytest.approx(20.0)
+    whole = power(model, levels, Settings(), level)
+    assert whole.total == pytest.approx(12.5 + 2 * of_file) and whole.unknown == ()
+    assert whole.per_area == pytest.approx(whole.total / 20) and whole.per_100_lux(250.0) == whole.per_area / 2.5
+    levels[model.emitters.lamps.names.index("bulb")] = 0.4
+    own = power(model, levels, Settings(watts=(("down", 40.0),)), level)
+    assert own.of_lamp == pytest.approx({"bulb": 5.0, "down": 40.0, "down 2": of_file})
+    bare = power(Model(replace(scene, watts=())), levels, Settings(), level)
+    assert bare.unknown == ("bulb",)
+
+
+def test_maintained_light_is_that_of_lamps_times_the_factor(room):
+    """The sky's light, which needs no cleaning of lamps, stays; EN 12464-1 asks for maintained illuminance."""
+    sky = '[[light]]\ntype = "sky"\nradiance = [100, 100, 100]\n'
+    opened = 'size = [5, 4, 3]\nopenings = [{ wall = "ceiling", position = [-1, -1], size = [2, 2] }]\n'
+    room.write_text(ROOM.replace("size = [5, 4, 3]\n", opened) + sky)
+    scene = load_scene(room)
+    model = Model(scene)
+    names, level = model.emitters.lamps.names, level_of(model)
+    full = model.emitters.lamps.full()
+    surface = CalculationSurface("a", "", (0, 0), (1, 1), 0.75, points=(2, 2))
+
+    def mean(levels) -> float:
+        *_, light = surface_steps(model, surface, level, {}, levels, 0, 0.01)
+        return light.numbers.mean
+
+    dark = full * np.array([[name == "light 4"] for name in names])
+    whole, daylight = mean(full), mean(dark)
+    kept = mean(maintained_levels(model, full, Settings()))
+    assert daylight > 0.1 * whole and kept == pytest.approx(daylight + 0.8 * (whole - daylight), rel=0.02)
+    assert mean(maintained_levels(model, full, Settings(maintenance_factor=1.0))) == whole
+
+
+@pytest.mark.parametrize(
+    "line, message",
+    [("watts = { blub = 3 }", "[watts]: no lamp is called 'blub'; did you mean 'bulb'?"),
+     ("watts = { bulb = -1 }", "[watts]: bulb must be a number >= 0, got -1"),
+     ("maintenance_factor = 1.2", "maintenance_factor must be a number > 0 and < 1, got 1.2")],
+)  # fmt: skip
+def test_bad_power_is_refused_in_one_sentence(room, line, message):
+    key = line.split(" =")[0]
+    rows = [line if row.startswith(key) else row for row in ROOM.splitlines()]
+    room.write_text("\n".join(rows))
+    with pytest.raises(SceneError) as refused:
+        load_scene(room)
+    assert message in str(refused.value)
