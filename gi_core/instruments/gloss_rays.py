@@ -24,14 +24,16 @@ def single_rays(solver: Solver, receivers: np.ndarray) -> tuple[Directions, np.n
     return light.directions()._replace(opened=OPENED[LIST]), np.searchsorted(light.rows, receivers).astype(np.int32)
 
 
-def radiance_of(solver: Solver, light: Directions, row: np.ndarray, receiver: np.ndarray, eye) -> np.ndarray:
+def radiance_of(
+    solver: Solver, light: Directions, row: np.ndarray, receiver: np.ndarray, eye, alpha: float | None = None
+) -> np.ndarray:
     """Return the radiance (n, 3) of gloss under irradiance 1, towards an eye (3,) [m]; all faces have the first's lobe.
 
-    row: of each receiver (n,) in `light`.
+    row: of each receiver (n,) in `light`; alpha: in place of that lobe's.
     """
     s, n = solver.surfaces, len(row)
     position, normal = solver.receivers.positions[receiver], solver.receivers.normals[receiver]
-    lobes, seen = np.tile(s.lobe[0], (n, 1)), room_for(n)
+    lobes, seen = np.tile(s.lobe[0] if alpha is None else (*s.lobe[0, :4], alpha), (n, 1)), room_for(n)
     gloss_radiance(light, row, np.ones((n, 3)), position, normal, lobes, normal, s.tables, eye, seen)
     return seen
 

@@ -37,15 +37,14 @@ EYE_DISTANCE = 1e5  # [m], of an eye
 SMALL = 0.02  # [m]: a few rays per disc, which are as uneven as random ones; more Sobol photons are more even
 
 
-def under_the_sky(alpha: float, views: Sequence[float], seed: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the radiance (views, n) of gloss of n small sheets, under irradiance 1, and their numbers (n,) of rays.
+def under_the_sky(looks: Sequence[tuple[float, float]], seed: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radiance (looks, n) of gloss of n small sheets, under irradiance 1, and their numbers (n,) of rays.
 
-    views: angles of the eye [degrees]; radius [m]: of irradiance.
+    looks: alpha of the sheets, which no photon feels, and angle of the eye [degrees]; radius [m]: of irradiance.
     """
-    field = sheets_under_the_sky(alpha)
-    solver = solved(field, 200_000, seed, radius=radius, gloss=LIST)
+    solver = solved(sheets_under_the_sky(SATIN), 200_000, seed, radius=radius, gloss=LIST)
     rays, row, corner = rays_of(solver)
-    seen = [radiance_of(solver, rays, row, corner, eye_at(math.radians(view)))[:, 1] for view in views]
+    seen = [radiance_of(solver, rays, row, corner, eye_at(math.radians(v)), alpha)[:, 1] for alpha, v in looks]
     return np.array(seen, float), np.diff(rays.offsets[::CELLS])[row]
 
 
@@ -105,24 +104,23 @@ NORMAL_TURN = 10.0  # degrees
 
 def noise() -> Iterator[AtlasRow]:
     """The noise of radiance is F times that of irradiance from the same rays: the noise factor of docs/brdfs.md."""
-    along, both = (0.0,), (0.0, 60.0)  # degrees from the normal
-    for alpha, views in ((0.15, along), (0.2, along), (0.3, both), (0.5, both), (0.8, along)):
+    looks = (0.15, 0.0), (0.2, 0.0), (0.3, 0.0), (0.3, 60.0), (0.5, 0.0), (0.5, 60.0), (0.8, 0.0)
 
-        def run(seed, alpha=alpha, views=views):
-            seen, count = under_the_sky(alpha, views, seed, SMALL)
-            # All photons of the sky have the same flux: irradiance is proportional to the number of rays.
-            return [_noise(radiance * count) / _noise(count) for radiance in seen]
+    def run(seed):
+        seen, count = under_the_sky(looks, seed, SMALL)
+        # All photons of the sky have the same flux: irradiance is proportional to the number of rays.
+        return [_noise(radiance * count) / _noise(count) for radiance in seen]
 
-        for view, measured in zip(views, over_seeds(run, 3 * SEEDS), strict=True):
-            _, f, weights = lobe_at(alpha, view)
-            predicted = math.sqrt(math.pi * float(weights @ f**2)) / float(weights @ f)
-            yield AtlasRow(
-                f"gloss_noise_{alpha}_{view:.0f}",
-                f"gloss of alpha {alpha} by single rays, seen at {view:.0f} degrees under an even sky",
-                "F = sqrt(pi integral of f^2 cos) / (integral of f cos)", predicted, measured,
-                "64 cells instead of rays; reflections where F is above 2 along the normal", within=0.03 * predicted,
-                quantity="noise of radiance / noise of irradiance", title="Gloss from few rays",
-            )  # fmt: skip
+    for (alpha, view), measured in zip(looks, over_seeds(run, 3 * SEEDS), strict=True):
+        _, f, weights = lobe_at(alpha, view)
+        predicted = math.sqrt(math.pi * float(weights @ f**2)) / float(weights @ f)
+        yield AtlasRow(
+            f"gloss_noise_{alpha}_{view:.0f}",
+            f"gloss of alpha {alpha} by single rays, seen at {view:.0f} degrees under an even sky",
+            "F = sqrt(pi integral of f^2 cos) / (integral of f cos)", predicted, measured,
+            "64 cells instead of rays; reflections where F is above 2 along the normal", within=0.03 * predicted,
+            quantity="noise of radiance / noise of irradiance", title="Gloss from few rays",
+        )  # fmt: skip
 
 
 def grazing() -> AtlasRow:
@@ -132,7 +130,7 @@ def grazing() -> AtlasRow:
     _, clamped, _ = lobe_at(alpha, view, GRAZING)
 
     def run(seed):
-        seen, count = under_the_sky(alpha, (view,), seed, 0.2)  # 0.2 m: many rays, for means
+        seen, count = under_the_sky([(alpha, view)], seed, 0.2)  # 0.2 m: many rays, for means
         return (float((seen[0] * count).sum() / count.sum()) * math.pi / float(weights @ f),)
 
     (measured,) = over_seeds(run, SEEDS)
