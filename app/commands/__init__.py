@@ -31,6 +31,7 @@ COMMANDS = {
     "measure": Command(
         "app.commands.measure", "illuminance on calculation surfaces and at probes: mean, minimum, uniformity, targets"
     ),
+    "report": Command("app.commands.report", "luminaires, surfaces with targets, pictures and power as one page"),
     "reference": Command(
         "app.commands.reference", "path trace the unbiased light of a scene and keep it; resumes a run that was stopped"
     ),

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app import values
 from app.cli import options
 from app.cli.options import settings_of
-from app.cli.progress import opened, time_left
+from app.cli.progress import Bar, opened, time_left
 from app.cli.terminal import OK, say
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
+
+if TYPE_CHECKING:
+    from app.rest.calculation_surface import Level, SurfaceLight
+    from gi_core.solver import Solver
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -34,9 +39,7 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
 
     error: relative l1 noise at the end. Raises SceneError, UsageError, OSError.
     """
-    import time
-
-    from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, maintained_levels, power, surfaces_of
+    from app.rest.calculation_surface import power
     from app.session.readouts import csv_text, text_lines
     from gi_core.scene.types import UNITS
 
@@ -48,16 +51,27 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         if file is not None:
             check_no_input("--csv", file, settings, scene)
         solver = make_solver(scene, settings)
-        level, units = level_of(solver.model), UNITS[scene.units]
-        surfaces, started = surfaces_of(settings, scene) or (WORKING_PLANE,), time.monotonic()
-        levels = maintained_levels(solver.model, solver.levels, settings)
-        for lights in all_steps(solver.model, surfaces, level, solver.poses, levels, solver.seed, error):
-            done, spent = sum(light.fraction for light in lights) / len(lights), time.monotonic() - started
-            bar(f"measuring{time_left(spent * (1 / done - 1) if done > 0 else None)}", done)
+        units = UNITS[scene.units]
+        level, lights = measured(solver, settings, error, bar)
         rows = _points(settings, solver, error)
     if file is not None:
         write_whole(file, csv_text(rows, lights, units))
     return text_lines(rows, lights, level, units, power(solver.model, solver.levels, settings, level))
+
+
+def measured(solver: Solver, settings: Settings, error: float, bar: Bar) -> tuple[Level, tuple[SurfaceLight, ...]]:
+    """Return the floor of a scene, and the light on its surfaces, or on one at desk height."""
+    import time
+
+    from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, maintained_levels, surfaces_of
+
+    level, started = level_of(solver.model), time.monotonic()
+    surfaces = surfaces_of(settings, solver.scene) or (WORKING_PLANE,)
+    levels = maintained_levels(solver.model, solver.levels, settings)
+    for lights in all_steps(solver.model, surfaces, level, solver.poses, levels, solver.seed, error):
+        done, spent = sum(light.fraction for light in lights) / len(lights), time.monotonic() - started
+        bar(f"measuring{time_left(spent * (1 / done - 1) if done > 0 else None)}", done)
+    return level, lights
 
 
 def _points(settings: Settings, solver, error: float) -> list:

@@ -33,13 +33,18 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[
     The file appears whole or not at all. Raises OSError.
     """
     path = Path(path).resolve()
+    write_whole(path, png(picture, parameters))
+    return path
+
+
+def png(picture: np.ndarray, parameters: Mapping[str, object] | None = None) -> bytes:
+    """Return a picture as the bytes of a PNG file, as write_png()."""
     info = PngInfo()
     for key, value in (parameters or {}).items():
         info.add_text(_latin(key)[:79], _latin(value))  # characters: the limit of the PNG standard
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
-    write_whole(path, data.getvalue())
-    return path
+    return data.getvalue()
 
 
 def _latin(value: object) -> str:
@@ -122,17 +127,10 @@ def next_free(folder: Path) -> Path:
     return next(path for n in count(1) if not (path := folder / f"gi-viewer-{n:03d}.png").exists())
 
 
-def write_screenshot(
-    renderer: Renderer,
-    look: Look,
-    legend: Legend | None,
-    metadata: dict[str, str],
-    path: Path,
-    scale: int = 1,
-    marks: Marks | None = None,
-    pixels: float = 1.0,
-) -> Path:
-    """Draw at `scale` times the viewport's size and write a PNG, with its legend and marks. Raises OSError.
+def screenshot(
+    renderer: Renderer, look: Look, legend: Legend | None, scale: int = 1, marks: Marks | None = None, pixels=1.0
+) -> np.ndarray:
+    """Return the picture (h, w, 3) uint8 at `scale` times the viewport's size, with its legend and marks.
 
     pixels: of the viewport per point of the marks.
 
@@ -146,4 +144,4 @@ def write_screenshot(
     finally:
         renderer.resize(width, height, samples)
     picture = picture if marks is None else with_marks(picture, marks, scale * pixels)
-    return write_png(path, picture if legend is None else with_legend(picture, legend), metadata)
+    return picture if legend is None else with_legend(picture, legend)

@@ -47,6 +47,7 @@ OF_POINT = 3.0  # times that: standard error of each point, relative to its valu
 FIRST_ROUNDS, LAST_ROUNDS = 3, 8  # rounds before values are shown, and before the end: a deviation of fewer says little
 
 
+NOISE = 0.01  # relative, of the mean of a surface at the end
 WORKING_PLANE = CalculationSurface("working plane")
 
 
@@ -433,7 +434,7 @@ def reached_steps(
 
 def surface_steps(
     model: Model, surface: CalculationSurface, level: Level, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
-    noise: float = 0.01,
+    noise: float = NOISE,
 ) -> Iterator[SurfaceLight]:  # fmt: skip
     """Trace paths from the points of a surface until their noise is small, in steps of some 10 ms; yield the light.
 
@@ -464,7 +465,7 @@ def surface_steps(
 
 def all_steps(
     model: Model, surfaces: Sequence[CalculationSurface], level: Level, poses: Mapping[str, Pose], levels: np.ndarray,
-    seed: int, noise: float = 0.01,
+    seed: int, noise: float = NOISE,
 ) -> Iterator[tuple[SurfaceLight, ...]]:  # fmt: skip
     """Measure several surfaces side by side; yield the light of each, in their order, see surface_steps()."""
     steps = [surface_steps(model, s, level, poses, levels, seed, noise) for s in surfaces]

@@ -21,6 +21,7 @@ SAVED = ["Saved scenes", "*.toml"]
 TABLES = ["Tables", "*.csv"]
 MESHES = ["Meshes", "*.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 LUMINAIRES = ["Photometric files", "*.ies *.ldt *.IES *.LDT", "All files", "*"]
+PAGES = ["Pages", "*.html"]
 PICTURES = ["Pictures", "*.png"]
 FIELD_EM = 32
 UNSAVED = "Unsaved changes"

@@ -23,7 +23,7 @@ SIZE, SHAPE = "Interface size", "Insert shape"
 MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the seven above
     "File": (
         "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
-        "save picture", "save picture as", "export", LINE, "quit",
+        "save picture", "save picture as", "export", "report", LINE, "quit",
     ),
     "Edit": (
         "undo", "redo", LINE, "select all", "insert", SHAPE, "insert luminaire", "duplicate", "remove", LINE,

@@ -29,10 +29,11 @@ VALUES = {  # of each option, or of one command's; None: a flag
     "--frames": "2", "--step": "2", "--json": "a.json", "--check": None, "--csv": "a.csv", "--points": "30",
     "--scale": "2", "--seconds": "0", "--rate": "5", "--quick": None, "--light-map": "64",
     ("render", "--out"): "a.webp", ("bake", "--out"): "b.glb", ("chart", "--out"): "c", ("atlas", "--out"): "d",
+    ("report", "--out"): "r.html",
 }  # fmt: skip
 ELSEWHERE = {"--help", "--version", "--no-fallback", "--workers", "--scheduler"}  # test_cli.py, test_cluster.py
 SEPARATE = {"bench": ["--sweep --out s --frames 2", "--tables --out t"]}  # options that no other goes with
-NEEDED = {"atlas": "--out atlas"}
+NEEDED = {"atlas": "--out atlas", "report": "--out r.html"}
 
 
 def groups() -> Iterator[tuple[str, str, list[str]]]:

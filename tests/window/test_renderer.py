@@ -232,7 +232,7 @@ def test_geometry_is_uploaded_once(ctx):
 @pytest.mark.parametrize("scale", [1, 2, 4])
 def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
     """Block means are the picture at 1x, but for edges; the viewport keeps its size."""
-    from app.draw.picture_files import write_screenshot
+    from app.draw.picture_files import screenshot, write_png
     from app.draw.renderer import Look, Renderer
     from app.draw.shot import Shot
     from app.settings import Settings, make_solver
@@ -247,7 +247,7 @@ def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
             drawing.set_colours(o, *colours, weights=shot.lit.weights[o])
         drawing.resize(64, 48)
         look = Look(shot.camera.projection(64 / 48) @ shot.camera.view(), (np.eye(4),) * 2, 0.0, "clip", True)
-        paths = [write_screenshot(drawing, look, None, {}, tmp_path / f"{k}.png", k) for k in (1, scale)]
+        paths = [write_png(tmp_path / f"{k}.png", screenshot(drawing, look, None, k)) for k in (1, scale)]
         assert drawing.size == (64, 48)
     finally:
         drawing.release()

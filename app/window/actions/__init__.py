@@ -100,6 +100,7 @@ ACTIONS = {
         label="Remove read-out",
     ),
     "export": Action(files.export, label="Export read-outs..."),
+    "report": Action(files.report, label="Report..."),
     "reset all": Action(views.reset_all, (K.r,), "R", "reset objects and view"),
     "reset poses": Action(objects.reset_poses, label="Reset objects"),
     "reset settings": Action(views.reset_settings, label="Reset settings"),

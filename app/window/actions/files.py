@@ -5,10 +5,12 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.cli.writable import write_whole
-from app.draw.picture_files import next_free, write_screenshot
+from app.draw.picture_files import next_free, png, screenshot, write_png
+from app.rest.calculation_surface import NOISE
 from app.session.log import WARNING
 from app.settings import UsageError
 from app.window import dialogs, readout_marks, view_content
@@ -120,19 +122,46 @@ def save_picture(window: Window, path: Path | None = None) -> str:
     path: None for the next free name in the working folder.
     """
     path = path or next_free(Path.cwd())
-    viewport, renderer = window.viewport, window.painter.renderer
-    metadata = viewport.picture.metadata(window.session.light.snapshot)
-    look = viewport.look(outlined=False)
+    metadata = window.viewport.picture.metadata(window.session.light.snapshot)
     try:
-        scale = window.session.settings.picture_scale
-        marks, pixels = readout_marks.marks(viewport), renderer.size[1] / viewport.view.size[1]
-        write_screenshot(renderer, look, viewport.legend, metadata, path, scale, marks, pixels)
+        write_png(path, _picture(window, window.session.settings.picture_scale), metadata)
         window.log(f"saved {path}")
         return ""
     except OSError as problem:
         return _not_saved(window, problem, path)
+
+
+def _picture(window: Window, scale: int = 1) -> np.ndarray:
+    """Return the picture on show, (h, w, 3) uint8."""
+    viewport, renderer = window.viewport, window.painter.renderer
+    marks, pixels = readout_marks.marks(viewport), renderer.size[1] / viewport.view.size[1]
+    try:
+        return screenshot(renderer, viewport.look(outlined=False), viewport.legend, scale, marks, pixels)
     finally:
         viewport.redraw()
+
+
+def report(window: Window) -> None:
+    """Write a report of the light on show, with the surfaces as far as they are measured."""
+    from app.cli.version import version
+    from app.session.report import Content, page
+
+    def write(path: str) -> str:
+        file, s = _with_suffix(path, ".html"), window.session
+        rest = s.light.snapshot.rest.surfaces
+        content = Content(
+            s.model, s.settings, s.light.snapshot.levels, s.level, [x for x in rest if x.is_current], s.power,
+            [("Picture", png(_picture(window)))], version(), NOISE,
+        )  # fmt: skip
+        try:
+            write_whole(file, page(content))
+            window.log(f"saved {file}")
+            return ""
+        except OSError as problem:
+            return _not_saved(window, problem, file)
+
+    suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".html"))
+    window.files.dialog.save("Write a report", suggestion, dialogs.PAGES, write)
 
 
 def save_picture_as(window: Window) -> None:
