@@ -227,10 +227,10 @@ def test_tuned_choice_is_accepted_by_the_solver(solver, monkeypatch):
 def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
     monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 8192)
     monkeypatch.setattr("gi_core.tuning.MOST_TRIAL_PATHS", 32)
-    assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30"]) == 0
+    assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30", "--max-edge", "0.2"]) == 0
     text = capsys.readouterr().out
     assert "impact_count" in text and "for frames of 30 ms: " in text and "measured: " in text
-    assert "\ngi-viewer cornell --estimator " in text
+    assert "\ngi-viewer cornell --max-edge 0.2 --estimator " in text
     monkeypatch.setattr("app.settings.open_scene", lambda settings: plane_scene())
     assert cli.main(["tune", "plane"]) == 2
     assert "no mobile to move" in capsys.readouterr().err
