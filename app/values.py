@@ -87,6 +87,7 @@ def whole(most: int, least: int = 1) -> Callable[[str], int]:
 
 
 photons = whole(1 << 27)  # whose sums `gi_core.base.fixed_point` holds
+pixel_paths = whole(1 << 16)
 neighbours = whole(100_000)
 frames = whole(100_000)  # over an hour of film
 rate = whole(1000)  # pictures per second: films count milliseconds or more

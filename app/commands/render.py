@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 FALLBACK_PICTURE = "gi-viewer.png"
 STILLS, FILMS = (".png", ".exr"), (".mp4", ".gif", ".webp")
 MEMORY = {".png": 8, ".exr": 75, ".mp4": 240, ".gif": 55, ".webp": 29}  # bytes per pixel, of noise
+OF_PIXELS = 460  # more of them for light by rays
 RATE = 25  # pictures per second
 
 
@@ -39,6 +40,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
              " that exists)")  # fmt: skip
     add("--scale", type=values.scale, default=1, metavar="N", help="times the pixels of --size per side (1)")
     options.seconds(add)
+    add("--still", action="store_true", help="light per pixel by rays: shadows and light between near things are sharp")
+    add("--truth", type=values.pixel_paths, metavar="N", help="N whole paths per pixel, without bias; implies --still")
     add("--frames", type=values.frames, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
     add("--rate", type=values.rate, default=RATE, metavar="N", help=f"pictures per second of a film ({RATE})")
     cluster.options(parser.add_argument_group("machines, for --frames").add_argument)
@@ -50,19 +53,20 @@ def run(arguments: argparse.Namespace) -> int:
     settings = settings_of(a)
     settings = replace(settings, size=(a.scale * settings.size[0], a.scale * settings.size[1]))
     with cluster.opened(a.workers, a.scheduler) as machines:
-        for path in render(settings, out, a.frames, a.seconds, a.rate, machines):
+        paths = a.truth or (0 if a.still else None)
+        for path in render(settings, out, a.frames, a.seconds, a.rate, machines, paths):
             print(path)
     return OK
 
 
 def render(
     settings: Settings, out: Path, frames: int | None = None, seconds: float | None = None, rate: int = RATE,
-    machines: Machines | None = None,
+    machines: Machines | None = None, paths: int | None = None,
 ) -> list[Path]:  # fmt: skip
     """Write one picture, or `frames` pictures along the mobiles' paths, or these as a film; return their full paths.
 
     seconds: for gathering light before, see `gather`; rate: pictures per second of a film; machines: draw
-    `frames`. Raises SceneError, UsageError, OSError.
+    `frames`; paths: of `Shot`. Raises SceneError, UsageError, OSError.
     """
     from app.draw import motion
     from app.draw.shot import Shot
@@ -70,13 +74,14 @@ def render(
     from app.session.film import along, elsewhere, still
 
     linear = out.suffix.lower() == ".exr"
-    _check(settings, out, frames, rate)
+    _check(settings, out, frames, rate, paths)
     with opened(settings, open_scene) as (bar, scene):
         check_no_input("--out", out, settings, scene)
         solver = make_solver(scene, settings)
         solve(solver, bar)
         gather(solver, seconds, bar, at_poses=frames is None)
-        shot = Shot(solver, settings)
+        shot = Shot(solver, settings, paths)
+        shot.report = bar
         bar("refining the picture", 0.0)
         shot.refine()
         if frames is None:
@@ -117,7 +122,7 @@ def unused_name(frames: int | None = None) -> Path:
     return next(path for path in paths if not (path if frames is None else numbered(path, 1)).exists())
 
 
-def _check(settings: Settings, out: Path, frames: int | None, rate: int) -> None:
+def _check(settings: Settings, out: Path, frames: int | None, rate: int, paths: int | None) -> None:
     """Refuse before the work, not after it."""
     most_memory = 4  # [GB]
     suffix = out.suffix.lower()
@@ -126,11 +131,11 @@ def _check(settings: Settings, out: Path, frames: int | None, rate: int) -> None
     if suffix in FILMS and frames is None:
         raise UsageError(f"--out {out} is a film: give --frames N, or name a .png file")
     width, height = settings.size
-    need_gb = 1e-9 * MEMORY[suffix] * width * height
+    need_gb = 1e-9 * (MEMORY[suffix] + (paths is not None) * OF_PIXELS) * width * height
     if need_gb > most_memory:
         raise UsageError(
             f"--out {out} of {width}x{height} pixels takes {need_gb:.0f} GB of memory, more than {most_memory}; lower "
-            "--size or --scale, or name a .png file"
+            f"--size or --scale, or {'name a .png file' if paths is None else 'leave --still out'}"
         )
     if max(settings.size) > (most := 16383 if suffix == ".webp" else values.LONGEST_SIDE):
         raise UsageError(f"--out {out} has at most {most} pixels per side, got {max(settings.size)}")

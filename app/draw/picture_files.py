@@ -55,9 +55,11 @@ def _latin(value: object) -> str:
 def write_exr(path: Path, layers: Layers, parameters: Mapping[str, object]) -> Path:
     """Write layers and one text attribute per parameter; return the full path. Raises OSError.
 
-    R, G, B, A hold colour and coverage; `irradiance` and `albedo` are layers by their names.
+    R, G, B, A hold colour and coverage; `irradiance`, `albedo` and `variance` are layers by their names.
     """
     named = {"": layers.colour, "irradiance.": layers.irradiance, "albedo.": layers.albedo}
+    if layers.variance is not None:
+        named["variance."] = layers.variance
     channels = {f"{name}{c}": layer[..., k].copy() for name, layer in named.items() for k, c in enumerate("RGB")}
     return write_channels(path, channels | {"A": layers.coverage[..., 0].copy()}, parameters)
 

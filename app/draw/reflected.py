@@ -122,10 +122,11 @@ class Mirrors:
         """
         rows = np.flatnonzero(self._of_face[strip.face[hit]] >= 0)
         rays, height = hit[rows], strip.rows.stop - strip.rows.start
-        first = strip.rows.start * (len(strip.face) // height)
         directions = strip.directions[rays].astype(np.float64)
         eyes = np.broadcast_to(strip.eye.astype(np.float64), (len(rays), 3))
-        hits = Hits(strip.face[rays], strip.u[rays], strip.v[rays], directions, eyes, rays + first, 0, False, 1)
+        hits = Hits(
+            strip.face[rays], strip.u[rays], strip.v[rays], directions, eyes, rays + strip.rays.start, 0, False, 1
+        )
         out = self._gloss(lit, hits)
         if RAYS_PER_PIXEL_RAY > 1 and self._has_rough:
             at = rays // len(PIXEL_OFFSETS)

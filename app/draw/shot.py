@@ -18,6 +18,7 @@ from app.draw.fine_mesh import fine_mesh, fine_points_of
 from app.draw.legend import of_scale, with_legend
 from app.draw.lit_scene import LitScene, metered
 from app.draw.reflected import sharp_gloss
+from app.draw.still import PixelIrradiance, pixel_irradiance
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, gains_for
 from app.draw.visible import PIXEL_OFFSETS, PictureView
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
@@ -28,13 +29,15 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 Progress = Callable[[float], None]
+LightOfPixels = Callable[[LitScene, visible.PictureScene], PixelIrradiance | None]
 
 
 class Shot:
     """A solved scene with camera and exposure."""
 
-    def __init__(self, solver: Solver, settings: Settings) -> None:
-        self.solver, self.settings = solver, settings
+    def __init__(self, solver: Solver, settings: Settings, paths: int | None = None) -> None:
+        """paths: whole ones per pixel, 0: light per pixel, see still.py; None: light at vertices."""
+        self.solver, self.settings, self.paths = solver, settings, paths
         model = solver.model
         self._meshes = self._pictured = meshes_of(model)
         self._fine: FinePoints | None = None
@@ -42,6 +45,7 @@ class Shot:
         flux = solver.model.emitters.total_flux
         self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
         self.scale: Scale | None = None  # of false colours
+        self.report: Callable[[str, float], None] = lambda stage, fraction: None
         self.exposure = settings.exposure
         if self.exposure is None:
             self.exposure = solver.scene.defaults.exposure
@@ -50,6 +54,8 @@ class Shot:
         """Draw the static part with the fine points of the present poses, where its direct light is known."""
         self.expose()
         self.scale = self.scale or self.fitted_scale()
+        if self.paths is not None and not any(mesh.reflectors for mesh in self._meshes):
+            return  # but reflections show light at vertices
         self._fine = fine_points_of(self.solver, self._meshes[0])
         if self._fine is not None:
             self._pictured = fine_mesh(self._meshes[0], self._fine), *self._meshes[1:]
@@ -82,8 +88,14 @@ class Shot:
             self.scale = self.fitted_scale()
         lit = self.lit
         display = Display(self.exposure, self.settings.tone_map, self.gains, self.scale)
-        pixels = picture(lit, self.view, display, progress=progress)
-        return pixels if self.scale is None else with_legend(pixels, of_scale(self.scale, lit.units))
+        taken = picture(lit, self.view, display, progress=progress, light=self.pixel_light)
+        return taken if self.scale is None else with_legend(taken, of_scale(self.scale, lit.units))
+
+    def pixel_light(self, lit: LitScene, world: visible.PictureScene) -> PixelIrradiance | None:
+        """Return the light of a picture's pixels by rays; None: that of vertices serves."""
+        if self.paths is None:
+            return None
+        return pixel_irradiance(self.solver, lit, world, self.view, self._fine, self.paths, self.report)
 
     def expose(self) -> None:
         """Meter the exposure unless it is known."""
@@ -138,13 +150,15 @@ class Layers(NamedTuple):
     irradiance: np.ndarray  # (h, w, 3) float32 [W/m2]
     albedo: np.ndarray  # (h, w, 3) float32, reflectance with textures
     coverage: np.ndarray  # (h, w, 1) float32, 0 .. 1
+    variance: np.ndarray | None = None  # (h, w, 3) float32, of colour; None: not by rays
 
 
 def picture(
     lit: LitScene, view: PictureView, display: Display,
     sides: Sequence[tuple[np.ndarray, np.ndarray]] | None = None, progress: Progress = lambda fraction: None,
+    light: LightOfPixels = lambda lit, world: None,
 ) -> np.ndarray:  # fmt: skip
-    """Return a picture (height, width, 3) uint8. sides: colours in place of `lit.sides`.
+    """Return a picture (height, width, 3) uint8. sides: colours in place of `lit.sides`; light: of pixels by rays.
 
     Tone map and background follow the renderer.
     """
@@ -152,6 +166,9 @@ def picture(
     world, gloss = _placed(lit, sides), lit.gloss_towards(view.camera.eye())
     faces, above = raycast.both_sides(world, sides, lit.weights), raycast.above_textures(world, lit, gloss)
     sharp = sharp_gloss(lit, view, display, gloss)
+    pixels = light(lit, world)
+    drawn = faces if pixels is None else raycast.both_sides(world, _beside(pixels, lit).sides, lit.weights)
+    bare = _bare(lit, world) if lit.shows_radiance else None
     lamps = light_faces(lit.model, lit.levels) if lit.shows_radiance else None
     pixel = raycast.pixel_steps(view.camera, view.height)
     steps = pixel if lit.shows_radiance and world.textures else None
@@ -172,21 +189,24 @@ def picture(
         hit = np.flatnonzero(strip.face >= 0)
         if len(hit):
             seen = strip.seen(hit)
-            radiance, facing = raycast.seen_radiance(faces, *seen, steps, strip.eye)
+            radiance, facing = raycast.seen_radiance(drawn, *seen, steps, strip.eye)
+            if pixels is not None:
+                rho = 1.0 if bare is None else raycast.seen_radiance(bare, *seen, steps, strip.eye)[0]
+                radiance = np.maximum(radiance + rho * pixels.at(strip, hit) / math.pi, 0.0)
             if above is not None:
                 radiance += raycast.gloss_seen(faces, strip, hit, above, sharp, radiance)
             if glazed:
                 radiance = radiance * through[hit] + veil[hit]
-            change = raycast.gradient(faces, *seen, facing, pixel, strip.eye) if isolines else None
+            slope = raycast.gradient(faces, *seen, facing, pixel, strip.eye) if isolines else None
             to_middle = 0.5 - PIXEL_OFFSETS[hit % len(PIXEL_OFFSETS)]  # a line is the same in all samples, as in GL
-            colours[hit] = display.colours(radiance, change, to_middle)
+            colours[hit] = display.colours(radiance, slope, to_middle)
             colours[hit[~facing & world.one_sided[strip.face[hit]]]] = np.round(np.array(UNLIT) * 255)
         if lamps is not None:
             rays, radiance = lamps.seen(strip, world)
             colours[rays] = display.colours(radiance)
         out[strip.rows] = np.round(strip.resolved(colours))
 
-    visible.draw_strips(draw, lit, world, view, progress)
+    visible.draw_strips(draw, lit, world, view, progress, None if pixels is None else pixels.strips)
     return out
 
 
@@ -198,32 +218,52 @@ def layers(shot: Shot, progress: Progress = lambda fraction: None) -> Layers:
     sharp = sharp_gloss(lit, view, Display(shot.exposure, gains=shot.gains), gloss)
     faces, above = raycast.both_sides(world, lit.sides, lit.weights), raycast.above_textures(world, lit, gloss)
     lamps = light_faces(lit.model, lit.levels)
-    white = raycast.both_sides(world, replace(lit, shows_radiance=False).sides, lit.weights)
-    dark = world._replace(emission=np.zeros_like(world.emission))
-    bare = raycast.both_sides(dark, [(m.reflectance, m.reflectance) for m in lit.meshes], [None] * len(lit.meshes))
+    bare, pixels = _bare(lit, world), shot.pixel_light(lit, world)
+    kept = lit if pixels is None else _beside(pixels, lit)
+    drawn = raycast.both_sides(world, kept.sides, lit.weights)
+    white = raycast.both_sides(world, replace(kept, shows_radiance=False).sides, lit.weights)
     steps = raycast.pixel_steps(view.camera, view.height) if world.textures else None
-    out = Layers(*(np.zeros((view.height, view.width, k), np.float32) for k in (3, 3, 3, 1)))
+    channels = (3, 3, 3, 1) if pixels is None else (3, 3, 3, 1, 3)
+    out = Layers(*(np.zeros((view.height, view.width, k), np.float32) for k in channels))
 
     def draw(strip: visible.Strip) -> None:
         hit = np.flatnonzero(strip.face >= 0)
         seen = strip.seen(hit)
-        light, facing = raycast.seen_radiance(faces, *seen, steps, strip.eye)
-        if above is not None:
-            light = light + raycast.gloss_seen(faces, strip, hit, above, sharp, light)
+        light, facing = raycast.seen_radiance(drawn, *seen, steps, strip.eye)
         E = math.pi * raycast.seen_radiance(white, *seen, None, strip.eye)[0]
         rho = raycast.seen_radiance(bare, *seen, steps, strip.eye)[0]
+        if pixels is not None:
+            more = pixels.at(strip, hit)
+            E, light = np.maximum(E + more, 0.0), np.maximum(light + rho * more / math.pi, 0.0)
+        if above is not None:
+            light = light + raycast.gloss_seen(faces, strip, hit, above, sharp, light)
         on = (facing | ~world.one_sided[seen[0]])[:, None]
         rays, bright = lamps.seen(strip, world)
         through, veil = raycast.by_panes(faces, strip)
         light = light * on * through[hit] + veil[hit]
-        for layer, values in zip(out, (light, E * on, rho * on, np.ones((len(hit), 1))), strict=True):
+        values_of = [light, E * on, rho * on, np.ones((len(hit), 1))]
+        if pixels is not None:
+            values_of.append((rho * on * through[hit] / math.pi) ** 2 * pixels.variance_at(strip, hit)[:, None])
+        for layer, values in zip(out, values_of, strict=False):
             of_rays = np.zeros((len(strip.face), values.shape[1]))
             of_rays[hit] = values
             of_rays[rays] = bright if layer is out.colour else float(layer is out.coverage)
+            assert layer is not None
             layer[strip.rows] = strip.resolved(of_rays)
 
-    visible.draw_strips(draw, lit, world, view, progress)
+    visible.draw_strips(draw, lit, world, view, progress, None if pixels is None else pixels.strips)
     return out
+
+
+def _beside(pixels: PixelIrradiance, lit: LitScene) -> LitScene:
+    """Return a lit scene whose vertices have the light that pixels interpolate."""
+    return replace(lit, drawn=pixels.vertices)
+
+
+def _bare(lit: LitScene, world: visible.PictureScene) -> raycast.Coloured:
+    """Return reflectance as colours of vertices."""
+    dark = world._replace(emission=np.zeros_like(world.emission))
+    return raycast.both_sides(dark, [(m.reflectance, m.reflectance) for m in lit.meshes], [None] * len(lit.meshes))
 
 
 def _placed(lit: LitScene, sides: Sequence[tuple[np.ndarray, np.ndarray]]) -> visible.PictureScene:

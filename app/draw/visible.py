@@ -78,6 +78,12 @@ class Strip(NamedTuple):
     v: np.ndarray  # (n,) float32, of corner 2
     panes: list[Seen]  # before them, near to far
 
+    @property
+    def rays(self) -> slice:
+        """Numbers of the rays in the picture."""
+        first = self.rows.start * (len(self.face) // (self.rows.stop - self.rows.start))
+        return slice(first, first + len(self.face))
+
     def seen(self, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return faces, weights and directions of some rays."""
         return self.face[hit], self.u[hit], self.v[hit], self.directions[hit]
@@ -176,15 +182,19 @@ def draw_strips(
     world: PictureScene,
     view: PictureView,
     progress: Callable[[float], None] = lambda fraction: None,
+    cast: list[Strip] | None = None,
 ) -> None:
-    """Call draw(strip) for all strips of a picture, as many at a time as the accelerator has threads."""
+    """Call draw(strip) for all strips of a picture, as many at a time as the accelerator has threads.
+
+    cast: the strips in order, None: rays are to be cast.
+    """
     tops, threads = list(range(0, view.height, _rows(view.width))), lit.model.accelerator.threads
     for first in range(0, len(tops), threads):
         progress(tops[first] / view.height)
         batch = tops[first : first + threads]
 
-        def work(_, a, b, batch=batch):
-            for strip in strips(lit, world, view, batch[a:b]):
+        def work(_, a, b, first=first, batch=batch):
+            for strip in strips(lit, world, view, batch[a:b]) if cast is None else cast[first + a : first + b]:
                 draw(strip)
 
         run_ranges(work, len(batch), threads, 1)

@@ -58,6 +58,7 @@ class Film(NamedTuple):
     scale: Scale | None  # of false colours
     light: Estimate | None  # gathered static light
     linear: bool
+    paths: int | None  # of Shot
 
 
 def elsewhere(
@@ -72,7 +73,7 @@ def elsewhere(
     asked = shot.settings.with_method_of(solver)
     settings = replace(asked, photons=solver.frame.photons_at_rest, exposure=shot.exposure)
     gathered = solver.frame_light.static.gathered
-    film = Film(scene, settings, shot.scale, None if gathered is None else gathered.estimate, linear)
+    film = Film(scene, settings, shot.scale, None if gathered is None else gathered.estimate, linear, shot.paths)
     yield from machines.crew(_ready, film).map(_drawn, [(at,) for at in poses])
 
 
@@ -82,7 +83,7 @@ def _ready(film: Film, threads: int | None) -> tuple[Shot, bool]:
     solver.solve()
     if film.light is not None:
         restore(solver, film.light)
-    shot = Shot(solver, film.settings)
+    shot = Shot(solver, film.settings, film.paths)
     shot.scale = film.scale
     return shot, film.linear
 

@@ -41,6 +41,7 @@ class Stream(enum.IntEnum):
     MOBILES = 0x3B11 << 40
     BRIGHT_FACES = 1 << 39  # of paths from mobiles
     GLOSS = 0x6105 << 40
+    PIXELS = 0x917E << 40
 
 
 def seed_of(stream: int, seed: int) -> int:

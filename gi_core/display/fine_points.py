@@ -52,6 +52,16 @@ class FinePoints(NamedTuple):
     direct: tuple[DirectLight, DirectLight]  # of static receivers, and of the points; without that of the sky
     poses: Transforms  # that the points suit
 
+    def between(self, drawn: Drawn) -> Drawn:
+        """Return light (R + n, 3) of receivers and points, and its weights: means at points."""
+        E, parents = drawn.irradiance, self.parents
+        light, weights = np.empty((len(E) + len(parents), 3)), np.ones(len(E) + len(parents), np.float32)
+        light[: len(E)] = E
+        if drawn.weights is not None:
+            weights[: len(E)] = drawn.weights
+        _between_receivers(parents, len(E), light, weights)
+        return Drawn(light, weights)
+
     def at(self, at: Transforms, levels: np.ndarray) -> FineLight:
         """Return the light of points at poses, and levels (G, 3) of the lamps.
 
@@ -80,13 +90,8 @@ class FineLight(NamedTuple):
 
     def of(self, drawn: Drawn) -> Drawn:
         """Return light for pictures of receivers and fine points (R + n, 3) [W/m2], and its weights."""
-        E, parents, s = drawn.irradiance, self.points.parents, len(self.receivers)
-        light, weights = np.empty((len(E) + len(parents), 3)), np.ones(len(E) + len(parents), np.float32)
-        light[: len(E)] = E
-        light[:s] = E[:s] - self.receivers
-        if drawn.weights is not None:
-            weights[: len(E)] = drawn.weights
-        _between_receivers(parents, len(E), light, weights)
+        E, s = drawn.irradiance, len(self.receivers)
+        light, weights = self.points.between(drawn._replace(irradiance=np.concatenate([E[:s] - self.receivers, E[s:]])))
         light[:s] = E[:s]
         np.maximum(light[len(E) :] + self.own, 0.0, out=light[len(E) :])
         return Drawn(light, weights)

@@ -242,7 +242,7 @@ def _end(place, distant, far, start):
 
 
 @inlined
-def _limit(distance, reach, position):
+def limit_of(distance, reach, position):
     """Return the length of a ray from a receiver at `position` to a point on a light, float32 [m]; see LightPoints."""
     gap = GAP * max(reach, largest(position)) if reach < np.inf else 0.0
     return np.float32(max(distance - gap, 0.0))
@@ -261,7 +261,7 @@ def _see(scenes, points, area, delta, far, groups, places, ray, first, out, ligh
                 if strength <= 0.0:
                     continue
                 u, v, w, d = way_to(row(points.place, j), points.reach[j] == np.inf, far, position)
-                u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), _limit(d, points.reach[j], position)
+                u, v, w, limit = np.float32(u), np.float32(v), np.float32(w), limit_of(d, points.reach[j], position)
                 shares = transmitted(scenes, 0, ray, position[0], position[1], position[2], u, v, w, limit)
                 if shares[0] + shares[1] + shares[2] <= 0.0:
                     continue
@@ -318,7 +318,7 @@ def _block(scenes, box, at, o, points, far, groups, ray, turn, rays, shaded, pas
                     continue
                 u, v, w, d = way_to(place, distant, far, start)
                 u, v, w = np.float32(u), np.float32(v), np.float32(w)
-                limit = _limit(d, points.reach[j], row(groups.position[g], k))
+                limit = limit_of(d, points.reach[j], row(groups.position[g], k))
                 red, green, blue = transmitted(scenes, o, ray, start[0], start[1], start[2], u, v, w, limit)
                 if red + green + blue < 3.0:
                     hidden |= 1 << k

@@ -46,6 +46,7 @@ class PathTracer(NamedTuple):
     seed: int
     m: int = 0  # log2 of the paths of a set, see stratified()
     ending: InKnownLight = WHOLE  # not WHOLE: lights are of one lamp
+    bounced: bool = False  # light straight from lamps to the starts is left out
 
     def follow(self, ends: PathEnds, total: np.ndarray, first: np.ndarray | None = None) -> None:
         """Trace a batch of paths to their ends, adding to total (rows, 3 G) [W/m2]; overwrites `ends`.
@@ -57,13 +58,17 @@ class PathTracer(NamedTuple):
         while n:
             origin, direction = rays.origin[:n], rays.direction[:n]
             if first is None or vertex:
-                self.join_lights(vertex, ends, rays, total)
+                if vertex or not self.bounced:
+                    self.join_lights(vertex, ends, rays, total)
                 scatter(model.world.bsdfs, self.seed, self.m, vertex, ends, origin, direction)
             else:
                 origin[:], direction[:] = ends.position + ends.lift[:, None] * ends.normal, first
             hits = self.hits(vertex, ends, origin, direction)
             arrivals = PathHits(ends, self.seed, self.m, vertex, direction, *hits)
-            n = arrive(model.world, self.at, self.lights.area, self.lights.sky, arrivals, self.ending, total)
+            area = self.lights.area
+            if self.bounced and not vertex:
+                area = area._replace(radiance=np.zeros_like(area.radiance))
+            n = arrive(model.world, self.at, area, self.lights.sky, arrivals, self.ending, total)
             ends = PathEnds(*(a[:n] for a in ends))
             vertex += 1
 

@@ -42,13 +42,14 @@ class LightPoints(NamedTuple):
 
 
 def light_points(
-    lights: Lights, arriving: np.ndarray, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY)
-) -> LightPoints | None:
-    """Return points on the lights of some kinds; None where there are too many delta lights.
+    lights: Lights, arriving: np.ndarray, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY),
+    most: float = MOST_DELTA,
+) -> LightPoints | None:  # fmt: skip
+    """Return points on the lights of some kinds; None where there are more than `most` delta lights.
 
     arriving: of `Emitters`.
     """
-    if len(lights.delta.kind) > MOST_DELTA:
+    if len(lights.delta.kind) > most:
         return None
     seed = random_numbers.seed_of(random_numbers.Stream.LIGHT_POINTS, seed)
     area, delta, sky = lights.area, lights.delta, lights.sky

@@ -258,6 +258,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     [
         (["render", "--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
         (["render", "--exposure", "bright"], "argument --exposure: must be a number, got bright"),
+        (["render", "--truth", "0"], "argument --truth: must be a whole number in 1 .. 65536, got 0"),
         (["render", "--photons", "many"], "argument --photons: must be a whole number in 1 .. 134217728, got many"),
         *(
             (["bake", "--light-map", n], f"--light-map: must be a whole number in 16 .. 8192, got {n}")

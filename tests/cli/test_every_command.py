@@ -27,7 +27,8 @@ VALUES = {  # of each option, or of one command's; None: a flag
     "--surface": 'name = "a", size = [0.6, 0.6]', "--plane": "0.2,0.2,0.8,0.8,0.5,2,2",
     "--budget": "20", "--screenshot": "shot.png", "--error": "30",
     "--frames": "2", "--step": "2", "--json": "a.json", "--check": None, "--csv": "a.csv", "--points": "30",
-    "--scale": "2", "--seconds": "0", "--rate": "5", "--quick": None, "--light-map": "64",
+    "--scale": "2", "--seconds": "0", "--rate": "5", "--still": None, "--truth": "16", "--quick": None,
+    "--light-map": "64",
     ("render", "--out"): "a.webp", ("bake", "--out"): "b.glb", ("chart", "--out"): "c", ("atlas", "--out"): "d",
     ("report", "--out"): "r.html",
 }  # fmt: skip

@@ -87,12 +87,14 @@ def linear_of(path) -> tuple[dict[str, np.ndarray], dict]:
         return {name: channel.pixels for name, channel in file.channels().items()}, dict(file.header())
 
 
-def test_exr_has_linear_layers_of_the_picture(tmp_path, room_instead_of_a_file):
+@pytest.mark.parametrize("paths", [None, 0, 16])
+def test_exr_has_linear_layers_of_the_picture(paths, tmp_path, room_instead_of_a_file):
     """Tone-mapped, its colour is the PNG but for edges; away from lamps it is albedo times irradiance over pi."""
     settings = replace(SMALL, white_balance=False, tone_map="clip", exposure=0.5)
-    (exr,), (png,) = (render.render(settings, tmp_path / f"a{suffix}") for suffix in (".exr", ".png"))
+    (exr,), (png,) = (render.render(settings, tmp_path / f"a{suffix}", paths=paths) for suffix in (".exr", ".png"))
     layers, header = linear_of(exr)
-    assert sorted(layers) == ["RGBA", "albedo", "irradiance"] and layers["albedo"].dtype == np.float32
+    variance = [] if paths is None else ["variance"]
+    assert sorted(layers) == ["RGBA", "albedo", "irradiance", *variance] and layers["albedo"].dtype == np.float32
     picture, colour, seen = np.array(Image.open(png)).astype(int), layers["RGBA"][..., :3], layers["RGBA"][..., 3]
     assert (np.abs(to_display(colour, 0.5, "clip") - picture)[seen == 1].max(axis=1) > 8).mean() < 0.05
     rho, E = layers["albedo"], layers["irradiance"]
@@ -173,6 +175,7 @@ def test_a_stopped_film_leaves_no_file(tmp_path, room_instead_of_a_file, monkeyp
 
 
 TAKES = "pixels takes %d GB of memory, more than 4; lower --size or --scale, or name a .png file"
+INSTEAD = "name a .png file", "leave --still out"
 
 
 @pytest.mark.parametrize(
@@ -182,6 +185,7 @@ TAKES = "pixels takes %d GB of memory, more than 4; lower --size or --scale, or 
         ("--out a.jpg", "--out must name a file of .png, .exr, .mp4, .gif, .webp, got a.jpg"),
         ("--out a.gif --frames 2 --size 9999x9999", f"--out a.gif of 9999x9999 {TAKES % 5}"),
         ("--out a.exr --size 9999x9999", f"--out a.exr of 9999x9999 {TAKES % 7}"),
+        ("--out a.png --still --size 4096x4096", f"--out a.png of 4096x4096 {TAKES % 8}".replace(*INSTEAD)),
         ("--out a.gif --frames 2 --rate 101", "--out a.gif has at most 100 pictures per second, got --rate 101"),
         ("--out a.webp --frames 2 --size 1x16384", "--out a.webp has at most 16383 pixels per side, got 16384"),
         ("--out a.exr --size 16384x9 --scale 2", "--out a.exr has at most 16384 pixels per side, got 32768"),

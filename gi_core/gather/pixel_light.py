@@ -1,0 +1,212 @@
+"""Light at places that are no receivers, such as those that a picture's rays meet: parts of it, each by its own rays.
+
+Direct light chooses among sets of points on lights in proportion to the light that each would bring; its rays bring
+shadows alone. Bounced light and whole paths are those of `path_tracer.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import random_numbers
+from gi_core.base.jit import kernel
+from gi_core.base.nearest_points import hilbert_order
+from gi_core.base.random_numbers import Stream, seed_of
+from gi_core.base.threads import run_ranges
+from gi_core.base.vec import row
+from gi_core.bsdf import lambertian
+from gi_core.gather.direct_light import limit_of
+from gi_core.gather.path_ends import InKnownLight, starts
+from gi_core.gather.path_tracer import BLOCK, PathTracer, add_unblocked
+from gi_core.geometry.error import luminance
+from gi_core.lights.light_points import DELTA, FACE, LightPoints, light_points, strength_of, way_to
+from gi_core.lights.next_event import aim_ray, room_for_shadows
+from gi_core.model import Model
+from gi_core.rays.accelerator import FAR, Transforms
+from gi_core.rays.all_objects import nearest_in_world
+
+LIGHT_SETS = 64  # sets of points on lights: each pixel has one of them, so that 64 points draw no steps
+SPARSE = 4.0  # radii of the disc that a point on a light stands for: nearer places have ...
+NEAR_SETS = 16  # ... so many sets, ...
+TOO_NEAR = 3.0  # ... and no points serve places nearer than so many radii of the discs of these
+LOG2_SET = 3  # of the paths of a set at a place
+SET, OFFSET, WAY = range(3)  # dimensions of random numbers
+
+
+class Sites(NamedTuple):
+    """n places on surfaces where light is asked for, in the space of the model. Rays start at some points of each."""
+
+    start: np.ndarray  # (m, 3) float64 [m], points off the surface, of these places and others
+    first: np.ndarray  # (n,) int64, the first point of each place
+    count: np.ndarray  # (n,) int64, points of each place: rays take them in turn
+    normal: np.ndarray  # (n, 3) float64 unit
+    key: np.ndarray  # (n,) int64 >= 0, of random numbers: light does not depend on other places
+
+    def at(self, rows) -> Sites:
+        """Return some of the places."""
+        return Sites(self.start, *(a[rows] for a in self[1:]))
+
+    def turn(self, k: int) -> np.ndarray:
+        """Return point number k (n, 3) of each place, again from the first one after the last."""
+        return self.start[self.first + k % self.count]
+
+
+class PixelLight:
+    """Lights and surfaces at poses, prepared for places."""
+
+    def __init__(self, model: Model, at: Transforms, levels: np.ndarray, seed: int):
+        """levels (G, 3): of the lamps."""
+        self._model, self._at, self._seed = model, at, seed_of(Stream.PIXELS, seed)
+        self._lights = model.lights_at(levels)
+        of, kinds = (model.lights, model.emitters.arriving), (FACE, DELTA)
+        points_of = (light_points(*of, self._seed + k, kinds, math.inf) for k in range(LIGHT_SETS))
+        sets = [_along_curve(points) for points in points_of if points is not None]
+        points = LightPoints(*(np.concatenate(a) for a in zip(*sets, strict=True)))
+        self._points = points._replace(spread=points.spread / NEAR_SETS)
+        self._value = self._points.value * levels[self._points.lamp]
+
+    def direct(self, sites: Sites, rays: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return direct light (n, 3) [W/m2] by at most `rays` shadow rays per place, and its luminance (n,) unblocked.
+
+        The third result (n,) bool: the place is too near to a lamp for points on it. Light of the sky is left out.
+        """
+        m, points = self._model, self._points
+        n = len(sites.key)
+        light, whole, near = np.zeros((n, 3)), np.zeros(n), np.zeros(n, bool)
+        count, far = len(points.kind) // LIGHT_SETS, float(np.float32(FAR * m.world.size))
+        lights, bright = (points, m.lights.area, m.lights.delta, far), luminance(self._value)
+
+        def work(_, a, b):
+            block = max(BLOCK // rays, 1)
+            shadows, room = room_for_shadows(block * rays), np.empty((NEAR_SETS, count))
+            for first in range(a, b, block):
+                s = slice(first, min(first + block, b))
+                choice = self._seed, rays, self._value, bright, room
+                lines = _aim_at_points(*lights, sites.at(s), choice, shadows, whole[s], near[s])
+                add_unblocked(m, self._at, shadows, lines, light[s])
+
+        run_ranges(work, n, m.threads, 1 << 8)
+        return light, whole, near
+
+    def closeness(self, sites: Sites, reach: np.ndarray, rays: int) -> np.ndarray:
+        """Return means (n,) of 1 / distance [1/m] over cosine-distributed rays, 0 beyond `reach` (n,) [m]."""
+        out = np.empty(len(sites.key))
+
+        def work(_, a, b):
+            block = max(BLOCK // rays, 1)
+            for first in range(a, b, block):
+                s = slice(first, min(first + block, b))
+                batch = sites.at(s)
+                ways = np.empty((len(batch.key) * rays, 3), np.float32)
+                _cosine_ways(self._seed, rays, batch, ways)
+                limits = np.repeat(reach[s].astype(np.float32), rays)
+                of = self._model.accelerator.opaque
+                t, face = nearest_in_world(of, self._at, np.repeat(batch.turn(0), rays, axis=0), ways, limits)
+                near = np.where(face >= 0, 1 / np.maximum(t, 1e-6 * limits), 0.0)
+                out[s] = near.reshape(-1, rays).mean(axis=1)
+
+        run_ranges(work, len(out), self._model.threads, 1 << 8)
+        return out
+
+    def gathered(self, sites: Sites, first: int, sets: int, ending: InKnownLight, bounced: bool) -> np.ndarray:
+        """Return the means (sets, n, 3) [W/m2] of sets `first` and following of 2^LOG2_SET paths per place.
+
+        bounced: without light straight from lamps.
+        """
+        n, count = len(sites.key), 1 << LOG2_SET
+        out, tracer = np.zeros((sets, n, 3)), PathTracer(self._model, self._at, self._lights, self._seed, LOG2_SET,
+                                                         ending, bounced)  # fmt: skip
+
+        def work(_, a, b):
+            block = BLOCK // count
+            for k in range(a, b, block):
+                batch = sites.at(slice(k, min(k + block, b)))
+                path = ((batch.key[:, None] << 16) * count + np.arange(count)).reshape(-1)
+                normal = np.repeat(batch.normal, count, axis=0)
+                row = np.repeat(np.arange(len(batch.key)), count)
+                for j in range(sets):
+                    place, none = np.repeat(batch.turn(first + j), count, axis=0), np.zeros(len(row))
+                    ends = starts(path + (first + j) * count, row.copy(), place, normal.copy(), none)
+                    tracer.follow(ends, out[j, k : k + len(batch.key)])
+
+        run_ranges(work, n, self._model.threads, 1 << 6)
+        return out / count
+
+
+def _along_curve(points: LightPoints) -> LightPoints:
+    """Return points in an order along a curve per lamp: every n-th of them covers the lamp evenly."""
+    order = np.concatenate([np.flatnonzero(points.kind == DELTA)] + [
+        (rows := np.flatnonzero((points.kind == FACE) & (points.lamp == lamp)))[hilbert_order(points.place[rows])]
+        for lamp in np.unique(points.lamp[points.kind == FACE])])  # fmt: skip
+    return LightPoints(*(a[order] for a in points))
+
+
+@kernel
+def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
+    """Write rays from places to points on lights, the luminance (n,) of all these, and whether a lamp is too near.
+
+    Return the number of rays. choice: seed, rays per place, values and luminance of points, room for a number of each.
+    Rays follow light along the points in equal steps (systematic sampling): a point that brings more light than a step
+    gets one ray from each point of the place.
+    """
+    seed, rays, value, bright, room = choice
+    count, n = room.shape[1], 0
+    for k in range(len(sites.key)):
+        normal, middle = row(sites.normal, k), (0.0, 0.0, 0.0)
+        for q in range(sites.first[k], sites.first[k] + sites.count[k]):
+            share, start = 1.0 / sites.count[k], row(sites.start, q)
+            middle = middle[0] + share * start[0], middle[1] + share * start[1], middle[2] + share * start[2]
+        chosen = int(random_numbers.independent(seed, sites.key[k], 0, SET) * LIGHT_SETS)
+        total, sets = 0.0, 1
+        for s in range(NEAR_SETS):
+            if s == sets:
+                break
+            base = (chosen + s) % LIGHT_SETS * count
+            for j in range(count):
+                i = base + j
+                way = way_to(row(points.place, i), points.reach[i] == np.inf, far, middle)
+                strength = strength_of(points, area, delta, i, far, middle, normal, way)
+                room[s, j] = strength * bright[i]
+                total += room[s, j]
+                if strength > 0.0 and way[3] * way[3] < SPARSE * SPARSE * NEAR_SETS * points.spread[i]:
+                    sets = NEAR_SETS
+                    near[k] |= way[3] * way[3] < TOO_NEAR * TOO_NEAR * points.spread[i]
+        whole[k] = total / sets
+        if total <= 0.0:
+            continue
+        step, passed, taken = total / rays, 0.0, 0
+        offset = random_numbers.independent(seed, sites.key[k], 0, OFFSET)
+        for j in range(count):  # along the curve, the sets abreast
+            for s in range(sets):
+                passed += room[s, j]
+                times = 0
+                while taken + times < rays and (taken + times + offset) * step < passed:
+                    times += 1
+                i, of = (chosen + s) % LIGHT_SETS * count + j, sites.count[k]
+                for q in range(min(times, of)):
+                    start = row(sites.start, sites.first[k] + (taken + q) % of)
+                    share = (times - q + of - 1) // of * step / sets / bright[i]
+                    u, v, w, d = way_to(row(points.place, i), points.reach[i] == np.inf, far, start)
+                    out.lamp[n] = 0
+                    for c in range(3):
+                        out.value[n, c] = share * value[i, c]
+                    aim_ray(k, start, (u, v, w), limit_of(d, points.reach[i], start), out, n)
+                    n += 1
+                taken += times
+    return n
+
+
+@kernel
+def _cosine_ways(seed, rays, sites, out):
+    """Write directions (n rays, 3) from places."""
+    for k in range(len(sites.key)):
+        n = row(sites.normal, k)
+        for j in range(rays):
+            u = random_numbers.independent(seed, sites.key[k], j, WAY)
+            v = (random_numbers.independent(seed, sites.key[k], 0, WAY + 1) + j / rays) % 1.0
+            x, y, z = lambertian.sample(u, v)
+            x, y, z = random_numbers.from_frame(x, y, z, n[0], n[1], n[2])
+            out[k * rays + j, 0], out[k * rays + j, 1], out[k * rays + j, 2] = x, y, z
