@@ -23,6 +23,7 @@ A few photons measure the change E - G with much noise. Its variance, in flux an
 for T removed from B, A added by new suffixes, q the flux per photon. Photons are independent; that of the removed share
 follows Laplace's rule, so one of one removed photon is no evidence of full shadow, but eight of eight are. In
 proportion to this noise, changes are averaged over receivers around (`denoise.smooth`), so edges of shadows stay.
+The noise itself is averaged first: where chance cut no photon, v is 0, which is no evidence of no change.
 Then a change d is shrunk by the variance v that is left, with the factor
 
     1 - CORRELATED v / d^2, at least 0
@@ -45,7 +46,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
-from gi_core.gather.denoise import VARIANCE, smooth
+from gi_core.gather.denoise import VARIANCE, averaged, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.lamps import MIX_GRAIN, mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
@@ -182,16 +183,15 @@ def _kept(change, r):
 
 
 @kernel
-def _add(changed, better, change, direct, first, last, out, unbiased):
-    """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1.
+def _add(better, change, direct, first, last, out, unbiased):
+    """Write better light with the shrunk change of static receivers in chunks first .. last - 1.
 
-    In all chunks, direct light is taken away in proportion to what mobiles block, from both kinds of light.
+    Direct light is taken away in proportion to what mobiles block, from both kinds of light.
     """
     for chunk in range(first, last):
         begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))
-        if not changed[chunk]:
-            if not direct.blocked[begin:end].any():
-                continue
+        if not change[begin:end].any() and not direct.blocked[begin:end].any():
+            continue
         for r in range(begin, end):
             kept = _kept(change, r) if change[r, VARIANCE] != 0.0 else 1.0
             for c in range(3):
@@ -255,9 +255,11 @@ def frame_irradiance(
         )  # fmt: skip
 
     def add(_, first, last):
-        _add(frame.changed, better, change, direct, first, last, out, unbiased)
+        _add(better, change, direct, first, last, out, unbiased)
 
     run_ranges(measure, len(chunks), threads, CHUNK_GRAIN)
+    is_mean = change[:, VARIANCE] >= 0.0
+    change[is_mean, VARIANCE] = averaged(near, change[:, VARIANCE], is_mean, threads)[is_mean]
     smooth(change, REACH, near, threads)
     run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
     return ControlledLight(out, unbiased)

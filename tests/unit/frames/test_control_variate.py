@@ -214,27 +214,46 @@ def test_light_that_mobiles_gather_has_no_bias():
     assert shown > 1.015 * truth and unbiased == pytest.approx(truth, rel=0.008)
 
 
-def test_edges_of_clear_changes_stay_and_noise_goes():
-    """A strip of receivers: half in full shadow of many photons, the other half noisy without change in the mean."""
-    n, rng = 64, np.random.default_rng(1)
+def strip(n: int) -> Neighbours:
+    """Return the surroundings of n receivers along a strip, as frames take them."""
     i = np.arange(n - 2)
     points = np.stack([np.arange(n) / n, np.arange(n) % 2 / n, np.zeros(n)], axis=1)
     near = neighbours(np.stack([i, i + 1, i + 2], axis=1), n)
-    near = scattered_neighbours(near, points, np.tile((0.0, 0.0, 1.0), (n, 1)), 8 / n, 1)
-    background = np.full((n, 3), 1_000_000)
-    new = np.zeros((n, 1), np.int64)
+    return scattered_neighbours(near, points, np.tile((0.0, 0.0, 1.0), (n, 1)), 8 / n, 1)
+
+
+def changed_light(background: np.ndarray, sums: np.ndarray, new: np.ndarray, near: Neighbours) -> np.ndarray:
+    """Return light of 1 after the change of photons of 3,000 units of 1e-6; sums (n, 3), new flux (n, 1)."""
+    n, cut = len(sums), CutFlux(np.array([3000]), np.array([1]))
+    frame = Evaluated(sums, np.ones(n), np.ones(n // CHUNK, bool), new, cut)
+    own, better = 1e-6 * background, np.ones((n, 3))
+    return frame_irradiance(frame, 1e-6, background, own, better, Direct.unknown(n), np.ones((1, 3)), near, 1)[0]
+
+
+def test_edges_of_clear_changes_stay_and_noise_goes():
+    """A strip of receivers: half in full shadow of many photons, the other half noisy without change in the mean."""
+    n, rng = 64, np.random.default_rng(1)
+    background, new = np.full((n, 3), 1_000_000), np.zeros((n, 1), np.int64)
     sums = background.copy()
     sums[: n // 2] = 0
     added, removed = rng.poisson(10.0, (2, n // 2))  # photons of 3,000
     sums[n // 2 :] += 1000 * (added - removed)[:, None]
     new[n // 2 :, 0] = 3000 * added
-    cut = CutFlux(np.array([3000]), np.array([1]))
-    frame = Evaluated(sums, np.ones(n), np.ones(n // CHUNK, bool), new, cut)
-    own, better = np.full((n, 3), 1e-6 * background[0, 0]), np.full((n, 3), 1.0)
-    E, _ = frame_irradiance(frame, 1e-6, background, own, better, Direct.unknown(n), np.ones((1, 3)), near, threads=1)
+    E = changed_light(background, sums, new, strip(n))
     assert (E[: n // 2] < 1e-3).all()
     measured = 1e-3 * np.abs(added - removed).mean()
     assert measured > 3e-3 and np.abs(E[n // 2 :] - 1).mean() < 0.3 * measured
+
+
+def test_receivers_of_few_photons_change_alike():
+    """One in six of six photons per receiver is cut: where chance cut none, that was no noise, and the light stayed."""
+    n, rng = 1024, np.random.default_rng(1)
+    arrived = rng.poisson(6.0, n)
+    cut = rng.binomial(arrived, 1 / 6)
+    of_photons = np.tile(1000 * arrived[:, None], 3)
+    sums = of_photons - 1000 * cut[:, None]
+    E = changed_light(of_photons, sums, np.zeros((n, 1), np.int64), strip(n))[:, 0]
+    assert (cut == 0).mean() > 0.3 and E.std() < 0.06 and abs(E.mean() - 5 / 6) < 0.02
 
 
 def test_another_source_is_refused():
