@@ -288,12 +288,16 @@ def test_each_number_of_a_lamp_has_a_label_and_its_unit(hand, viewer, monkeypatc
     assert aim_of(viewer.session.lights[name], viewer.session.scene.up) == pytest.approx((60.0, 40.0, 20.0))
     units = {label: given[2] for label, given in drawn.items()}
     assert units == {
-        "Flux": "%.5g W", "Position": "%.3f", "Tilt": "%.1f°", "Heading": "%.1f°", "Turn": "%.1f°", "Size": "%.3f m"
+        "Flux": "%.5g W", "Watts": "%.5g W", "Position": "%.3f", "Tilt": "%.1f°", "Heading": "%.1f°", "Turn": "%.1f°",
+        "Size": "%.3f m",
     }  # fmt: skip
+    ctx.item_input_value("**/##Watts watts", 44.0)
+    ctx.yield_(2)
+    assert viewer.session.settings.watts == ((PANEL, 44.0),) and viewer.session.power.of_lamp == {PANEL: 44.0}
     drawn.clear()
     viewer._do(SelectLamp(SPOT))
     ctx.yield_(2)
-    assert set(drawn) == {"Flux", "Position", "Tilt", "Heading", "Inner cone", "Outer cone"}
+    assert set(drawn) == {"Flux", "Watts", "Position", "Tilt", "Heading", "Inner cone", "Outer cone"}
 
 
 @in_window(scene=lit_room)

@@ -200,7 +200,7 @@ def _targets(surface: CalculationSurface, edit: Callable) -> None:
     """Draw the targets of mean and U0; a scene file may have others."""
     targets = dict(surface.targets)
     for name, speed, digits in (("mean", 1.0, "%g"), ("U0", 0.005, "%.2f")):
-        label, value = f"   {LONG_NAMES[name]} >=", targets.get(name, 0.0)
+        label, value = f"   {name} >=", targets.get(name, 0.0)
         (value,), edited, first, last = ui.fields(label, (value,), speed, digits, "t")
         ui.tip("Target; 0: none. A target holds, or not, where that is certain by two standard errors.")
         if edited or first or last:
