@@ -302,7 +302,9 @@ def test_errors_are_those_of_error_py():
     random = np.random.default_rng(2)
     E, T, end = random.random((3, 30, 3))
     kind, w = np.repeat([0, 1, 2], 10), random.random(30)
-    cases = [PoseTruth(k, None, w[s], kind[s], T[s], 0.1 * T[s]) for k, s in enumerate((slice(0, 15), slice(15, 30)))]
+    near, up = np.zeros((15, 3)), np.tile((0.0, 1.0, 0.0), (15, 1))
+    poses = enumerate((slice(0, 15), slice(15, 30)))
+    cases = [PoseTruth(k, None, w[s], kind[s], T[s], 0.01 * T[s], (near, up)) for k, s in poses]
     seen, limit = (AtCases([a[:15], a[15:]], [None, None]) for a in (E, end))
     found = errors(seen, limit, cases)
     assert found["total all"] == pytest.approx(relative_error(E, T, w).l1)
@@ -310,7 +312,9 @@ def test_errors_are_those_of_error_py():
     assert found["noise affected"] == pytest.approx(relative_error(E, end, w, kind == 1).l1)
     assert found["bias untouched"] == pytest.approx(relative_error(end, T, w, kind == 0).l1)
     assert np.isnan(found["total border"]) and found["points border"] == 0
-    assert found["truth all"] == pytest.approx(0.1 * np.sqrt(2 / np.pi))
+    assert found["truth all"] == pytest.approx(0.01 * np.sqrt(2 / np.pi))
+    same = errors(AtCases([2 * T[:15], 3 * T[15:]], [None, None]), None, cases)
+    assert found["clouds 90"] >= found["clouds"] > 0.1 and same["clouds 90"] == 0, "a factor is no cloud"
 
 
 def test_flicker_and_jump():

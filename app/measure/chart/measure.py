@@ -42,7 +42,7 @@ from app.settings import BUDGET, STEP_PER_FRAME, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference_sample import draw_by_area
-from gi_core.geometry.error import luminance, relative_error, relative_noise
+from gi_core.geometry.error import local_deviation, luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import Scene
@@ -137,9 +137,10 @@ def row_of(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, fi
 
 
 def errors(light: AtCases, limit: AtCases | None, cases: list[PoseTruth]) -> dict[str, float]:
-    """Return noise, bias, total (l1), total (l2) and the noise of the truth.
+    """Return noise, bias, total (l1), total (l2), the noise of the truth, and clouds.
 
-    They are those of all receivers, of each class, and of gloss where the scene has some.
+    They are those of all receivers, of each class, and of gloss where the scene has some. Clouds are means over the
+    poses, of all receivers: median and 90th percentile of `local_deviation`.
     """
     T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
     E = np.concatenate(light.irradiance)
@@ -148,6 +149,11 @@ def errors(light: AtCases, limit: AtCases | None, cases: list[PoseTruth]) -> dic
     for name in ("all", *CLASSES):
         of = slice(None) if name == "all" else kind == CLASSES.index(name)
         out |= _errors(name, E[of], None if end is None else end[of], T[of], s[of], w[of])
+    clouds = [
+        local_deviation(E, case.truth, (*case.places, case.weights), 1.0, luminance(case.standard_error))
+        for E, case in zip(light.irradiance, cases, strict=True)
+    ]
+    out["clouds"], out["clouds 90"] = np.mean(clouds, axis=0).tolist()
     shining = [k for k, case in enumerate(cases) if case.gloss is not None and light.gloss[k] is not None]
     if shining:
         L, end = (None if of is None else _together([of.gloss[k] for k in shining]) for of in (light, limit))

@@ -120,7 +120,8 @@ def notes(about: dict, gloss: bool) -> str:
         f"A GI frame is everything from new poses to irradiance. Errors are relative, at {about['asked_points']:,} "
         f"receivers per pose ({about['poses']} poses), drawn by area in each class. The truth is unbiased path tracing "
         f"with a noise of {about['truth']:.0%}. Noise is the difference from the same estimator at {about['limit']:,} "
-        "other photons. Bias is the difference of those from the truth and includes the noise of both. Flicker is the "
+        "other photons. Bias is the difference of those from the truth and includes the noise of both. Clouds are the "
+        "standard deviation of light / truth within a tenth of the scene, median and 90th percentile. Flicker is the "
         "variation over frames at receivers that no frame changes by a thousandth of the mean. Jump is the change per "
         f"frame at receivers that the mobile changes, relative to the change with {about['limit']:,} photons; 1 is "
         "exact, more is flicker. First frame: scene prepared, photons traced and estimated. The rival's times over 4 "
@@ -190,10 +191,19 @@ def _everything(rows: list[dict]) -> str:
         Column("first", lambda r: 1e-3 * r["first_frame_ms"], "{:.2f} s".format),
         *(_error(name, f"{name} all") for name in ALL_COLUMNS),
         *(_error(head, f"total {name}") for name, head in kinds.items()),
+        _error("median", "clouds"),
+        _error("90 %", "clouds 90"),
         Column("flicker", lambda r: r["flicker"], partial(percent, places=2)),
         Column("jump", lambda r: r["jump"], fixed),
     )
-    over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", len(kinds)), ("over frames", 2)]
+    over = [
+        ("", 1),
+        ("GI frame", 3),
+        ("error, all receivers", 4),
+        ("total error", len(kinds)),
+        ("clouds", 2),
+        ("over frames", 2),
+    ]
     ordered = sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"]))
     return html_table(*cells(columns, ordered), over)
 

@@ -14,7 +14,7 @@ from app.draw.vertex_colours import gloss_colours
 from app.rest.reference_store import ReferenceStore
 from gi_core.gather.gloss_reference import gloss_views, reference_gloss
 from gi_core.gather.reference_sample import draw_by_area
-from gi_core.geometry.error import luminance
+from gi_core.geometry.error import CLOUD_REACH, luminance
 from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
 from gi_core.instruments.gloss_rays import shining_faces
 from gi_core.solver import Solver
@@ -31,6 +31,7 @@ class PoseTruth(NamedTuple):
     kind: np.ndarray  # (n,) int, of CLASSES
     truth: np.ndarray  # (n, 3) float64 [W/m2]
     standard_error: np.ndarray  # (n, 3) float64 [W/m2]
+    places: tuple[np.ndarray, np.ndarray]  # positions (n, 3) in units of the reach of clouds, and normals (n, 3)
     gloss: GlossTruth | None = None  # in view of the camera
 
 
@@ -63,7 +64,9 @@ def cases(
         for reached in store.gather(error):
             progress(f"truth {k + 1} of {len(frames)}", (k + reached.fraction) / len(frames))
         gloss = gloss_truth(solver, points, seed + frame)
-        out.append(PoseTruth(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error, gloss))
+        places = solver.receivers.positions[rows] / (CLOUD_REACH * solver.scene_size), solver.receivers.normals[rows]
+        state = reached.state
+        out.append(PoseTruth(frame, rows, weights, kind, state.mean, state.standard_error, places, gloss))
     solver.move_all(start)
     return out
 
