@@ -89,9 +89,18 @@ def power_text(power: Power) -> str:
 
 
 def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:
-    """Return the power per area and 100 lx of a surface, with its standard error; "" where it has no meaning."""
+    """Return the power per area and 100 lx of a surface, with its standard error; "" where it has no meaning.
+
+    Lamps of unknown watts bring light without power.
+    """
     n = light.numbers
-    if not power.of_lamp or light.surface.quantity != "illuminance" or units.per_area != "lx" or not n.mean > 0:
+    if (
+        not power.of_lamp
+        or power.unknown
+        or light.surface.quantity != "illuminance"
+        or units.per_area != "lx"
+        or not n.mean > 0
+    ):
         return ""
     value = power.per_100_lux(n.mean)
     return f"{shown(value, value * n.mean_error / n.mean, 'W/m²')} per 100 lx"

@@ -169,7 +169,8 @@ class Table:
         if not (good and all(least <= v < below and v > above for v in values)):
             bound = f" >= {least:g}" if least > -math.inf else f" > {above:g}" if above > -math.inf else ""
             kind = f"{_word(n)}{'' if bound else ' finite'} numbers" if n else f"a{'' if bound else ' finite'} number"
-            limit = f" and < {below:g}" if bound and below < math.inf else ""
+            less = "<" if float(f"{below:g}") == below else "<="  # below the next number after a bound
+            limit = f" and {less} {below:g}" if bound and below < math.inf else ""
             self._fail(key, f"must be {kind}{bound}{limit}{_largest(values, below)}", value)
         made = tuple(map(float, values))
         return made if n else made[0]

@@ -1,17 +1,21 @@
 """Electric power and maintained light by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from app.rest.calculation_surface import level_of, maintained_levels, power, surface_steps
+from app.session.readouts import per_100_lux
 from app.settings import Settings
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.photometry_file import read_photometry
 from gi_core.files.load import load_scene
+from gi_core.lights.power import Power
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, SceneError
+from gi_core.scene.types import PHOTOMETRIC
 from tests.support.photometry import write_ies, write_ldt
 
 ROOM = """up = "z"
@@ -103,11 +107,19 @@ def test_maintained_light_is_that_of_lamps_times_the_factor(room):
     assert mean(maintained_levels(model, full, Settings(maintenance_factor=1.0))) == whole
 
 
+def test_power_per_100_lux_needs_the_watts_of_all_lamps():
+    """Lamps without known watts made a room of 663 lx look like one of 0.03 W/m2 per 100 lx."""
+    light = SimpleNamespace(numbers=SimpleNamespace(mean=200.0, mean_error=1.0), surface=CalculationSurface("desk"))
+    one = Power({"bulb": 30.0}, (), 10.0)
+    assert per_100_lux(one, light, PHOTOMETRIC).startswith("1.5")
+    assert per_100_lux(one._replace(unknown=("panel",)), light, PHOTOMETRIC) == ""
+
+
 @pytest.mark.parametrize(
     "line, message",
     [("watts = { blub = 3 }", "[watts]: no lamp is called 'blub'; did you mean 'bulb'?"),
      ("watts = { bulb = -1 }", "[watts]: bulb must be a number >= 0, got -1"),
-     ("maintenance_factor = 1.2", "maintenance_factor must be a number > 0 and < 1, got 1.2")],
+     ("maintenance_factor = 1.2", "maintenance_factor must be a number > 0 and <= 1, got 1.2")],
 )  # fmt: skip
 def test_bad_power_is_refused_in_one_sentence(room, line, message):
     key = line.split(" =")[0]
