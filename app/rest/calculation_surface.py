@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gi_core.base.vectors import frame_of, unit
+from gi_core.gather.glare import glare
 from gi_core.gather.point_gather import Gatherer
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
@@ -25,7 +26,7 @@ from gi_core.lights.power import Power, maintained, power_of
 from gi_core.lights.sky import overcast
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
-from gi_core.scene.types import DAYLIGHT_FACTOR, MOST_GRID_POINTS, CalculationSurface
+from gi_core.scene.types import DAYLIGHT_FACTOR, MOST_GRID_POINTS, UGR, CalculationSurface
 from gi_core.scene.validate import check_surface
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from gi_core.model import Model
     from gi_core.scene import Pose, Scene
 
-HEIGHT = 0.75  # [m] above the floor: desks
+HEIGHT, EYES = 0.75, 1.2  # [m] above the floor: desks, and eyes of people who sit
 BORDER = 0.5  # [m] along walls, EN 12464-1
 LEVEL_COSINE = 0.999  # between normals of one flat part
 MOST_PARTS = 256  # flat parts of an object that are looked at, from the largest face on
@@ -98,7 +99,8 @@ class Grid(NamedTuple):
 class SurfaceLight(NamedTuple):
     """Irradiance at the points of a surface, as luminance of RGB [W/m2], or [lx] in a photometric scene; or factors.
 
-    A daylight factor [%] is the share of the light that the CIE's overcast sky brings to open ground.
+    A daylight factor [%] is the share of the light that the CIE's overcast sky brings to open ground. UGR is that of
+    eyes that look along the first side.
     """
 
     surface: CalculationSurface
@@ -112,11 +114,17 @@ class SurfaceLight(NamedTuple):
     def numbers(self) -> Uniformity:
         return uniformity(self.values, self.errors)
 
+    def rows(self) -> tuple[tuple[str, float, float, bool], ...]:
+        """Return those of the numbers that have a meaning: UGR has no uniformity."""
+        return self.numbers.rows()[: 3 if self.surface.quantity == UGR else None]
+
     @property
     def verdicts(self) -> dict[str, str]:
         """PASS, FAIL or UNCERTAIN by the number that has a target."""
-        of = {name: (value, error) for name, value, error, _ in self.numbers.rows()}
-        return {name: verdict(*of[name], target, name in AT_MOST) for name, target in self.surface.targets}
+        of = {name: (value, error) for name, value, error, _ in self.rows()}
+        return {
+            name: verdict(*of[name], target, name in AT_MOST) for name, target in self.surface.targets if name in of
+        }
 
 
 class Uniformity(NamedTuple):
@@ -304,12 +312,14 @@ def in_room(surface: CalculationSurface, level: Level) -> CalculationSurface:
     height = surface.height
     if height is None:
         # a plane above 0.9 of the scene's height lies at half the height
-        height = HEIGHT if top * 0.9 >= HEIGHT else round(top / 2, decimals)
+        usual = EYES if surface.quantity == UGR else HEIGHT
+        height = usual if top * 0.9 >= usual else round(top / 2, decimals)
     return surface._replace(position=position, size=size, margin=margin or 0.0, height=height)
 
 
 def grid_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapping[str, Pose]) -> Grid:
     """Return the points of a surface at the poses of mobiles. Raises SceneError for one that lies on nothing."""
+    check_surface(model.scene.name, surface, model.scene)
     if surface.on:
         middle, sides, size = _top_of(surface, model, level, poses)
         middle, margin = middle + (surface.height or 0.0) * sides[2], surface.margin or 0.0
@@ -341,7 +351,6 @@ def _top_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapp
     else:
         o, named = 0, [m.name == surface.on for m in scene.materials]
         chosen = np.flatnonzero(np.array(named, bool)[scene.static.face_material])
-    check_surface(scene.name, surface, scene)
     corners = model.vertices_at(o, poses)[model.surfaces.faces[o][chosen]]
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.sqrt((n * n).sum(axis=1))
@@ -444,22 +453,28 @@ def surface_steps(
     grid = grid_of(surface, model, level, poses)
     normals = np.broadcast_to(grid.sides[2], grid.positions.shape)
     values, errors = np.full(len(grid.positions), np.nan), np.full(len(grid.positions), np.nan)
-    free = np.arange(len(grid.positions))
+    free, view = np.arange(len(grid.positions)), normals
+    if surface.quantity == UGR:
+        view = np.broadcast_to(grid.sides[0], grid.positions.shape)
     standing = stands(model, model.transforms(poses), grid.positions, normals, level.axes.up)
     free = free[standing] if standing.any() else free
     lit = free
-    for reached in reached_steps(model, grid.positions[free], normals[free], poses):
+    for reached in reached_steps(model, grid.positions[free], view[free], poses):
         lit = free[reached]
         yield SurfaceLight(surface, grid, values, errors, 0.0)
     free = lit if len(lit) else free
-    lights, factor = None, 1.0
+    lights, factor, of_eyes = None, 1.0, None
     if surface.quantity == DAYLIGHT_FACTOR:  # alone, a sky that brings 1 to a horizontal plane in the open
         lights = model.lights_at(np.zeros_like(levels))._replace(sky=overcast(level.axes.up))
         factor = 100.0  # percent
-    rounds = point_rounds(model, grid.positions[free], normals[free], poses, levels, seed, lights)
+    if surface.quantity == UGR:
+        of_eyes = glare(model, levels, grid.positions[free], grid.sides[0], level.axes.up, poses, seed)
+    rounds = point_rounds(model, grid.positions[free], view[free], poses, levels, seed, lights)
     for E, error, fraction in light_steps(rounds, noise):
         values, errors = values.copy(), errors.copy()
         values[free], errors[free] = factor * E, factor * error
+        if of_eyes is not None:
+            values[free], errors[free] = of_eyes.rating(E), of_eyes.deviation(E, error)
         yield SurfaceLight(surface, grid, values, errors, fraction)
 
 

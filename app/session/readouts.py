@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from gi_core.scene.types import DAYLIGHT_FACTOR, ILLUMINANCE, UGR
+
 if TYPE_CHECKING:
     from app.rest.calculation_surface import Level, SurfaceLight
     from gi_core.lights.power import Power
@@ -49,9 +51,10 @@ def csv_text(rows: Sequence[Row], lights: Sequence[SurfaceLight], units: Units) 
         write((r.kind, _cell(r.name), *numbers, _cell(r.object), _cell(r.material), ""))
     for light in lights:
         name, none, verdicts = _cell(light.surface.name), ("",) * 3, light.verdicts
-        for number, value, error, _ in light.numbers.rows():
+        for number, value, error, _ in light.rows():
             judged = f"{dict(light.surface.targets)[number]:g}: {verdicts[number]}" if number in verdicts else ""
-            kind = "surface" if light.surface.quantity == "illuminance" else f"{light.surface.quantity} [%]"
+            of, unit = light.surface.quantity, unit_of(light.surface, units)
+            kind = "surface" if of == ILLUMINANCE else f"{of} [{unit}]" if unit else of
             write((kind, number, *none, _number(value), _number(error), "", name, "", judged))
         for k, (position, E, error) in enumerate(zip(light.grid.positions, light.values, light.errors, strict=True)):
             a, b = divmod(k, light.grid.shape[1])
@@ -68,7 +71,7 @@ def text_lines(
     for light in lights:
         unit = unit_of(light.surface, units)
         lines += [f"{light.surface.name:18} {described(light, level)}"]
-        for name, value, error, has_unit in light.numbers.rows():
+        for name, value, error, has_unit in light.rows():
             text = f"{LONG_NAMES[name]:18} {shown(value, error, unit if has_unit else '')}"
             about = MEANINGS.get(name, "")
             lines.append(f"{text}   {about}".rstrip() + judged(light, name, units))
@@ -97,7 +100,7 @@ def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:
     if (
         not power.of_lamp
         or power.unknown
-        or light.surface.quantity != "illuminance"
+        or light.surface.quantity != ILLUMINANCE
         or units.per_area != "lx"
         or not n.mean > 0
     ):
@@ -108,7 +111,7 @@ def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:
 
 def unit_of(surface: CalculationSurface, units: Units) -> str:
     """Return the unit of the values of a surface."""
-    return units.per_area if surface.quantity == "illuminance" else "%"
+    return {ILLUMINANCE: units.per_area, DAYLIGHT_FACTOR: "%", UGR: ""}[surface.quantity]
 
 
 def described(light: SurfaceLight, level: Level) -> str:
@@ -149,8 +152,9 @@ def _map(light: SurfaceLight, level: Level, units: Units) -> list[str]:
     cells = ["-" if math.isnan(v) else _rounded(v, e) for v, e in zip(light.values, light.errors, strict=True)]
     places = [f"{c:.2f}" for c in columns]
     width = max(9, 2 + max(map(len, [*cells, *places])))
-    quantity = units.on_surface if light.surface.quantity == "illuminance" else light.surface.quantity.capitalize()
-    out = [f"{quantity} [{unit_of(light.surface, units)}]", head.rjust(11) + "".join(c.rjust(width) for c in places)]
+    unit, of = unit_of(light.surface, units), light.surface.quantity
+    quantity = units.on_surface if of == ILLUMINANCE else of[0].upper() + of[1:]
+    out = [f"{quantity} [{unit}]" if unit else quantity, head.rjust(11) + "".join(c.rjust(width) for c in places)]
     for k, place in enumerate(rows):
         out.append(f"{place:11.2f}" + "".join(cell.rjust(width) for cell in cells[k::b]))
     return [*out, ""]

@@ -89,7 +89,7 @@ def numbers(c: Content) -> str:
     surfaces = [
         {
             "name": light.surface.name, "quantity": light.surface.quantity, "unit": unit_of(light.surface, _units(c)),
-            **{name: [_finite(value), _finite(error)] for name, value, error, _ in light.numbers.rows()},
+            **{name: [_finite(value), _finite(error)] for name, value, error, _ in light.rows()},
             "targets": {name: [target, light.verdicts[name]] for name, target in light.surface.targets},
             "points": [[*map(float, at), _finite(E), _finite(error)] for at, E, error in
                        zip(light.grid.positions, light.values, light.errors, strict=True)],
@@ -133,7 +133,7 @@ def _targets(c: Content) -> str:
     """Return all targets, with what was measured."""
     rows = []
     for light in c.lights:
-        of = {name: (value, error, has_unit) for name, value, error, has_unit in light.numbers.rows()}
+        of = {name: (value, error, has_unit) for name, value, error, has_unit in light.rows()}
         for name, verdict in light.verdicts.items():
             value, error, has_unit = of[name]
             asked = judged(light, name, _units(c)).strip().rpartition(":")[0]
@@ -146,13 +146,14 @@ def _surface(c: Content, light: SurfaceLight) -> str:
     """Return numbers and plan of a surface."""
     unit = unit_of(light.surface, _units(c))
     rows = []
-    for name, value, error, has_unit in light.numbers.rows():
+    for name, value, error, has_unit in light.rows():
         asked = judged(light, name, _units(c)).strip().rpartition(": ")[0]
         mark = _mark(light.verdicts[name]) if name in light.verdicts else ""
         rows.append((LONG_NAMES[name], shown(value, error, unit if has_unit else ""), asked, mark))
     if text := per_100_lux(c.power, light, _units(c)):
         rows.append(("power", text, "", ""))
-    about = f"{light.surface.quantity.capitalize()}, {described(light, c.level)}."
+    of = light.surface.quantity
+    about = f"{of[0].upper() + of[1:]}, {described(light, c.level)}."
     if light.fraction < 1:
         about += f" Measured to {100 * light.fraction:.0f} % only."
     head = f"<h3>{escape(light.surface.name)}</h3><p class='dim'>{escape(about)}</p>"

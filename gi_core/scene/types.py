@@ -271,7 +271,7 @@ class CalculationSurface(NamedTuple):
 
 
 MOST_GRID_POINTS = 100  # along a side of a surface
-_, DAYLIGHT_FACTOR = QUANTITIES = "illuminance", "daylight factor"
+ILLUMINANCE, DAYLIGHT_FACTOR, UGR = QUANTITIES = "illuminance", "daylight factor", "UGR"
 TARGETS = "mean", "minimum", "maximum", "U0", "Ud"  # numbers of a surface
 
 

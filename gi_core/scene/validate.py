@@ -34,6 +34,7 @@ from gi_core.scene.rules import (
 from gi_core.scene.types import (
     OVERCAST_SKY,
     SUNLESS_SKIES,
+    UGR,
     CalculationSurface,
     Camera,
     Daylight,
@@ -124,7 +125,17 @@ def parts_of(scene: Scene) -> list[str]:
 
 
 def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None:
-    """Raise SceneError, with the nearest name, unless what a surface lies on is part of a scene."""
+    """Raise SceneError unless a surface measures what its scene has, and lies on a part of it."""
+    if surface.quantity == UGR and scene.units != "photometric":
+        raise SceneError(
+            f'{where}: surface "{surface.name}": UGR needs luminances in cd/m2, got units = "{scene.units}"; '
+            'write units = "photometric" and light in lumens'
+        )
+    if surface.quantity == UGR and (others := [name for name, _ in surface.targets if name != "maximum"]):
+        raise SceneError(
+            f'{where}: surface "{surface.name}": a target of UGR is its maximum, got {shown(others[0])}; '
+            "write targets = { maximum = 19 }"
+        )
     parts = parts_of(scene)
     if surface.on and surface.on not in parts:
         nearest = [f"did you mean {shown(part)}?" for part in get_close_matches(surface.on, parts, 1)]

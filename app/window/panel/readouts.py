@@ -19,7 +19,7 @@ from app.window.panel import widgets as ui
 from app.window.parts import Window
 from gi_core.geometry.error import luminance
 from gi_core.lights.power import Power
-from gi_core.scene.types import MOST_GRID_POINTS, QUANTITIES, TARGETS, UNITS, CalculationSurface, Units
+from gi_core.scene.types import MOST_GRID_POINTS, QUANTITIES, TARGETS, UGR, UNITS, CalculationSurface, Units
 
 PIN = ui.Button(
     "pin",
@@ -150,11 +150,15 @@ def _place(surface: CalculationSurface, session: Session, edit: Callable) -> Non
     taken = [x.name for x in surfaces_of(session.settings, session.scene)]
     if imgui.is_item_deactivated_after_edit() and name and name not in taken:
         edit(surface._replace(name=name))
-    names = {quantity: (quantity, "") for quantity in QUANTITIES}
+    photometric = session.scene.units == "photometric"
+    names = {quantity: (quantity, "") for quantity in QUANTITIES if photometric or quantity != UGR}
     ui.label("measures")
     if (quantity := ui.one_of("quantity", surface.quantity, names, surface.quantity)) is not None:
         edit(surface._replace(quantity=quantity))
-    ui.tip("Daylight factor: share of the light that the CIE's overcast sky brings to open ground [%].")
+    ui.tip(
+        "Daylight factor: share of the light that the CIE's overcast sky brings to open ground [%]. "
+        "UGR: glare of luminaires, for eyes that look along the first side; turn it to look elsewhere."
+    )
     s = surface if surface.on else in_room(surface, session.level)
     metres, degrees = (0.01, "%.3f m"), (0.5, "%.1f°")  # speed of a drag per pixel, and digits
     rows = [
@@ -214,7 +218,7 @@ def _numbers(light: SurfaceLight | None, units: Units, power_of: Power | None) -
         return
     n = light.numbers
     imgui.begin_disabled(not light.is_current)
-    for name, value, error, has_unit in n.rows():
+    for name, value, error, has_unit in light.rows():
         about = f"{ABOUT[name]} ± is one standard error."
         ui.number(
             f"   {LONG_NAMES[name]}", shown(value, error, unit_of(light.surface, units) if has_unit else ""), about

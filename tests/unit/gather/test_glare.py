@@ -1,0 +1,102 @@
+"""UGR by hand, and of a luminaire against an emissive face."""
+
+import math
+
+import numpy as np
+import pytest
+
+from app.rest.calculation_surface import level_of, surface_steps
+from gi_core.files.load import load_scene
+from gi_core.gather.glare import glare
+from gi_core.model import Model
+from gi_core.scene import CalculationSurface, SceneError
+from gi_core.scene.types import UGR
+from tests.support.photometry import write_ies
+
+EYE, UP, VIEW = np.array([[0.0, 0.0, 1.2]]), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+ROOM = """up = "z"
+units = "photometric"
+shape = [
+  { type = "room", name = "room", size = [8, 6, 3] },
+  PANEL
+]
+[materials]
+room = { reflectance = [0.5, 0.5, 0.5] }
+"""
+PANEL = (
+    '{ type = "plane", name = "panel", size = [0.1, 0.1], position = [2, 0.5, 2.2], axis = [1, 0, 0], angle = 180 }',
+    "panel = { emission = [3000, 3000, 3000] }\n",
+)
+LUMINAIRE = """[[light]]
+type = "photometric"
+name = "panel"
+file = "lambert.ies"
+position = [2, 0.5, 2.2]
+direction = [0, 0, -1]
+size = [0.1, 0.1]
+"""
+
+
+def room(folder, kind: str, size: str = "[0.1, 0.1]"):
+    """Return a room with a panel of 0.01 m2 and 3,000 cd/m2, 2 m ahead of the eye, 0.5 m aside, 1 m above.
+
+    kind: "face" or "luminaire".
+    """
+    gammas = np.arange(0.0, 91.0)
+    write_ies(folder / "lambert.ies", gammas, [0.0], 30.0 * np.cos(np.radians(gammas))[None])  # cd
+    shape, material = PANEL if kind == "face" else ("", "")
+    light = LUMINAIRE.replace("[0.1, 0.1]", size) if kind == "luminaire" else ""
+    (folder / "room.toml").write_text(ROOM.replace("PANEL", shape) + material + light)
+    return Model(load_scene(folder / "room.toml"))
+
+
+@pytest.mark.parametrize("kind", ["face", "luminaire"])
+def test_glare_is_that_of_a_calculation_by_hand(tmp_path, kind):
+    """d2 = 5.25 m2, cosine at the panel 0.4364: w = 8.313e-4 sr, 26.57 and 29.21 degrees, p = 2.724."""
+    model = room(tmp_path, kind)
+    levels = model.emitters.lamps.full()
+    found = glare(model, levels, EYE, VIEW, UP, {}, 1)
+    assert found.sources == pytest.approx([3000**2 * 8.313e-4 / 2.7244**2], rel=0.01)
+    assert found.direct == pytest.approx([3000 * 8.313e-4 * 0.8729], rel=0.01)
+    assert found.rating(found.direct + math.pi * 50.0) == pytest.approx([5.62], abs=0.03)  # a background of 50 cd/m2
+    assert found.deviation(found.direct + 100.0, np.array([1.0])) == pytest.approx([8 / math.log(10) / 100])
+    assert np.isnan(found.rating(found.direct)).all(), "no background"
+    for away in (-VIEW, np.array([0.0, 0.0, -1.0])):
+        assert not glare(model, levels, EYE, away, UP, {}, 1).sources.any(), "behind the eye"
+    assert not glare(model, 0 * levels, EYE, VIEW, UP, {}, 1).sources.any(), "switched off"
+
+
+def test_a_point_of_light_has_no_luminance(tmp_path):
+    model = room(tmp_path, "luminaire", "[0, 0]")
+    found = glare(model, model.emitters.lamps.full(), EYE, VIEW, UP, {}, 1)
+    assert not found.sources.any() and not found.direct.any()
+
+
+def test_a_surface_rates_glare_where_eyes_are(tmp_path):
+    """The panel is ahead of eyes that look along x, at 1.2 m; turned round they do not see it."""
+    model = room(tmp_path, "face")
+    level = level_of(model)
+
+    def measured(turn: float):
+        s = CalculationSurface("seat", "", (-1.0, 0.0), (0.2, 0.2), turn=turn, points=(1, 1), quantity=UGR)
+        *_, light = surface_steps(model, s, level, {}, model.emitters.lamps.full(), 0, 0.02)
+        return light
+
+    ahead, behind = measured(0.0), measured(180.0)
+    assert ahead.grid.positions[0] == pytest.approx([-1.0, 0.0, 1.2], abs=0.01)
+    assert ahead.values[0] > 10 and 0 < ahead.errors[0] < 0.5 and behind.values[0] == 0
+    assert [row[0] for row in ahead.rows()] == ["mean", "minimum", "maximum"]
+
+
+@pytest.mark.parametrize(
+    "units, targets, message",
+    [("radiometric", "{ maximum = 19 }", 'UGR needs luminances in cd/m2, got units = "radiometric"'),
+     ("photometric", "{ U0 = 0.6 }", "a target of UGR is its maximum, got 'U0'")],
+)  # fmt: skip
+def test_glare_that_has_no_meaning_is_refused(tmp_path, units, targets, message):
+    room(tmp_path, "face")
+    text = (tmp_path / "room.toml").read_text().replace("photometric", units)
+    (tmp_path / "room.toml").write_text(f'{text}[[surface]]\nname = "s"\nquantity = "UGR"\ntargets = {targets}\n')
+    with pytest.raises(SceneError) as refused:
+        load_scene(tmp_path / "room.toml")
+    assert message in str(refused.value)
