@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gi_core.model import Model
     from gi_core.scene import Pose, Scene
 
-HEIGHT, EYES = 0.75, 1.2  # [m] above the floor: desks, and eyes of people who sit
+HEIGHT = 0.75  # [m] above the floor: desks
 BORDER = 0.5  # [m] along walls, EN 12464-1
 LEVEL_COSINE = 0.999  # between normals of one flat part
 MOST_PARTS = 256  # flat parts of an object that are looked at, from the largest face on
@@ -312,7 +312,7 @@ def in_room(surface: CalculationSurface, level: Level) -> CalculationSurface:
     height = surface.height
     if height is None:
         # a plane above 0.9 of the scene's height lies at half the height
-        usual = EYES if surface.quantity == UGR else HEIGHT
+        usual = 1.2 if surface.quantity == UGR else HEIGHT  # m: eyes of people who sit
         height = usual if top * 0.9 >= usual else round(top / 2, decimals)
     return surface._replace(position=position, size=size, margin=margin or 0.0, height=height)
 

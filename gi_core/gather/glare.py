@@ -27,8 +27,6 @@ from gi_core.model import Model
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene.types import Pose
 
-MOST_RATIO = 3.0  # of distance from the line of sight, over that along it: below the line p stays
-
 
 class Glare(NamedTuple):
     """Light of luminaires at n eyes."""
@@ -103,7 +101,7 @@ def position_index(way, ahead, view, up):
     above = cross(across, v)
     x, y = dot(aside, across), dot(aside, above)
     if y < 0.0:
-        ratio = min(math.sqrt(dot(aside, aside)) / ahead, MOST_RATIO)
+        ratio = min(math.sqrt(dot(aside, aside)) / ahead, 3.0)  # farther below p stays, as in evalglare
         return 1.0 + (0.8 if ratio < 0.6 else 1.2) * ratio
     a = math.degrees(math.atan2(abs(x), y))  # of the plane of the direction and the line of sight, from the vertical
     b = math.degrees(math.acos(min(ahead, 1.0)))

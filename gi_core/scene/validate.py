@@ -131,9 +131,9 @@ def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None
             f'{where}: surface "{surface.name}": UGR needs luminances in cd/m2, got units = "{scene.units}"; '
             'write units = "photometric" and light in lumens'
         )
-    if surface.quantity == UGR and (others := [name for name, _ in surface.targets if name != "maximum"]):
+    if surface.quantity == UGR and (unfit := [name for name, _ in surface.targets if name != "maximum"]):
         raise SceneError(
-            f'{where}: surface "{surface.name}": a target of UGR is its maximum, got {shown(others[0])}; '
+            f'{where}: surface "{surface.name}": a target of UGR is its maximum, got {shown(unfit[0])}; '
             "write targets = { maximum = 19 }"
         )
     parts = parts_of(scene)
