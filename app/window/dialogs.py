@@ -216,14 +216,15 @@ class Question:
         _centre()
         shown, _ = imgui.begin_popup_modal(UNSAVED, None, imgui.WindowFlags_.always_auto_resize)
         answer = "" if shown or self._appears else "cancel"  # Esc
-        self._appears = False
+        appears, self._appears = self._appears, False
         if shown:
             imgui.text(f"Objects or settings of {utf8(name)} have changed.")
             for word, label in (("save", "Save"), ("discard", self._otherwise), ("cancel", "Cancel")):
                 if imgui.button(label):
                     answer = word
                 imgui.same_line()
-            if not answer and any(imgui.is_key_pressed(key, repeat=False) for key in RETURN):
+            # A Return that ended the dialog before has its answer.
+            if not answer and not appears and any(imgui.is_key_pressed(key, repeat=False) for key in RETURN):
                 answer = "save"
             if answer:
                 imgui.close_current_popup()
