@@ -103,7 +103,7 @@ MISTAKES = {
     "spot of no width": (
         SCENE + '[[light]]\ntype = "spot"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\nintensity = [1, 1, 1]\n'
         "outer_degrees = 0",
-        "outer_degrees must be a number > 0 and < 90",
+        "outer_degrees must be a number > 0 and <= 90",
     ),
     "key of a light": (
         SCENE + '[[light]]\ntype = "point"\nname = "lamp"\nposition = [0, 1, 0]\nflux = [1, 1, 1]\n'

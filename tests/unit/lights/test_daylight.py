@@ -196,8 +196,8 @@ def test_edits(tmp_path):
         ("2026-03-21", "1850-03-21", "date must be a day from 1901 to 2099 such as 2026-03-21"),
         ("date = 2026-03-21\n", "", "date is missing; write date = 2026-03-21"),
         ("hour = 9", "hour = 25", "hour must be a number >= 0 and < 24, got 25"),
-        ("utc_offset = 1", "utc_offset = 20", "utc_offset must be a number >= -12 and < 15, got 20"),
-        ("utc_offset = 1", "utc_offset = 1\nturbidity = 0", "turbidity must be a number >= 1 and < 10, got 0"),
+        ("utc_offset = 1", "utc_offset = 20", "utc_offset must be a number >= -12 and <= 15, got 20"),
+        ("utc_offset = 1", "utc_offset = 1\nturbidity = 0", "turbidity must be a number >= 1 and <= 10, got 0"),
         (
             "utc_offset = 1",
             "utc_offset = 1\nnorth = [0, 2, 0]",
