@@ -1,9 +1,10 @@
 #version 330 core
 // Chooses the side that is seen, then exposure, tone map, sRGB: once each, in this order.
 // app/draw/tonemap.py does the same arithmetic for pictures without a window.
+// TONE_MAP: 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear,
+// 6: c / (1 + max c), 7 AgX, 8 Khronos PBR Neutral, 9 none yet: linear.
 
 uniform vec3 exposure;   // factor: 2^EV times the gain of the white balance
-uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c), 7 AgX, 8 Khronos PBR Neutral, 9 none yet: linear
 uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
 uniform bool of_luminance;  // the scale is of radiance, else of irradiance: colours are E / pi
 uniform vec3 map[33];    // display colours from low to high
@@ -15,7 +16,7 @@ uniform vec3 unlit;      // display colour of a side that has no light by defini
 #ifndef RESOLVED
 centroid in vec4 front_radiance;  // times its weight; weight
 centroid in vec4 back_radiance;
-#ifndef SHARP
+#ifdef GLOSS
 centroid in vec3 front_gloss;  // above the texture, times its weight
 centroid in vec3 back_gloss;
 #endif
@@ -215,10 +216,10 @@ vec3 neutral(vec3 c) {
 }
 
 vec3 tone_mapped(vec3 c) {
-    if (tone_map == 7) c = agx(c);
-    if (tone_map == 8) c = neutral(c);
-    if (tone_map == 1) c = c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
-    if (tone_map == 2) { c *= 0.6; c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14); }
+    if (TONE_MAP == 7) c = agx(c);
+    if (TONE_MAP == 8) c = neutral(c);
+    if (TONE_MAP == 1) c = c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
+    if (TONE_MAP == 2) { c *= 0.6; c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14); }
     return clamp(c, 0.0, 1.0);
 }
 
@@ -279,20 +280,21 @@ void main() {
     vec3 more = reflected(flat_normal);
 #else
     vec3 more = vec3(0.0);
-    bool gloss = (tone_map != 3 && tone_map != 4) || (tone_map == 4 && of_luminance);
-    if (radiance.r >= -0.5 && gloss) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
+#ifdef GLOSS
+    if (radiance.r >= -0.5) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
 #endif
-    if (tone_map == 5 || tone_map == 6) {
+#endif
+    if (TONE_MAP == 5 || TONE_MAP == 6) {
         vec3 c = min(max(radiance, 0.0) * exposure + more, 6e4);
-        if (tone_map == 6) c /= 1.0 + max(c.r, max(c.g, c.b));
+        if (TONE_MAP == 6) c /= 1.0 + max(c.r, max(c.g, c.b));
         colour = vec4(c, min(1.0 / (gl_FragCoord.w * reach), 6e4));
-    } else if (tone_map == 9) {
+    } else if (TONE_MAP == 9) {
         colour = vec4(radiance.r < -0.5 ? vec3(-1.0) : min(max(radiance, 0.0) * exposure + more, 6e4), 1.0);
     } else if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);
-    } else if (tone_map == 3) {
+    } else if (TONE_MAP == 3) {
         colour = vec4(radiance, 1.0);
-    } else if (tone_map == 4) {
+    } else if (TONE_MAP == 4) {
         vec3 shown = max(radiance, 0.0) + (of_luminance ? more / exposure : vec3(0.0));
         colour = vec4(false_colour(shown, slope), 1.0);
     } else {

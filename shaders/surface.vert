@@ -14,11 +14,13 @@ in vec2 weights;  // of front and back, in triangles
 centroid out vec4 front_radiance;  // times its weight; weight
 centroid out vec4 back_radiance;
 
-in vec3 normal;         // of the front
-#ifndef SHARP
+#if defined(GLOSS) || defined(SHARP)
+in vec3 normal;  // of the front
+#endif
+#ifdef GLOSS
 uniform sampler2D owners; // the line of `cells` that each glossy receiver reads
 uniform sampler2D cells;  // a line per owner of cells, two texels per cell: shares of irradiance, mean direction
-uniform vec2 layout_of;   // lines of a column, cells; 0 lines: no gloss
+uniform vec2 layout_of;   // lines of a column, cells
 uniform vec3 eye;         // in object space
 in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
 in vec4 specular;         // F0 red, green, blue; F90
@@ -67,7 +69,7 @@ vec3 of_cell(ivec2 first, int c, vec3 n, vec3 to_eye, float at_eye, float far) {
 vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
     vec3 to_eye = eye - position;
     float at_eye = dot(to_eye, n);
-    if (receiver < 0.5 || layout_of.x < 0.5) return vec3(0.0);
+    if (receiver < 0.5) return vec3(0.0);
     if (mirrored_view > 1.5 || (mirrored_view > 0.5 && alpha < 0.0)) {
         return mix(specular.rgb, specular.aaa, 1.0 / 21.0) * irradiance / 3.14159265;  // smooth gloss under even light
     }
@@ -113,7 +115,8 @@ void main() {
     arriving[1] = lit_b;
     arriving[2] = lit_c;
     arriving[3] = lit_d;
-#else
+#endif
+#ifdef GLOSS
     front_gloss = weights.x * gloss(glossy.x, normal, front_lit, front_sent);
     back_gloss = weights.y * gloss(glossy.y, -normal, back_lit, back_sent);
 #endif

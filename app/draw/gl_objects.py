@@ -11,6 +11,7 @@ import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS
 from app.draw.draw_mesh import Turning, other_diagonals
+from app.draw.gl_targets import put
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
 
@@ -22,23 +23,6 @@ if TYPE_CHECKING:
     from gi_core.gloss.light import Directions
     from gi_core.gloss.reflectors import Reflector
     from gi_core.scene.types import Texture
-
-
-class Programs(NamedTuple):
-    """Shader programs of surfaces and of the outline's mask."""
-
-    surface: moderngl.Program
-    textured: moderngl.Program
-    cut_out: moderngl.Program  # separate, because `discard` disables the early depth test
-    mask: moderngl.Program
-    pane: moderngl.Program  # of glass
-    sharp: moderngl.Program | None = None  # with reflections, None in scenes without
-    sharp_textured: moderngl.Program | None = None
-
-    @property
-    def of_surfaces(self) -> list[moderngl.Program]:
-        every = self.surface, self.textured, self.cut_out, self.sharp, self.sharp_textured
-        return [program for program in every if program is not None]
 
 
 class DrawCall(NamedTuple):
@@ -55,21 +39,17 @@ class DrawCall(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """One set of vertex colours of an object, and the vertex arrays that use it."""
+    """One set of vertex colours of an object."""
 
     front: moderngl.Buffer  # radiance
     back: moderngl.Buffer  # radiance, negative where one-sided
     weights: moderngl.Buffer  # of front and back
     triangles: moderngl.Buffer  # with the diagonals for these colours ...
     turning: Turning  # ... and what it holds
-    lit: moderngl.VertexArray  # without textures
-    textured: moderngl.VertexArray | None  # for textures, None where there are none
-    cut_out: moderngl.VertexArray | None  # the same for textures with holes
     irradiance: moderngl.Buffer | None  # of front and back, under gloss; None without gloss
     sent: moderngl.Buffer | None  # radiance of gloss on front and back that the processor evaluates; None without gloss
-    sharp: moderngl.VertexArray | None  # with reflections, None where there are none
-    sharp_textured: moderngl.VertexArray | None
-    panes: moderngl.VertexArray | None  # None where there are none
+    attributes: list[tuple]  # as moderngl describes them
+    arrays: dict[moderngl.Program, moderngl.VertexArray]  # of the programs that have drawn them
 
 
 class MarkedFaces(NamedTuple):
@@ -101,8 +81,8 @@ class DrawnObject:
     A second layer of colours is the right side of a wipe.
     """
 
-    def __init__(self, ctx, programs: Programs, mesh: DrawMesh) -> None:
-        self.ctx, self._programs = ctx, programs
+    def __init__(self, ctx, mask: moderngl.Program, mesh: DrawMesh) -> None:
+        self.ctx, self._mask = ctx, mask
         self._two_sided = np.flatnonzero(mesh.back >= 0)
         order, self._calls = _draw_calls(mesh)
         self.indices = 3 * len(order)
@@ -119,7 +99,7 @@ class DrawnObject:
         self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
         self._triangles = ctx.buffer(_indices(self._ordered))
         self._faces: MarkedFaces | None = None  # those marked last
-        self._marked = ctx.vertex_array(programs.mask, [(self._positions, "3f", "position")], self._triangles)
+        self._marked = ctx.vertex_array(mask, [(self._positions, "3f", "position")], self._triangles)
         self._owned = [self._positions, self._triangles, self._marked]
         self._places = None
         if mesh.uv is not None:
@@ -166,45 +146,37 @@ class DrawnObject:
     def _layer(self, k: int) -> Layer:
         """Return a layer, creating it at first use."""
         if k not in self._layers:
-            programs = self._programs
             triangles = self.ctx.buffer(_indices(self._ordered), dynamic=True)
             vertices = max(self._vertices, 1)  # GL has no empty buffers
             front, weights = (self.ctx.buffer(bytes(size * vertices), dynamic=True) for size in (12, 8))
             back = self.ctx.buffer(np.full((vertices, 3), -1.0, np.float32), dynamic=True)
             attributes: list[tuple] = [(self._positions, "3f", "position"), (weights, "2f", "weights")]
             attributes += [(front, "3f", "front"), (back, "3f", "back")]
-            sharp_attributes = attributes.copy()
             irradiance = sent = None
             if self.is_glossy:
-                irradiance = self.ctx.buffer(bytes(24 * self._vertices), dynamic=True)
+                irradiance, sent = (self.ctx.buffer(bytes(24 * self._vertices), dynamic=True) for _ in range(2))
                 attributes.append((self._gloss.lobes, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
                 attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
-                sharp_attributes.append((self._gloss.lobes, "2x4 3f 5x4", "normal"))
-                sent = self.ctx.buffer(bytes(24 * self._vertices), dynamic=True)
                 attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
             if self._gloss.tangents is not None:
-                sharp_attributes.append((self._gloss.tangents, "3f", "along"))
+                attributes.append((self._gloss.tangents, "3f", "along"))
             if self._gloss.strengths is not None:
-                sharp_attributes.append((self._gloss.strengths, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
-            lit = self.ctx.vertex_array(programs.surface, attributes, triangles)
-            painted = holed = sharp = sharp_painted = None
-            if self._mesh.reflectors:
-                sharp = self.ctx.vertex_array(programs.sharp, sharp_attributes, triangles)
+                attributes.append((self._gloss.strengths, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
             if self._places is not None:
-                place = (self._places, "2f", "place")
-                painted = self.ctx.vertex_array(programs.textured, [*attributes, place], triangles)
-                if self.has_holes:
-                    holed = self.ctx.vertex_array(programs.cut_out, [*attributes, place], triangles)
-                if self._mesh.reflectors:
-                    more = [*sharp_attributes, place]
-                    sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, triangles)
-            panes = None
-            if self.has_panes:
-                panes = self.ctx.vertex_array(programs.pane, [attributes[0], *attributes[2:4]], triangles)
-            buffers = front, back, weights, triangles, Turning(self._ordered)
-            self._layers[k] = Layer(*buffers, lit, painted, holed, irradiance, sent, sharp, sharp_painted, panes)
-            self._owned += [thing for thing in self._layers[k] if hasattr(thing, "release")]
+                attributes.append((self._places, "2f", "place"))
+            buffers = front, back, weights, triangles, Turning(self._ordered), irradiance, sent
+            self._layers[k] = Layer(*buffers, attributes, {})
+            self._owned += [thing for thing in buffers if hasattr(thing, "release")]
         return self._layers[k]
+
+    def _array(self, program: moderngl.Program, layer: int) -> moderngl.VertexArray:
+        """Return the vertex array of a layer with the attributes that a program reads."""
+        of = self._layer(layer)
+        if program not in of.arrays:
+            # moderngl refuses attributes that compilation has removed, unless it skips errors.
+            of.arrays[program] = self.ctx.vertex_array(program, of.attributes, of.triangles, skip_errors=True)
+            self._owned.append(of.arrays[program])
+        return of.arrays[program]
 
     def dim(self, emission: np.ndarray) -> None:
         """Set the emission (D, 3) [W/m2/sr] under textures."""
@@ -254,9 +226,9 @@ class DrawnObject:
     def is_glossy(self) -> bool:
         return self._gloss.lobes is not None
 
-    def draw(self, cull: bool, layer: int = 0) -> None:
+    def draw(self, program: moderngl.Program, cull: bool, layer: int = 0) -> None:
         """Draw all triangles in vertex colours."""
-        split, lit = self._one_sided_indices if cull else 0, self._layer(layer).lit
+        split, lit = self._one_sided_indices if cull else 0, self._array(program, layer)
         self._part(lit, 0, split, True)
         self._part(lit, split, self.indices - split, False)
 
@@ -264,39 +236,36 @@ class DrawnObject:
         self,
         textures: GLTextures,
         cull: bool,
-        layer: int = 0,
-        sharp: Callable[[moderngl.Program, Reflector], bool] = lambda program, reflector: False,
-        left_out: Callable[[Reflector], bool] = lambda reflector: False,
+        layer: int,
+        program_of: Callable[..., moderngl.Program],
+        sharp: Callable[[Reflector, bool], moderngl.Program | None],
+        left_out: Callable[[Reflector], bool],
     ) -> None:
         """Draw all calls, each with its texture.
 
-        sharp(program, reflector): set the program up for a reflection; False: there is no image of it. left_out:
-        faces that are not drawn.
+        program_of(*defines): the program of surfaces with macros of surface.frag; sharp(reflector, textured): the one
+        that shows a reflection, None: there is no image of it; left_out: faces that are not drawn.
         """
-        of = self._layer(layer)
         for call in self._calls:
-            vertices = of.lit
             reflector = None if call.reflector < 0 else self._mesh.reflectors[call.reflector]
             if call.pane is not None or (reflector is not None and left_out(reflector)):
                 continue
-            if call.texture is not None:
-                vertices = of.textured if call.texture.cover is None else of.cut_out
-            if reflector is not None and (call.texture is None or call.texture.cover is None):
-                wanted = of.sharp if call.texture is None else of.sharp_textured
-                vertices = wanted if sharp(wanted.program, reflector) else vertices
+            holed = call.texture is not None and call.texture.cover is not None
+            program = None if reflector is None or holed else sharp(reflector, call.texture is not None)
+            if program is None:
+                program = program_of(*["TEXTURED"] * (call.texture is not None), *["CUT_OUT"] * holed)
             if call.texture is not None:
                 textures.of(call.texture).use(0)
-                vertices.program["mirrored"] = tuple(float(way == "mirror") for way in call.texture.wrap)
-                vertices.program["emission"] = call.emission
-            self._part(vertices, call.first, call.indices, cull and call.one_sided)
+                mirrored = tuple(float(way == "mirror") for way in call.texture.wrap)
+                put(program, mirrored=mirrored, emission=call.emission)
+            self._part(self._array(program, layer), call.first, call.indices, cull and call.one_sided)
 
-    def draw_panes(self, layer: int) -> None:
-        """Draw the panes; `pane` of their program is set here."""
-        vertices = self._layer(layer).panes
+    def draw_panes(self, program: moderngl.Program, layer: int) -> None:
+        """Draw the panes; `pane` of the program is set here."""
         for call in self._calls:
-            if vertices is not None and call.pane is not None:
-                vertices.program["pane"] = call.pane
-                self._part(vertices, call.first, call.indices, False)
+            if call.pane is not None:
+                program["pane"] = call.pane
+                self._part(self._array(program, layer), call.first, call.indices, False)
 
     @property
     def reflectors(self) -> tuple[Reflector, ...]:
@@ -338,7 +307,7 @@ class DrawnObject:
         triangles = self._mesh.triangles[self._mesh.pieces(faces)].astype(np.int32)
         two_sided = self._mesh.back[triangles[:, 0]] >= 0
         buffer = self.ctx.buffer(triangles[np.argsort(two_sided, kind="stable")].tobytes() or bytes(12))
-        vertices = self.ctx.vertex_array(self._programs.mask, [(self._positions, "3f", "position")], buffer)
+        vertices = self.ctx.vertex_array(self._mask, [(self._positions, "3f", "position")], buffer)
         counts = 3 * len(triangles), 3 * int((~two_sided).sum())
         return MarkedFaces(faces, buffer, vertices, *counts, _box(self._mesh.positions[triangles.ravel()]))
 

@@ -9,12 +9,48 @@ import moderngl
 from app.draw.tonemap import BACKGROUND, UNLIT
 
 
-def load_program(ctx, vertex: str, fragment: str, *defines: str):
-    """Return the program of two files of `shaders`, with macros defined."""
-    read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
-    for define in defines:
-        read = [text.replace("\n", f"\n#define {define}\n", 1) for text in read]  # #version must stay first
-    return ctx.program(vertex_shader=read[0], fragment_shader=read[1])
+class Programs:
+    """Programs of the files of `shaders`, compiled at first use with macros defined.
+
+    Choices that a whole picture shares are macros, because a software renderer runs both sides of every branch.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self.made: dict[tuple[str, ...], moderngl.Program] = {}  # by vertex shader, fragment shader and macros
+        self._screens: dict[moderngl.Program, moderngl.VertexArray] = {}
+
+    def of(self, vertex: str, fragment: str, *defines: str) -> moderngl.Program:
+        key = vertex, fragment, *defines
+        if key not in self.made:
+            read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
+            macros = "".join(f"#define {define}\n" for define in defines)
+            read = [text.replace("\n", f"\n{macros}", 1) for text in read]  # #version must stay first
+            self.made[key] = self._ctx.program(vertex_shader=read[0], fragment_shader=read[1])
+        return self.made[key]
+
+    def cover(self, program: moderngl.Program) -> None:
+        """Draw a program of screen.vert over the whole framebuffer."""
+        if program not in self._screens:
+            self._screens[program] = self._ctx.vertex_array(program, [])
+        self._screens[program].render(moderngl.TRIANGLES, vertices=3)
+
+    def release(self) -> None:
+        for screen in self._screens.values():
+            screen.release()
+        for program in self.made.values():
+            program.release()
+        self._screens.clear()
+        self.made.clear()
+
+
+def put(program: moderngl.Program, **values) -> None:
+    """Set those uniforms that compilation has left in a program; bytes fill arrays."""
+    for name, value in values.items():
+        if name in program and isinstance(value, bytes):
+            program[name].write(value)  # type: ignore[union-attr]
+        elif name in program:
+            program[name] = value
 
 
 class Targets:
@@ -49,10 +85,8 @@ class Targets:
 class LinearTarget:
     """A framebuffer of radiance times exposure in half floats, multisampled, for pictures before their tone map."""
 
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self._ctx, self._key = ctx, ((0, 0), 0)
-        self._program = load_program(ctx, "screen.vert", "surface.frag", "RESOLVED")
-        self._screen = ctx.vertex_array(self._program, [])
+    def __init__(self, ctx: moderngl.Context, programs: Programs) -> None:
+        self._ctx, self._programs, self._key = ctx, programs, ((0, 0), 0)
         self._owned: tuple = ()
 
     def resize(self, size: tuple[int, int], samples: int) -> None:
@@ -73,11 +107,9 @@ class LinearTarget:
         self._ctx.enable_only(self._ctx.NOTHING)
         picture.use()
         self._light.use(0)
-        program = self._program
-        program["light"], program["samples"] = 0, self._key[1]
-        program["background"], program["unlit"] = BACKGROUND, UNLIT
-        program["tone_map"] = code
-        self._screen.render(moderngl.TRIANGLES, vertices=3)
+        program = self._programs.of("screen.vert", "surface.frag", "RESOLVED", f"TONE_MAP {code}")
+        put(program, light=0, samples=self._key[1], background=BACKGROUND, unlit=UNLIT)
+        self._programs.cover(program)
 
     def _free(self) -> None:
         for thing in self._owned:
@@ -85,5 +117,3 @@ class LinearTarget:
 
     def release(self) -> None:
         self._free()
-        self._screen.release()
-        self._program.release()

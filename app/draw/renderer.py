@@ -17,8 +17,8 @@ from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
-from app.draw.gl_objects import DrawnObject, Programs
-from app.draw.gl_targets import LinearTarget, Targets, load_program
+from app.draw.gl_objects import DrawnObject
+from app.draw.gl_targets import LinearTarget, Programs, Targets, put
 from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.tonemap import BACKGROUND, NEUTRAL, TONE_MAPS, UNLIT, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, LUMINANCE
@@ -40,7 +40,6 @@ TONE_MAP_CODES = {
 }  # fmt: skip
 SKY_UNIT = 5
 GLOSS_UNITS = {"cells": 1, "owners": 4}  # texture units; 2 and 3 are reflections
-SHARP, SHARP_TEXTURED = ("SHARP",), ("SHARP", "TEXTURED")  # variants of the shaders
 NO_SCALE = Scale(0.0, 1.0, False)
 
 
@@ -77,19 +76,10 @@ class Renderer:
 
     def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
         self.ctx = ctx
-        self._programs = Programs(
-            load_program(ctx, "surface.vert", "surface.frag"),
-            load_program(ctx, "surface.vert", "surface.frag", "TEXTURED"),
-            load_program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT"),
-            load_program(ctx, "surface.vert", "mask.frag"),
-            load_program(ctx, "pane.vert", "pane.frag"),
-        )
+        self._programs = Programs(ctx)
+        self._mask = self._programs.of("surface.vert", "mask.frag")
         self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
         self._mirrors, self._coverage = GLMirrors(ctx, ()), GLCoverage(ctx, samples)
-        self._outline = load_program(ctx, "screen.vert", "outline.frag")
-        self._screen = ctx.vertex_array(self._outline, [])
-        self._sky = load_program(ctx, "screen.vert", "sky.frag")
-        self._sky_screen = ctx.vertex_array(self._sky, [])
         self._dome: tuple[tuple, moderngl.Texture] | None = None  # what its colours are of, and a texel per patch
         self._linear: LinearTarget | None = None  # of pictures with panes; None: there was none
         self._lights: BareLights | None = None
@@ -111,13 +101,10 @@ class Renderer:
         if len(kept) == len(meshes) == len(self._objects):
             return
         textures, made = [t for mesh in meshes for t in mesh.textures], []
-        if self._programs.sharp is None and any(mesh.reflectors for mesh in meshes):
-            sharp = (load_program(self.ctx, "surface.vert", "surface.frag", *more) for more in (SHARP, SHARP_TEXTURED))
-            self._programs = Programs(*self._programs[:5], *sharp)
         try:
             self._textures.keep([*self._used_textures, *textures])
             for k, mesh in enumerate(meshes):
-                made.append(kept[k] if k in kept else DrawnObject(self.ctx, self._programs, mesh))
+                made.append(kept[k] if k in kept else DrawnObject(self.ctx, self._mask, mesh))
         except Exception:
             self._release([o for k, o in enumerate(made) if k not in kept])
             raise
@@ -167,7 +154,7 @@ class Renderer:
         self._faces, self._bright = faces, None
         if len(faces.corners):
             mesh = faces.mesh
-            self._bright = DrawnObject(self.ctx, self._programs, mesh)
+            self._bright = DrawnObject(self.ctx, self._mask, mesh)
             self._bright.upload(mesh.emission, mesh.emission)
 
     def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
@@ -195,7 +182,6 @@ class Renderer:
         """Draw a picture of the size set by `resize`."""
         targets, ctx = self._targets, self.ctx
         assert targets is not None, "resize first"
-        self._set_up(look)
         directions: Directions | None = None
         if look.is_light and look.eye is not None and (light := self._gloss.light) is not None:
             for o, model in zip(self._objects, look.models, strict=True):
@@ -236,13 +222,13 @@ class Renderer:
         ):
             return None
         assert self._targets is not None
-        self._linear = self._linear or LinearTarget(self.ctx)
+        self._linear = self._linear or LinearTarget(self.ctx, self._programs)
         self._linear.resize(self._targets.size, max(self._targets.samples, 1))
         return self._linear
 
     def _draw_panes(self, look: Look, layer: int, linear: LinearTarget) -> None:
         """Draw panes in any order: it shows in the light alone that one pane reflects behind another."""
-        ctx, program = self.ctx, self._programs.pane
+        ctx, program = self.ctx, self._programs.of("pane.vert", "pane.frag")
         assert look.eye is not None
         ctx.enable(ctx.BLEND)
         ctx.blend_func = ctx.ONE, 0x88F9, ctx.ZERO, ctx.ONE  # type: ignore[assignment]  # GL_SRC1_COLOR
@@ -251,7 +237,7 @@ class Renderer:
         for o, model in zip(self._objects, look.models, strict=True):
             if o.has_panes:
                 _place(program, look.view_projection, model)
-                o.draw_panes(layer)
+                o.draw_panes(program, layer)
         linear.drawn.depth_mask = True
         ctx.disable(ctx.BLEND)
 
@@ -259,45 +245,40 @@ class Renderer:
         self.ctx.enable_only(self.ctx.DEPTH_TEST)
         self.ctx.depth_func, self.ctx.front_face, self.ctx.cull_face = "<", "ccw", "back"
 
-    def _set_up(self, look: Look) -> None:
-        """Set the uniforms that all views of a picture share."""
-        scale = look.scale or NO_SCALE
-        shown = look.textured and look.eye is not None and self._gloss.use(**GLOSS_UNITS)
-        for program in self._programs.of_surfaces:
-            program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
-            program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())  # type: ignore[union-attr]
-            program["scale"] = scale[:3]
-            program["of_luminance"] = scale.quantity == LUMINANCE
-            program["lines"] = (*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines)))
-            program["line_count"] = len(scale.lines)
-            program["line_look"] = LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM
-            program["unlit"] = UNLIT
-            program["reach"] = self._mirrors.size
-            if "cells" in program:
-                for name, unit in GLOSS_UNITS.items():
-                    program[name] = unit
-                program["single_rays"] = self._gloss.light is not None and self._gloss.light.tree is not None
-                program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
-            if "image" in program:
-                program["image"] = 0
-                program["brightest"] = MOST_REFLECTANCE
-                program["painted"] = float(look.textured)
-        for program in (self._programs.sharp, self._programs.sharp_textured):
-            if program is not None and look.eye is not None:
-                self._mirrors.set_up(program)
-                self._set_up_lights(program)
+    def _set_up(self, program: moderngl.Program, look: Look, view: View) -> None:
+        """Set the uniforms that all objects share; the units of textures have been bound."""
+        scale, light = look.scale or NO_SCALE, self._gloss.light
+        put(
+            program,
+            exposure=tuple(2.0**look.exposure * gain for gain in look.gains),
+            map=SEQUENTIAL.astype(np.float32).tobytes(),
+            scale=scale[:3],
+            of_luminance=scale.quantity == LUMINANCE,
+            lines=(*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines))),
+            line_count=len(scale.lines),
+            line_look=(LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM),
+            unlit=UNLIT,
+            reach=self._mirrors.size,
+            single_rays=light is not None and light.tree is not None,
+            layout_of=(self._gloss.lines, CELLS),
+            image=0,
+            brightest=MOST_REFLECTANCE,
+            painted=float(look.textured),
+            mirrored_view=view.gloss,
+            **GLOSS_UNITS,
+            **({} if view.eye is None else {"eye_at": tuple(view.eye)}),
+        )
 
-    def _set_up_lights(self, program) -> None:
+    def _set_up_lights(self, program: moderngl.Program) -> None:
         at, value = np.zeros((HIGHLIGHTS, 4), np.float32), np.zeros((HIGHLIGHTS, 3), np.float32)
-        program["lamp_count"] = count = 0 if self._lights is None else len(self._lights.at)
+        count = 0 if self._lights is None else len(self._lights.at)
         if self._lights is not None:
             at[:count], value[:count] = self._lights.at, self._lights.value
-        program["lamp_at"].write(at.tobytes())
-        program["lamp_value"].write(value.tobytes())
+        put(program, lamp_count=count, lamp_at=at.tobytes(), lamp_value=value.tobytes())
 
     def _draw_sky(self, look: Look, view: View, mode: str) -> None:
         """Draw the sky, before all objects; mode: of TONE_MAP_CODES."""
-        of, sky, mirrored = self._faces.sky, self._sky, view.gloss > 0
+        of, mirrored = self._faces.sky, view.gloss > 0
         if not of.radiance.any() or not look.is_light or (look.scale is not None and not mirrored):
             return
         key = id(self._faces), look.exposure, mode, tuple(look.gains)
@@ -311,13 +292,21 @@ class Renderer:
                 self._dome[1].release()
             self._dome = key, self.ctx.texture((columns, rows), 3, light.astype(np.float32).tobytes(), dtype="f4")
         self._dome[1].use(SKY_UNIT)
-        sky["direction_of"].write(np.linalg.inv(view.view_projection[[0, 1, 3], :3]).T.astype(np.float32).tobytes())
-        sky["pixels"], sky["dome"] = tuple(map(float, view.size)), SKY_UNIT
-        sky["up"], sky["east"], sky["north"] = map(tuple, (of.up, of.east, of.north))
-        sky["compressed"], sky["far"] = view.compressed, BACKDROP if mirrored else 1.0
-        sky["everywhere"] = mirrored
+        sky = self._programs.of("screen.vert", "sky.frag")
+        put(
+            sky,
+            direction_of=np.linalg.inv(view.view_projection[[0, 1, 3], :3]).T.astype(np.float32).tobytes(),
+            pixels=tuple(map(float, view.size)),
+            dome=SKY_UNIT,
+            up=tuple(of.up),
+            east=tuple(of.east),
+            north=tuple(of.north),
+            compressed=view.compressed,
+            far=BACKDROP if mirrored else 1.0,
+            everywhere=mirrored,
+        )
         self.ctx.disable(self.ctx.DEPTH_TEST | self.ctx.CULL_FACE)
-        self._sky_screen.render(moderngl.TRIANGLES, vertices=3)
+        self._programs.cover(sky)
         self.ctx.enable(self.ctx.DEPTH_TEST)
 
     def _draw_mirrors(self, look: Look, layer: int) -> bool:
@@ -348,7 +337,7 @@ class Renderer:
             objects = {o: d for o, d in objects.items() if o == 0 or any(r.plane is not None for r in d.reflectors)}
 
         def place(o: int) -> None:
-            _place(self._programs.mask, view.view_projection, look.models[o])
+            _place(self._mask, view.view_projection, look.models[o])
 
         self.ctx.front_face = view.front_face
         matrices = b"".join(
@@ -371,34 +360,48 @@ class Renderer:
         if mirrored:
             mode = "compressed reflection" if view.compressed else "reflection"
         self._draw_sky(look, view, mode)
-        for program in self._programs.of_surfaces:
-            program["tone_map"] = TONE_MAP_CODES[mode]
-            if "mirrored_view" in program:
-                program["mirrored_view"] = view.gloss
-            if "eye_at" in program and view.eye is not None:
-                program["eye_at"] = tuple(view.eye)
-        for o, model in zip(self._objects, look.models, strict=True):
-            _place(self._programs.surface, view.view_projection, model, view.eye)
-            painted = o.is_textured and (look.textured or o.has_holes)
-            if not painted and not o.reflectors and not o.has_panes:
-                o.draw(look.cull, layer)
-                continue
-            for program in self._programs.of_surfaces[1:]:
-                _place(program, view.view_projection, model, view.eye)
+        shows_gloss = look.is_light and look.eye is not None and self._gloss.use(**GLOSS_UNITS)
+        ready: set[moderngl.Program] = set()
 
-            def sharp(program, reflector: Reflector, model=model) -> bool:
+        def ready_program(*defines: str) -> moderngl.Program:
+            program = self._programs.of("surface.vert", "surface.frag", f"TONE_MAP {TONE_MAP_CODES[mode]}", *defines)
+            if program not in ready:
+                self._set_up(program, look, view)
+                if "SHARP" in defines:
+                    self._mirrors.set_up(program)
+                    self._set_up_lights(program)
+                ready.add(program)
+            return program
+
+        for o, model in zip(self._objects, look.models, strict=True):
+            kind = ["GLOSS"] * (o.is_glossy and shows_gloss)
+
+            def program_of(*defines: str, model=model, kind=kind) -> moderngl.Program:
+                program = ready_program(*defines, *kind)
+                _place(program, view.view_projection, model, view.eye)
+                return program
+
+            if not (o.is_textured and (look.textured or o.has_holes)) and not o.reflectors and not o.has_panes:
+                o.draw(program_of(), look.cull, layer)
+                continue
+
+            def sharp(reflector: Reflector, textured: bool, model=model) -> moderngl.Program | None:
                 way = self._mirrors.way(reflector, view.mirrors)
-                if way is not None:
-                    self._mirrors.use(program, reflector, model, way)
-                return way is not None
+                if way is None:
+                    return None
+                program = ready_program("SHARP", *["TEXTURED"] * textured)
+                _place(program, view.view_projection, model)
+                self._mirrors.use(program, reflector, model, way)
+                return program
 
             def left_out(reflector: Reflector) -> bool:
                 return view.skipped in reflector.omitted
 
-            o.draw_calls(self._textures, look.cull, layer, sharp, left_out)
+            o.draw_calls(self._textures, look.cull, layer, program_of, sharp, left_out)
         if self._bright is not None and look.is_light and not mirrored:
-            _place(self._programs.surface, view.view_projection, look.models[0], view.eye)
-            self._bright.draw(cull=True)
+            program = ready_program()
+            _place(program, view.view_projection, look.models[0])
+            self._bright.draw(program, cull=True)
 
     def _draw_outline_of_faces(self, targets: Targets, look: Look, faces: np.ndarray) -> None:
         """Draw a line round the visible part of some faces of the static part; a wall has a whole room in front."""
@@ -409,11 +412,11 @@ class Renderer:
         targets.mask.color_mask = False, False, False, False
         targets.mask.use()
         for o, model in zip(self._objects, look.models, strict=True):
-            _place(self._programs.mask, look.view_projection, model)
+            _place(self._mask, look.view_projection, model)
             o.mark(look.cull)
         targets.mask.color_mask = True, True, True, True
         targets.mask.use()
-        _place(self._programs.mask, look.view_projection, look.models[0])
+        _place(self._mask, look.view_projection, look.models[0])
         self._objects[0].mark_faces(faces, look.cull)
         to_clip = look.view_projection @ look.models[0]
         area = self._objects[0].rectangle(to_clip, targets.size, look.outline_width, faces)
@@ -429,7 +432,7 @@ class Renderer:
         targets.mask.use()
         targets.mask.clear()
         ctx.enable_only(ctx.NOTHING)
-        _place(self._programs.mask, look.view_projection, model)
+        _place(self._mask, look.view_projection, model)
         o.mark()
         self._draw_line(targets, look, area, colour)
 
@@ -441,10 +444,9 @@ class Renderer:
         ctx.enable_only(ctx.BLEND)
         ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE  # type: ignore[assignment]
         targets.mask.color_attachments[0].use(0)
-        self._outline["mask"] = 0
-        self._outline["line"] = colour
-        self._outline["width"] = look.outline_width
-        self._screen.render(moderngl.TRIANGLES, vertices=3)
+        program = self._programs.of("screen.vert", "outline.frag")
+        put(program, mask=0, line=colour, width=look.outline_width)
+        self._programs.cover(program)
         targets.picture.scissor = None
 
     @property
@@ -475,12 +477,11 @@ class Renderer:
         self._gloss.release()
         self._mirrors.release()
         self._coverage.release()
-        screens = self._screen, self._outline, self._sky_screen, self._sky
-        dome = () if self._dome is None else self._dome[1:]
-        for thing in (*screens, *dome, self._programs.mask, self._programs.pane, *self._programs.of_surfaces):
-            thing.release()
+        if self._dome is not None:
+            self._dome[1].release()
         if self._linear is not None:
             self._linear.release()
+        self._programs.release()
 
 
 def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[int, int, int, int] | None]]:
