@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather import bright_faces
-from gi_core.gather.face_light import face_light
-from gi_core.gather.radiosity import Radiosity
+from gi_core.gather.radiosity import Radiosity, face_light
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
