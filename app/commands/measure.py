@@ -15,7 +15,8 @@ from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
-    from app.rest.calculation_surface import Level, SurfaceLight
+    from app.rest.calculation_surface import SurfaceLight
+    from app.rest.surface_grid import Level
     from gi_core.solver import Solver
 
 
@@ -39,8 +40,8 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
 
     error: relative l1 noise at the end. Raises SceneError, UsageError, OSError.
     """
-    from app.rest.calculation_surface import power
     from app.session.readouts import csv_text, text_lines
+    from gi_core.lights.power import power_of
     from gi_core.scene.types import UNITS
 
     if file is not None:
@@ -56,14 +57,16 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         rows = _points(settings, solver, error)
     if file is not None:
         write_whole(file, csv_text(rows, lights, units))
-    return text_lines(rows, lights, level, units, power(solver.model, solver.levels, settings, level))
+    power = power_of(solver.model.emitters, scene, solver.levels, settings.watts, level.area)
+    return text_lines(rows, lights, level, units, power)
 
 
 def measured(solver: Solver, settings: Settings, error: float, bar: Bar) -> tuple[Level, tuple[SurfaceLight, ...]]:
     """Return the floor of a scene, and the light on its surfaces, or on one at desk height."""
     import time
 
-    from app.rest.calculation_surface import WORKING_PLANE, all_steps, level_of, maintained_levels, surfaces_of
+    from app.rest.calculation_surface import WORKING_PLANE, all_steps, maintained_levels, surfaces_of
+    from app.rest.surface_grid import level_of
 
     level, started = level_of(solver.model), time.monotonic()
     surfaces = surfaces_of(settings, solver.scene) or (WORKING_PLANE,)

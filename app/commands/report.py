@@ -42,8 +42,8 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
     """
     from app.draw.picture_files import png
     from app.draw.shot import Shot
-    from app.rest.calculation_surface import power
     from app.session import report as written
+    from gi_core.lights.power import power_of
 
     files = [("--out", out, ".html")] + ([] if numbers is None else [("--json", numbers, ".json")])
     for option, file, suffix in files:
@@ -62,7 +62,7 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
             shot = Shot(solver, replace(settings, show=show, isolines=lines))
             shot.refine()
             pictures.append((caption, png(shot.take(lambda f: bar("drawing", f)))))
-        watts = power(solver.model, solver.levels, settings, level)
+        watts = power_of(solver.model.emitters, scene, solver.levels, settings.watts, level.area)
         content = written.Content(
             solver.model, settings, solver.levels, level, lights, watts, pictures, version(), error
         )

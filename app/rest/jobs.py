@@ -17,7 +17,8 @@ from gi_core.base.pause import Progress, pause, steps
 from gi_core.scene.validate import parts_of
 
 if TYPE_CHECKING:
-    from app.rest.calculation_surface import Level, SurfaceLight
+    from app.rest.calculation_surface import SurfaceLight
+    from app.rest.surface_grid import Level
     from gi_core.display.fine_points import FinePoints
     from gi_core.gather.pose_gather import PoseGather
     from gi_core.scene.types import CalculationSurface
@@ -232,7 +233,8 @@ class SurfacesJob(Job):
         return surfaces, maintained_levels(s.model, s.levels, settings).tobytes(), *state_of(s)
 
     def begin(self) -> Iterator:
-        from app.rest.calculation_surface import all_steps, level_of
+        from app.rest.calculation_surface import all_steps
+        from app.rest.surface_grid import level_of
 
         s = self._solver
         self._level = self._level or level_of(s.model)

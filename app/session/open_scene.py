@@ -20,8 +20,8 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.draw_mesh import DrawMesh
     from app.draw.lit_scene import LitScene
     from app.draw.picking import Picker
-    from app.rest.calculation_surface import Grid, Level
     from app.rest.results import GatherProgress
+    from app.rest.surface_grid import Grid, Level
     from app.session.lights import LightId
     from app.session.method_view import MethodParts
     from gi_core.defaults import Chosen
@@ -101,21 +101,23 @@ class OpenScene:
     @cached_property
     def level(self) -> Level:
         """The lit box above the floor, along the axes of the scene, for calculation surfaces."""
-        from app.rest.calculation_surface import level_of
+        from app.rest.surface_grid import level_of
 
         return level_of(self.model)
 
     @property
     def power(self) -> Power:
         """Electric power of the lamps on show."""
-        from app.rest.calculation_surface import power
+        from gi_core.lights.power import power_of
 
-        return power(self.model, self.light.snapshot.levels, self.settings, self.level)
+        levels = self.light.snapshot.levels
+        return power_of(self.model.emitters, self.scene, levels, self.settings.watts, self.level.area)
 
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:
         """The calculation surfaces at the poses of the light on show."""
-        from app.rest.calculation_surface import grid_of, surfaces_of
+        from app.rest.calculation_surface import surfaces_of
+        from app.rest.surface_grid import grid_of
         from gi_core.scene import SceneError
 
         poses, out = self.light.snapshot.poses, []

@@ -13,7 +13,8 @@ import numpy as np
 from gi_core.scene.types import DAYLIGHT_FACTOR, ILLUMINANCE, UGR
 
 if TYPE_CHECKING:
-    from app.rest.calculation_surface import Level, SurfaceLight
+    from app.rest.calculation_surface import SurfaceLight
+    from app.rest.surface_grid import Level
     from gi_core.lights.power import Power
     from gi_core.scene.types import CalculationSurface, Units
 
@@ -96,17 +97,12 @@ def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:
 
     Lamps of unknown watts bring light without power.
     """
-    n = light.numbers
-    if (
-        not power.of_lamp
-        or power.unknown
-        or light.surface.quantity != ILLUMINANCE
-        or units.per_area != "lx"
-        or not n.mean > 0
-    ):
+    mean, error = light.numbers.mean
+    lux = light.surface.quantity == ILLUMINANCE and units.per_area == "lx"
+    if not power.of_lamp or power.unknown or not lux or not mean > 0:
         return ""
-    value = power.per_100_lux(n.mean)
-    return f"{shown(value, value * n.mean_error / n.mean, 'W/m²')} per 100 lx"
+    value = power.per_area / (mean / 100)
+    return f"{shown(value, value * error / mean, 'W/m²')} per 100 lx"
 
 
 def unit_of(surface: CalculationSurface, units: Units) -> str:
@@ -116,7 +112,7 @@ def unit_of(surface: CalculationSurface, units: Units) -> str:
 
 def described(light: SurfaceLight, level: Level) -> str:
     """Return size, place and points of a surface."""
-    from app.rest.calculation_surface import points_of
+    from app.rest.surface_grid import points_of
 
     s, (a, b), left_out = light.surface, light.grid.shape, light.numbers.left_out
     width, depth = light.grid.size.tolist()

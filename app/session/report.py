@@ -25,7 +25,7 @@ from gi_core.lights.power import full_watts
 from gi_core.scene.types import UNITS, PhotometricLight, PlacedLight, SkyLight
 
 if TYPE_CHECKING:
-    from app.rest.calculation_surface import Level
+    from app.rest.surface_grid import Level
     from app.settings import Settings
     from gi_core.lights.power import Power
     from gi_core.model import Model
@@ -273,7 +273,7 @@ def _materials(c: Content) -> str:
 def _settings(c: Content) -> list[tuple[str, str]]:
     """Return what a second run needs: files with their hashes, seed, errors, levels."""
     scene, s = c.model.scene, c.settings
-    watts = full_watts(scene.lights, dict(scene.watts + s.watts))
+    watts = full_watts(scene, s.watts)
     rows = [("scene", Path(s.scene).name), ("program", f"gi-viewer {c.version}"), ("seed", str(s.seed)),
             ("relative noise asked for", f"{100 * c.error:g} %"),
             ("maintenance factor", f"{s.maintenance_factor or scene.maintenance_factor:g}"),

@@ -6,7 +6,6 @@ maintenance factor, for ageing and dirt.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,9 @@ import numpy as np
 from gi_core.geometry.error import luminance
 from gi_core.lights.emission import Emitters
 from gi_core.lights.kinds import IS_DISTANT
-from gi_core.scene.types import Light, PhotometricLight
+from gi_core.scene.types import PhotometricLight, Scene
+
+Stated = tuple[tuple[str, float], ...]  # [W] by name of lamp
 
 
 class Power(NamedTuple):
@@ -33,10 +34,6 @@ class Power(NamedTuple):
         """Power per area of the floor [W/m2]."""
         return self.total / self.area
 
-    def per_100_lux(self, mean: float) -> float:
-        """Power per area and 100 lx of a mean illuminance [lx]; inf in the dark."""
-        return self.per_area / (mean / 100) if mean > 0 else np.inf
-
 
 def is_electric(emitters: Emitters) -> np.ndarray:
     """Return whether lamps are neither sun nor sky, (G,) bool."""
@@ -45,25 +42,18 @@ def is_electric(emitters: Emitters) -> np.ndarray:
     return out
 
 
-def maintained(emitters: Emitters, levels: np.ndarray, factor: float) -> np.ndarray:
-    """Return levels (G, 3) of lamps of which the electric ones have a maintenance factor."""
-    return np.where(is_electric(emitters)[:, None], factor * levels, levels)
-
-
-def full_watts(lights: Sequence[Light], stated: Mapping[str, float]) -> dict[str, float]:
-    """Return the watts at level 1 by lamp, as stated or of photometric files."""
+def full_watts(scene: Scene, stated: Stated) -> dict[str, float]:
+    """Return the watts at level 1 by lamp: as stated, or as the scene states them, or of photometric files."""
     full = dict[str, float]()
-    for light in lights:
+    for light in scene.lights:
         if isinstance(light, PhotometricLight) and light.watts > 0:
             full[light.name] = full.get(light.name, 0.0) + light.watts
-    return full | dict(stated)
+    return full | dict(scene.watts) | dict(stated)
 
 
-def power_of(
-    emitters: Emitters, lights: Sequence[Light], levels: np.ndarray, stated: Mapping[str, float], area: float
-) -> Power:
-    """Return the power of lamps at levels (G, 3); stated: watts by name, before those of photometric files."""
-    lamps, flux, full = emitters.lamps, emitters.flux_of_lamps, full_watts(lights, stated)
+def power_of(emitters: Emitters, scene: Scene, levels: np.ndarray, stated: Stated, area: float) -> Power:
+    """Return the power of lamps at levels (G, 3); stated: see full_watts(); area: [m2] of the floor."""
+    lamps, flux, full = emitters.lamps, emitters.flux_of_lamps, full_watts(scene, stated)
     share = luminance(flux * levels) / np.maximum(luminance(flux), 1e-300)
     electric = is_electric(emitters)
     of_lamp = {name: full[name] * float(share[g]) for name, g in lamps.sources.items() if name in full}

@@ -49,7 +49,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     s = replace(s.in_light_scene(tuple(setting_of.values())), solo=solo)
     flux = sum(_flux(setting_of.get(name, LampLevel(name)), solo, k, session) for k, name in enumerate(lamps))
     ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
-    watts = full_watts(session.scene.lights, dict(session.scene.watts + s.watts))
+    watts = full_watts(session.scene, s.watts)
     if watts:
         ui.number("Power", power_text(session.power), "Watts of photometric files, or as stated, at these levels.")
     snapshot = session.light.snapshot

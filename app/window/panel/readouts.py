@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
-from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, in_room, surfaces_of
+from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, surfaces_of
+from app.rest.surface_grid import in_room
 from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, per_100_lux, shown, unit_of
 from app.session.session import Session
 from app.settings import Settings

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from app.rest.calculation_surface import level_of, surface_steps
+from app.rest.calculation_surface import surface_steps
+from app.rest.surface_grid import level_of
 from gi_core.files.load import load_scene
 from gi_core.gather.glare import glare
 from gi_core.model import Model

@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.rest.calculation_surface import level_of, maintained_levels, power, surface_steps
+from app.rest.calculation_surface import maintained_levels, surface_steps
+from app.rest.surface_grid import level_of
 from app.session.readouts import per_100_lux
 from app.settings import Settings
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.photometry_file import read_photometry
 from gi_core.files.load import load_scene
-from gi_core.lights.power import Power
+from gi_core.lights.power import Power, power_of
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, SceneError
 from gi_core.scene.types import PHOTOMETRIC
@@ -75,13 +76,13 @@ def test_power_by_hand(room):
     model = Model(scene)
     level, levels = level_of(model), model.emitters.lamps.full()
     assert level.area == pytest.approx(20.0)
-    whole = power(model, levels, Settings(), level)
+    whole = power_of(model.emitters, scene, levels, (), level.area)
     assert whole.total == pytest.approx(12.5 + 2 * of_file) and whole.unknown == ()
-    assert whole.per_area == pytest.approx(whole.total / 20) and whole.per_100_lux(250.0) == whole.per_area / 2.5
+    assert whole.per_area == pytest.approx(whole.total / 20)
     levels[model.emitters.lamps.names.index("bulb")] = 0.4
-    own = power(model, levels, Settings(watts=(("down", 40.0),)), level)
+    own = power_of(model.emitters, scene, levels, (("down", 40.0),), level.area)
     assert own.of_lamp == pytest.approx({"bulb": 5.0, "down": 40.0, "down 2": of_file})
-    bare = power(Model(replace(scene, watts=())), levels, Settings(), level)
+    bare = power_of(model.emitters, replace(scene, watts=()), levels, (), level.area)
     assert bare.unknown == ("bulb",)
 
 
@@ -98,7 +99,7 @@ def test_maintained_light_is_that_of_lamps_times_the_factor(room):
 
     def mean(levels) -> float:
         *_, light = surface_steps(model, surface, level, {}, levels, 0, 0.01)
-        return light.numbers.mean
+        return light.numbers.mean[0]
 
     dark = full * np.array([[name == "light 4"] for name in names])
     whole, daylight = mean(full), mean(dark)
@@ -109,7 +110,7 @@ def test_maintained_light_is_that_of_lamps_times_the_factor(room):
 
 def test_power_per_100_lux_needs_the_watts_of_all_lamps():
     """Lamps without known watts made a room of 663 lx look like one of 0.03 W/m2 per 100 lx."""
-    light = SimpleNamespace(numbers=SimpleNamespace(mean=200.0, mean_error=1.0), surface=CalculationSurface("desk"))
+    light = SimpleNamespace(numbers=SimpleNamespace(mean=(200.0, 1.0)), surface=CalculationSurface("desk"))
     one = Power({"bulb": 30.0}, (), 10.0)
     assert per_100_lux(one, light, PHOTOMETRIC).startswith("1.5")
     assert per_100_lux(one._replace(unknown=("panel",)), light, PHOTOMETRIC) == ""

@@ -10,25 +10,18 @@ import numpy as np
 import pytest
 
 from app.rest.calculation_surface import (
-    BORDER,
     FAIL,
     PASS,
     UNCERTAIN,
     WORKING_PLANE,
     SurfaceLight,
     all_steps,
-    axes_of,
-    box_along,
-    grid_of,
-    in_room,
-    level_of,
     light_steps,
-    points_of,
-    standard_points,
     surface_steps,
     uniformity,
     verdict,
 )
+from app.rest.surface_grid import BORDER, axes_of, box_along, grid_of, in_room, level_of, points_of
 from app.session.readouts import Row, csv_text, shown, text_lines
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
@@ -75,7 +68,7 @@ def measured(scene: Scene, plane: CalculationSurface, low, high, seed: int = 0, 
     ],
 )  # fmt: skip
 def test_the_grid_is_that_of_en_12464_1(width, depth, points):
-    assert standard_points(width, depth) == points
+    assert points_of((width, depth)) == (points, "")
 
 
 def test_points_are_the_centres_of_cells_on_horizontal_axes():
@@ -107,14 +100,13 @@ def test_numbers_of_a_grid_by_hand():
     values = np.array([100.0, 200.0, np.nan, 300.0, 400.0, 500.0, 600.0])
     n = uniformity(values, np.full(7, 10.0))
     assert (n.points, n.left_out) == (6, 1)
-    assert (n.mean, n.least, n.most) == (350.0, 100.0, 600.0)
-    assert (n.U0, n.Ud) == pytest.approx((100 / 350, 100 / 600))
     of_mean = 10 / math.sqrt(6)
-    assert n.mean_error == pytest.approx(of_mean)
-    assert n.U0_error == pytest.approx(n.U0 * math.hypot(10 / 100, of_mean / 350))
-    assert n.Ud_error == pytest.approx(n.Ud * math.hypot(10 / 100, 10 / 600))
+    U0, Ud = 100 / 350, 100 / 600
+    U0_error, Ud_error = U0 * math.hypot(10 / 100, of_mean / 350), Ud * math.hypot(10 / 100, 10 / 600)
+    expected = np.array([(350, of_mean), (100, 10), (600, 10), (U0, U0_error), (Ud, Ud_error)])
+    assert np.array([row[1:3] for row in n.rows()]) == pytest.approx(expected)
     dark, none = uniformity(np.zeros(4), np.zeros(4)), uniformity(np.full(2, np.nan), np.full(2, np.nan))
-    assert math.isnan(dark.U0) and dark.mean == 0 and math.isnan(none.mean) and none.left_out == 2
+    assert math.isnan(dark.rows()[3][1]) and dark.mean[0] == 0 and math.isnan(none.mean[0]) and none.left_out == 2
 
 
 def test_a_downlight_over_a_desk_by_hand():
@@ -127,12 +119,13 @@ def test_a_downlight_over_a_desk_by_hand():
     assert light.grid.shape == (7, 5) and light.fraction == 1.0
     assert light.values == pytest.approx(expected, rel=1e-4)
     n = light.numbers
-    assert n.most == pytest.approx(INTENSITY / 4, rel=1e-4), "the middle of an odd grid: I / h^2"
-    assert (n.mean, n.least) == pytest.approx((expected.mean(), expected.min()), rel=1e-4)
-    assert n.U0 == pytest.approx(expected.min() / expected.mean(), rel=1e-4) and n.U0_error < 1e-4
+    assert n.most[0] == pytest.approx(INTENSITY / 4, rel=1e-4), "the middle of an odd grid: I / h^2"
+    assert (n.mean[0], n.least[0]) == pytest.approx((expected.mean(), expected.min()), rel=1e-4)
+    U0, error = n.rows()[3][1:3]
+    assert U0 == pytest.approx(expected.min() / expected.mean(), rel=1e-4) and error < 1e-4
     lines = text_lines([], [light], level, PHOTOMETRIC)
     assert lines[0].startswith("plane              3 x 2 m, 0.75 m above the floor, 7 x 5 points")
-    assert lines[3] == "maximum            100 lx" and lines[4].startswith(f"uniformity U0      {n.U0:.4g} ")
+    assert lines[3] == "maximum            100 lx" and lines[4].startswith(f"uniformity U0      {U0:.4g} ")
 
 
 def test_points_inside_objects_and_outside_a_room_do_not_count():
@@ -221,7 +214,7 @@ def test_the_floor_and_the_points_that_count(name):
     plane = rectangle(*ends, 0.75 * size, (6, 6))
     levels = model.emitters.lamps.full()
     *_, light = surface_steps(model, plane, level, model.start_poses(), levels, 0, 0.5)
-    assert light.numbers.points == points and (light.numbers.least > 0) == (name != "no lamp")
+    assert light.numbers.points == points and (light.numbers.least[0] > 0) == (name != "no lamp")
     default = grid_of(WORKING_PLANE, model, level, {})
     if size == 1:
         ends = (default.corners[[0, 2], :2] - low).ravel()
@@ -273,9 +266,13 @@ def test_the_furnace_is_even_and_standard_errors_are_honest():
         plane = rectangle((0.1, 0.1), (0.9, 0.9), 0.5, (4, 4))
         light, _ = measured(furnace_scene(1.0, 0.5, divisions=2), plane, (0, 0, 0), (1, 1, 1), seed, 0.05)
         n = light.numbers
-        assert n.left_out == 0 and 0.9 < n.U0 <= 1 <= n.most / n.mean < 1.1 and n.mean_error < 0.01 * n.mean
+        assert (
+            n.left_out == 0
+            and 0.9 < n.rows()[3][1] <= 1 <= n.most[0] / n.mean[0] < 1.1
+            and n.mean[1] < 0.01 * n.mean[0]
+        )
         off_points.extend((light.values - truth) / light.errors)
-        off_mean.append((n.mean - truth) / n.mean_error)
+        off_mean.append((n.mean[0] - truth) / n.mean[1])
     assert abs(np.mean(off_mean)) < 4 / math.sqrt(12)
     assert 0.8 < np.sqrt(np.mean(np.square(off_points))) < 1.5, "of 8 sets: 1.18, Student's t of 7 degrees of freedom"
     assert 0.5 < np.sqrt(np.mean(np.square(off_mean))) < 1.8
