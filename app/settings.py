@@ -79,7 +79,7 @@ def choice(default: Any, choices: tuple[str, ...], help: str, **columns: Any) ->
     return field(default=default, metadata={"row": Row(of, **{"kept": TOGETHER, **columns})})
 
 
-def switch(default: bool, help: str, **columns: Any) -> Any:
+def switch(default: bool | None, help: str, **columns: Any) -> Any:
     """Return a setting with an option that switches it off, or on."""
     of = {"action": "store_false" if default else "store_true", "help": help}
     return field(default=default, metadata={"row": Row(of, **{"kept": TOGETHER, **columns})})
@@ -250,6 +250,9 @@ class View:
         None, values.maintenance, "F", "factor of the light of electric lamps on surfaces, 0 to 1 (the scene's)",
         of_scene=True,
     )  # fmt: skip
+    hold: bool | None = switch(  # None: the scene file decides
+        None, "dim lamps to the fewest watts that hold the targets of surfaces", of_scene=True
+    )
     fallback: bool = unlisted(True, resets=False)  # without a window, render to a file instead of failing
 
 

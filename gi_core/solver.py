@@ -22,6 +22,7 @@ from gi_core.frames.first_frame import FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
+from gi_core.frames.held_light import Held
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -133,8 +134,19 @@ class Solver:
         otherwise at these levels (`FirstFrame.share`). paths: as for move_all(). Raises SceneError for a name that no
         lamp has, and for a bad level. A change that any exception breaks off has not been made.
         """
-        with self.frame_light.setting.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
+        setting = self.frame_light.setting
+        with setting.dimmed_to(self.lamps.changed(setting.asked, levels, self.scene.name)):
             self._update(paths=paths)
+
+    def hold(self, held: Held | None) -> None:
+        """Let each frame find the levels that hold targets, at most those of set_lamps(); None: have these again."""
+        before, self.frame_light.held = self.frame_light.held, held
+        try:
+            with self.frame_light.setting.dimmed_to(self.frame_light.setting.asked):
+                self._update()
+        except BaseException:
+            self.frame_light.held = before
+            raise
 
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
@@ -234,8 +246,13 @@ class Solver:
             self.frame = self.frame._replace(poses=poses, levels=self.frame_light.setting.levels)
             return  # nothing traced yet
         size = self.frame_light.size(b.estimate.photons if photons is None else photons, paths)
-        with undivided():
-            frame = next_frame(b, self.frame_light, poses, size, self._buffers, again)
+        setting, levels = self.frame_light.setting, self.frame_light.setting.levels
+        try:
+            with undivided():
+                frame = next_frame(b, self.frame_light, poses, size, self._buffers, again)
+        except BaseException:
+            setting.levels = levels  # those of the frame on show
+            raise
         budget = self.budget if b is shown else FrameBudget()
         if frame.evaluated is not self.frame.evaluated:
             budget.record(size, frame.timings, self.frame_light.mobiles.rays_traced)
@@ -340,6 +357,6 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     results = solver.keep_results().of("regions", "places", "photons", "sums", "gloss", "direct light")
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, results=results, **settings)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
-    levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)
+    levels = zip(solver.lamps.names, chosen.asked.tolist(), strict=True)
     other.set_lamps({name: level for name, level in levels if name in other.lamps.names})
     return other

@@ -53,28 +53,34 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
             check_no_input("--csv", file, settings, scene)
         solver = make_solver(scene, settings)
         units = UNITS[scene.units]
-        level, lights = measured(solver, settings, error, bar)
+        held, level, lights = measured(solver, settings, error, bar)
         rows = _points(settings, solver, error)
     if file is not None:
         write_whole(file, csv_text(rows, lights, units))
     power = power_of(solver.model.emitters, scene, solver.levels, settings.watts, level.area)
-    return text_lines(rows, lights, level, units, power)
+    return [*held, *[""][: len(held)], *text_lines(rows, lights, level, units, power)]
 
 
-def measured(solver: Solver, settings: Settings, error: float, bar: Bar) -> tuple[Level, tuple[SurfaceLight, ...]]:
-    """Return the floor of a scene, and the light on its surfaces, or on one at desk height."""
+def measured(
+    solver: Solver, settings: Settings, error: float, bar: Bar
+) -> tuple[tuple[str, ...], Level, list[SurfaceLight]]:
+    """Return what targets hold, the floor of a scene, and the light on its surfaces, or on one at desk height."""
     import time
 
     from app.rest.calculation_surface import WORKING_PLANE, all_steps, maintained_levels, surfaces_of
+    from app.rest.hold import hold_now
     from app.rest.surface_grid import level_of
 
-    level, started = level_of(solver.model), time.monotonic()
+    held, level, started = hold_now(solver, settings, error, bar), level_of(solver.model), time.monotonic()
     surfaces = surfaces_of(settings, solver.scene) or (WORKING_PLANE,)
+    light_of = {light.surface: light for light in (held.lights if held else ())}
+    left = [s for s in surfaces if s not in light_of]
     levels = maintained_levels(solver.model, solver.levels, settings)
-    for lights in all_steps(solver.model, surfaces, level, solver.poses, levels, solver.seed, error):
+    for lights in all_steps(solver.model, left, level, solver.poses, levels, solver.seed, error) if left else ():
         done, spent = sum(light.fraction for light in lights) / len(lights), time.monotonic() - started
         bar(f"measuring{time_left(spent * (1 / done - 1) if done > 0 else None)}", done)
-    return level, lights
+        light_of |= {light.surface: light for light in lights}
+    return held.sentences if held else (), level, [light_of[s] for s in surfaces]
 
 
 def _points(settings: Settings, solver, error: float) -> list:

@@ -40,6 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
              " that exists)")  # fmt: skip
     add("--scale", type=values.scale, default=1, metavar="N", help="times the pixels of --size per side (1)")
     options.seconds(add)
+    options.surface(add)
     add("--still", action="store_true", help="light per pixel by rays: shadows and light between near things are sharp")
     add("--truth", type=values.pixel_paths, metavar="N", help="N whole paths per pixel, without bias; implies --still")
     add("--frames", type=values.frames, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
@@ -70,7 +71,7 @@ def render(
     """
     from app.draw import motion
     from app.draw.shot import Shot
-    from app.rest.scheduler import gather
+    from app.rest.scheduler import gather, hold
     from app.session.film import along, elsewhere, still
 
     linear = out.suffix.lower() == ".exr"
@@ -79,6 +80,8 @@ def render(
         check_no_input("--out", out, settings, scene)
         solver = make_solver(scene, settings)
         solve(solver, bar)
+        if held := hold(solver, settings, bar):
+            bar.say("\n".join(held.sentences))
         gather(solver, seconds, bar, at_poses=frames is None)
         shot = Shot(solver, settings, paths)
         shot.report = bar

@@ -54,8 +54,8 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
         for option, file, _ in files:
             check_no_input(option, file, settings, scene)
         solver = make_solver(scene, settings)
+        held, level, lights = measured(solver, settings, error, bar)
         solve(solver, bar)
-        level, lights = measured(solver, settings, error, bar)
         pictures = []
         lines = () if settings.isolines is None else settings.isolines
         for show, caption in (("radiance", "Picture"), (ILLUMINANCE, "Illuminance on surfaces, in false colours")):
@@ -69,4 +69,4 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
     write_whole(out, written.page(content))
     if numbers is not None:
         write_whole(numbers, written.numbers(content))
-    return [str(file) for _, file, _ in files]
+    return [*held, *(str(file) for _, file, _ in files)]

@@ -210,7 +210,10 @@ def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndar
         rounds.step()
         if state.rounds > seen:
             seen = state.rounds
-            E, error = luminance(state.mean), luminance(state.standard_error) / small_sample_bias(state.sets)
+            E, error = (
+                luminance(state.mean[:, :3]),
+                luminance(state.standard_error[:, :3]) / small_sample_bias(state.sets),
+            )
             mean, left = float(E.mean()), 0.0
             if mean > 0:
                 # relative to 0.05 of the mean where a point is dimmer

@@ -18,8 +18,10 @@ from gi_core.scene.validate import parts_of
 
 if TYPE_CHECKING:
     from app.rest.calculation_surface import SurfaceLight
+    from app.rest.hold import HeldResult, Inputs, Measured
     from app.rest.surface_grid import Level
     from gi_core.display.fine_points import FinePoints
+    from gi_core.frames.held_light import HeldLevels
     from gi_core.gather.pose_gather import PoseGather
     from gi_core.scene.types import CalculationSurface
     from gi_core.solver import Solver
@@ -204,6 +206,49 @@ def _refine(solver: Solver, out: list[tuple[FinePoints, DrawMesh]]) -> None:
         pause(Progress("refining the picture", 1.0, True))
 
 
+class HoldJob(Job):
+    """Lets frames hold the targets of surfaces, see `app.rest.hold`."""
+
+    name = "finding levels"
+
+    def __init__(self, solver: Solver) -> None:
+        super().__init__(solver)
+        self._measured: Measured | None = None
+        self._result: tuple[HeldLevels, HeldResult] | None = None  # of the last frame
+
+    @property
+    def result(self) -> HeldResult | None:
+        """What holds in the frame on show."""
+        from app.rest.hold import result_of
+
+        if self._measured is None or (answer := self._solver.frame.held) is None:
+            return None
+        if self._result is None or self._result[0] is not answer:
+            self._result = answer, result_of(*self._measured, answer)
+        return self._result[1]
+
+    def key(self, settings: Settings) -> Inputs | str | None:
+        from app.rest.hold import inputs_of
+
+        of = inputs_of(settings, self._solver.scene, moving=True)
+        if of is None or not of.surfaces:
+            return None if self._measured is None else "release"
+        return of
+
+    def begin(self) -> Iterator:
+        from app.rest.hold import measured_steps
+
+        if isinstance(self._key, str):
+            return iter([(1.0, None)])
+        return measured_steps(self._solver.model, self._key, self._solver.seed)
+
+    def take(self, result: tuple[float, Measured | None]) -> bool:
+        if ended := result[0] == 1:
+            self._measured = result[1]
+            self._solver.hold(None if result[1] is None else result[1][0])
+        return ended
+
+
 class SurfacesJob(Job):
     """Measures calculation surfaces at the present poses; see `app.rest.calculation_surface`."""
 
@@ -227,7 +272,9 @@ class SurfacesJob(Job):
         from app.rest.calculation_surface import maintained_levels, surfaces_of
 
         s = self._solver
-        surfaces = tuple(x for x in surfaces_of(settings, s.scene) if not x.on or x.on in parts_of(s.scene))
+        held = [] if s.frame.held is None else [of.surface for of in s.frame_light.held.surfaces]
+        placed = (x for x in surfaces_of(settings, s.scene) if not x.on or x.on in parts_of(s.scene))
+        surfaces = tuple(x for x in placed if x not in held)
         if not surfaces:
             return None
         return surfaces, maintained_levels(s.model, s.levels, settings).tobytes(), *state_of(s)

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from app.draw.draw_mesh import DrawMesh
     from app.rest.calculation_surface import SurfaceLight
+    from app.rest.hold import HeldResult
     from gi_core.display.dilation import Drawn
     from gi_core.display.fine_points import FineLight
     from gi_core.estimators.base import Setting
@@ -93,6 +94,7 @@ class RestResults(NamedTuple):
     comparison: Comparison | None = None
     surfaces: tuple[SurfaceLight, ...] = ()  # those that are measured so far
     fine: FinePicture | None = None  # None: the picture has receivers alone
+    held: HeldResult | None = None  # None: lamps hold no targets
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""

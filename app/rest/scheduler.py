@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from app import settings as defaults
 from app.cli.progress import time_left
-from app.rest.jobs import FineJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
+from app.rest.jobs import FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
 from app.settings import REFERENCE, Settings
@@ -17,6 +17,7 @@ from app.worker import Task
 from gi_core.base.pause import Interrupted
 
 if TYPE_CHECKING:
+    from app.rest.hold import HeldResult
     from gi_core.solver import Solver
 
 NO_ERRORS = Settings(measure_errors=False)
@@ -36,6 +37,7 @@ class RestWork:
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
         self.at_poses, self.surfaces, self.fine = PoseJob(solver), SurfacesJob(solver), FineJob(solver)
+        self.hold = HoldJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
         self._turn = 0
@@ -52,9 +54,10 @@ class RestWork:
         gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
         # Surfaces have two turns: the user waits for their numbers.
         jobs = *gathering, self.surfaces, self.live_error, self.surfaces
+        # Levels change all other light at rest: they come first.
         self._turn += 1
         turn = self._turn % len(jobs)
-        return first_task((self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
+        return first_task((self.hold, self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
 
     def next_fine(self) -> Task | None:
         """Return the next task of fine points, None where none is due."""
@@ -78,17 +81,27 @@ class RestWork:
         e.follow()
         reference = e.picture if REFERENCE in self._settings.beside_estimate else None
         light = self.at_poses.light
+        held = self.hold.result
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
         return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
-                           self.surfaces.lights, self.fine.light)  # fmt: skip
+                           (*(held.lights if held else ()), *self.surfaces.lights), self.fine.light, held)  # fmt: skip
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
         e = self.live_error
-        for job in (self.gathering, self.at_poses, self.fine, self.surfaces, e, e.comparison):
+        for job in (self.gathering, self.at_poses, self.fine, self.hold, self.surfaces, e, e.comparison):
             job.drop()
+
+
+def hold(solver: Solver, settings: Settings, bar: Callable[[str, float], None]) -> HeldResult | None:
+    """Let each frame hold the targets of surfaces; return what holds, None where nothing is asked for."""
+    work = HoldJob(solver)
+    while (task := first_task((work,), settings)) is not None:
+        bar("finding levels", 0.0)
+        task.run()
+    return work.result
 
 
 def gather(

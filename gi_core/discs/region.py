@@ -68,11 +68,16 @@ def regions(model: Model, o: int, radius: float) -> Regions:
 def _measured(model: Model, o: int, radius: float) -> Regions:
     s = model.surfaces
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
-    points, normals = look_from(model, o, radius)
-    patch = model.receiver_sides[rows] >> 1
-    row = np.full(len(rows), WHOLE, np.int32)
+    return regions_at(model, o, *look_from(model, o, radius), model.receiver_sides[rows] >> 1, radius)
+
+
+def regions_at(
+    model: Model, o: int, points: np.ndarray, normals: np.ndarray, patch: np.ndarray, radius: float
+) -> Regions:
+    """Measure the regions of discs at points (n, 3) [m] with normals (n, 3), on patches (n,) of object o, -1: none."""
+    row = np.full(len(points), WHOLE, np.int32)
     reach, count = [], 0
-    for first in range(0, len(rows), RECEIVERS_PER_STEP):
+    for first in range(0, len(points), RECEIVERS_PER_STEP):
         part = slice(first, first + RECEIVERS_PER_STEP)
         tried = _distances(model, o, points[part], normals[part], patch[part], radius, TRIED)
         hit = np.flatnonzero((tried[..., 0] < np.float32(radius)).any(axis=1))
@@ -88,7 +93,7 @@ def _measured(model: Model, o: int, radius: float) -> Regions:
             reach.append(levels(free, radius))
             pause()
     reach = np.concatenate(reach or [np.empty((0, RAYS, 2), np.uint8)])
-    area = np.full(len(rows), math.pi * radius * radius)
+    area = np.full(len(points), math.pi * radius * radius)
     area[row >= 0] = polygon_areas(reach, radius)
     return Regions(row, reach, area)
 

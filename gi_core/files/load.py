@@ -170,6 +170,7 @@ def _described(loading: Loading, stem: str, up) -> Scene:
         surfaces=file.surfaces,
         watts=file.watts,
         maintenance_factor=file.maintenance_factor,
+        hold=file.hold,
     )
     return daylit(scene, file.daylight, where) if file.daylight else scene
 

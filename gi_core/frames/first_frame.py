@@ -80,7 +80,7 @@ class FirstFrame:
 
         model: whose lamps share photons by flux.
         """
-        levels = self._light.setting.levels
+        levels = self._light.setting.asked
         if model.emitters.effective(levels) >= FEW:
             self._photons = self.by_flux  # still traced, and perhaps estimated
             return
@@ -97,7 +97,7 @@ class FirstFrame:
 
     def _worth(self, shown: Background) -> int:
         """Return the number of new photons that bring as little noise as those of a background."""
-        levels = self._light.setting.levels
+        levels = self._light.setting.asked
         new, old = (store.model.emitters.effective(levels) for store in (self._photons, shown.store))
         return round(shown.estimate.photons * (old / new))
 

@@ -19,6 +19,7 @@ from gi_core.discs.stale_receivers import ControlFacts
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
+from gi_core.frames.held_light import HeldLevels
 from gi_core.frames.light_setting import FrameSize
 from gi_core.gloss.light import GlossLight
 from gi_core.lights.lamps import irradiance_at
@@ -54,6 +55,7 @@ class Frame(NamedTuple):
     size: FrameSize = FrameSize(0, 0)
     gathered: bool = False  # the static part's light is gathered
     control_facts: ControlFacts = ControlFacts(0.0, 0, 0)  # receivers under artifact control, in general and now
+    held: HeldLevels | None = None  # None: lamps hold no targets
     timings: Mapping[str, float] = MappingProxyType({})  # stage -> seconds
 
     @property
@@ -159,6 +161,8 @@ def next_frame(
     reach = light.gloss.reach(b.setting.radius, size.paths, light.setting.gloss)
     with overlapped(light.mobiles.rays_ahead(at, size.paths), b.model.threads):
         changed, evaluated = _sums(b, light, at, size, reach, room, clock, shown)
+        held = light.hold(_held(b, light, changed, evaluated) if size.photons else None)
+        clock("hold")
         if size.photons:
             E, unbiased = _controlled(b, light, evaluated, at, size.photons, clock)
         else:
@@ -169,8 +173,15 @@ def next_frame(
         clock("gather")
     own, E = E, light.rested(E, at, b, size.photons)
     gloss, facts = light.gloss_at(b, changed, clock, size.paths), b.estimate.control_facts
-    parts = changed, evaluated, gloss, size, light.is_gathered, facts, clock.seconds
+    parts = changed, evaluated, gloss, size, light.is_gathered, facts, held, clock.seconds
     return Frame(poses, E, own, light.setting.levels, b.store, b, *parts)
+
+
+def _held(b: Background, light: FrameLight, changed: PoseChange, sums: Evaluated) -> HeldLevels | None:
+    if light.held is None:
+        return None
+    change, direct = (changed, None) if sums.direct else (changed.bounced(), light.direct)
+    return light.held.in_frame(b, change, sums.cut, direct, light.setting.asked)
 
 
 def _sums(
@@ -227,7 +238,11 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     parts = (current_segments(model, at, b.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk))
     if not n:
         return np.zeros((len(model.object_receivers.areas), 3))
-    every = b.estimate.from_scratch(parts, at, direct=not light.knows_direct(b))
+    kept = list(parts) if light.held is not None else parts
+    every = b.estimate.from_scratch(kept, at, direct=not light.knows_direct(b))
+    if light.held is not None:
+        direct = light.direct if light.knows_direct(b) else None
+        light.hold(light.held.from_scratch(b, at, kept, n, every.cut, direct, light.setting.asked))
     if shown.background is None:
         weights = b.store.weights(light.setting.levels)
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)

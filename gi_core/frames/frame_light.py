@@ -14,6 +14,7 @@ from gi_core.frames.background import Background
 from gi_core.frames.control_variate import Direct
 from gi_core.frames.edited_light import LightAtPoses
 from gi_core.frames.frame_gloss import FrameGloss
+from gi_core.frames.held_light import Held, HeldLevels
 from gi_core.frames.light_setting import PATHS, PATHS_AT_REST, FrameSize, LightSetting
 from gi_core.frames.mobile_light import AtRest, MobileLight
 from gi_core.frames.pose_light import PoseLight
@@ -36,7 +37,8 @@ class FrameLight:
     A frame begins with the light of the static part (`static`), changed by mobiles according to its photons
     (`control_variate.py`) and by the direct light that they block (`direct`). Paths of the frame light mobiles
     (`mobiles`). At poses that have rested, light gathered with mobiles in place replaces both (`at_poses`). `gloss` has
-    the directions of all that light. `unreached` are the receivers that pictures fill.
+    the directions of all that light. `unreached` are the receivers that pictures fill. `held` are targets for which
+    each frame finds the levels of the lamps, at most those asked for.
     """
 
     def __init__(self, model: Model, seed: int):
@@ -48,6 +50,7 @@ class FrameLight:
         self.gloss = FrameGloss(model, seed)
         self.at_poses = PoseLight(model, seed)
         self.direct = DirectLight(model, seed)
+        self.held: Held | None = None
         self._resolved: tuple[Background, int, bool] | None = None  # of the photons of a background
 
     def twin(self, fresh: bool) -> FrameLight:
@@ -132,6 +135,13 @@ class FrameLight:
             return Direct.unknown(self._model.surfaces.receiver_range(0).stop)
         levels = self.setting.levels
         return Direct(self.static.mixed("direct", self.direct.per_lamp, levels), self.direct.blocked(at, levels))
+
+    def hold(self, held: HeldLevels | None) -> HeldLevels | None:
+        """Take the levels that hold targets; None: those asked for."""
+        levels = self.setting.asked if held is None else held.levels
+        if not np.array_equal(levels, self.setting.levels):
+            self.setting.levels = levels  # else the same array: light at it is kept
+        return held
 
     # -- mobiles ----------------------------------------------------------------------------------
 

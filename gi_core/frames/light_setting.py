@@ -29,14 +29,18 @@ class FrameSize(NamedTuple):
 class LightSetting:
     """`light` is one of LIGHTS. "photons": the estimator lights everything. "best": gathered light has a part.
 
-    levels (G, 3): of the lamps; never written to. subset_only: frames of a photon subset start from the static light of
-    that subset, as in the report. gloss: how rays at glossy receivers are kept, one of `gi_core.gloss.source.WAYS`.
+    levels (G, 3): of the lamps; never written to; `asked` (G, 3): the same, or more where lamps hold targets.
+    subset_only: frames of a photon subset start from the static light of that subset, as in the report. gloss: how rays
+    at glossy receivers are kept, one of `gi_core.gloss.source.WAYS`.
     """
 
     levels: np.ndarray
     light: str = "photons"
     subset_only: bool = False
     gloss: str = QUADTREE
+
+    def __post_init__(self) -> None:
+        self.asked = self.levels
 
     def choose(self, light: str | None, subset_only: bool | None, gloss: str | None = None) -> None:
         """Change the settings; None keeps one. Raises SceneError for an unknown light or way of gloss."""
@@ -47,11 +51,11 @@ class LightSetting:
     @contextmanager
     def dimmed_to(self, levels: np.ndarray) -> Iterator[None]:
         """Set the levels (G, 3) of the lamps, from the next frame on; an exception takes them back."""
-        before, self.levels = self.levels, levels
+        before, self.asked, self.levels = (self.asked, self.levels), levels, levels
         try:
             yield
         except BaseException:
-            self.levels = before
+            self.asked, self.levels = before
             raise
 
     @property

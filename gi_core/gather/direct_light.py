@@ -110,6 +110,11 @@ class DirectLight:
         return out
 
     @property
+    def points_of_lamps(self) -> np.ndarray:
+        """Points on each lamp, (G,) int64."""
+        return np.bincount(self._points.lamp, minlength=self._model.emitters.lamps.count)
+
+    @property
     def is_known(self) -> bool:
         return self._groups is not None
 

@@ -51,17 +51,20 @@ class Glare(NamedTuple):
 
 
 def glare(
-    model: Model, levels: np.ndarray, eyes: np.ndarray, view: np.ndarray, up: np.ndarray, poses: Mapping[str, Pose],
-    seed: int,
+    model: Model, levels: np.ndarray, eyes: np.ndarray, view: np.ndarray, up: np.ndarray,
+    poses: Mapping[str, Pose] | None, seed: int,
 ) -> Glare:  # fmt: skip
-    """Return the light of luminaires at levels (G, 3) at eyes (n, 3) [m], which look along `view` (3,) unit."""
+    """Return the light of luminaires at levels (G, 3) at eyes (n, 3) [m], which look along `view` (3,) unit.
+
+    poses: of all mobiles, None: without them.
+    """
     lights, n = model.lights_at(levels), len(eyes)
     points = light_points(lights, model.emitters.arriving, seed, (FACE,), math.inf)
     assert points is not None
     rows = np.flatnonzero(points.kind == FACE)
     points = points._replace(**{name: getattr(points, name)[rows] for name in points._fields})
     eyes = np.ascontiguousarray(eyes - model.origins[0], np.float64)
-    at, out = model.transforms(poses), np.zeros((n, 2))
+    at, out = model.static if poses is None else model.transforms(poses), np.zeros((n, 2))
     for i in range(n):
         to = points.place - eyes[i]
         distance = np.sqrt((to * to).sum(axis=1))

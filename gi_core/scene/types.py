@@ -330,6 +330,7 @@ class Scene:
     surfaces: tuple[CalculationSurface, ...] = ()
     watts: tuple[tuple[str, float], ...] = ()  # [W] at level 1 by lamp, before those of files
     maintenance_factor: float = 1.0  # of the light of electric lamps on surfaces
+    hold: bool = False  # lamps are dimmed to hold the targets of surfaces
 
     def __repr__(self) -> str:
         lamps = len(self.lights) + sum(any(m.emission) for m in self.materials)

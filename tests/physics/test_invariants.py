@@ -15,14 +15,17 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 import gi_core.frames.frame
+from app.rest.hold import Inputs, measured_steps
 from gi_core.discs.search import PRETESTS, SEARCHES
 from gi_core.estimators import DEFAULT, ESTIMATORS
+from gi_core.frames.held_light import Held
+from gi_core.model import Model
 from gi_core.photons.paths import take
 from gi_core.rays.structures import DEFAULT as RAYS
 from gi_core.rays.structures import STRUCTURES
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mobile, PointLight, Pose, Probe, Scene
+from gi_core.scene.types import CalculationSurface, Material, Mobile, PointLight, Pose, Probe, Scene
 from gi_core.solver import Solver
 from tests.physics.test_contact import bowl
 from tests.support.photometry import luminaire
@@ -114,6 +117,49 @@ def test_any_history_equals_from_scratch_where_direct_light_is_known(history):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gi_core.frames.frame_light.UNRESOLVED", np.inf)  # its walls are coarse
         every_frame_takes_direct_light(history)
+
+
+@cache
+def held() -> Held:
+    """Targets on a level surface of the room."""
+    targets = ("mean", 0.5), ("minimum", 0.1), ("U0", 0.1)
+    surface = CalculationSurface("a", height=0.4, margin=0.1, points=(4, 4), targets=targets)
+    model = Model(SCENE)
+    *_, (_, measured) = measured_steps(model, Inputs((surface,), 1.0, ()), SEED, noise=0.05)
+    return measured[0]
+
+
+@settings(max_examples=8)
+@given(steps, st.lists(st.floats(0.2, 1), min_size=3, max_size=3))
+def test_levels_that_hold_targets_are_those_from_scratch(history, asked):
+    """Levels too are a function of poses and settings: of no earlier frame, of no smaller one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gi_core.frames.frame_light.UNRESOLVED", np.inf)
+        for light in ("photons", "best"):
+            solver = solved(light=light, photons=2000)
+            solver.hold(held())
+            seen = set()
+            for (name, pose), estimator in history:
+                solver.configure(estimator=estimator)
+                solver.solve()
+                solver.move_all({name: AWAY}, solver.frame.subsets[0])
+                solver.move(name, pose)
+                solver.set_lamps(dict(zip(solver.lamps.names, asked, strict=True)))
+                shown, levels = solver.irradiance, solver.levels
+                seen.add(levels.tobytes())
+                assert np.array_equal(shown, solver.from_scratch()) and np.array_equal(levels, solver.levels)
+            new = solved(
+                light=light,
+                photons=2000,
+                estimator=history[-1][1],
+                lamps=dict(zip(solver.lamps.names, asked, strict=True)),
+            )
+            new.move_all(solver.poses)
+            new.hold(held())
+            assert np.array_equal(new.irradiance, solver.irradiance) and np.array_equal(new.levels, solver.levels)
+            solver.hold(None)
+            assert np.array_equal(solver.levels, np.array(asked)[:, None] * np.ones(3))
+            assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def every_frame_takes_direct_light(history):

@@ -338,6 +338,32 @@ def test_a_surface_is_measured_at_rest_and_again_after_a_move(hand, viewer, monk
     assert threads == {"solver"}
 
 
+HELD = SURFACE._replace(name="held", targets=(("mean", 60.0),))
+
+
+@in_window(scene=lamp_over_floor, light="best")
+def test_lamps_hold_a_target_and_undo_brings_levels_back(hand, viewer, monkeypatch):
+    """The switch dims the lamp at rest and in motion; the surface has the light of the frame; undo is as before."""
+    session = viewer.session
+    session.edit(surfaces=(HELD,))
+    hand.ctx.set_ref("Panel")
+    for section in ("Scene", "Objects", "Lamps", "Picture"):
+        hand.ctx.item_close(section)
+    before = session.light.snapshot.levels
+    hand.ctx.item_click("**/Hold targets")
+    hand.wait(lambda: session.light.snapshot.rest.held is not None)
+    snapshot = session.light.snapshot
+    assert (snapshot.levels < before).all() and not snapshot.rest.held.missing
+    mean, error = snapshot.rest.surfaces[0].numbers.mean
+    assert mean == pytest.approx(60.0 + 2.05 * error, abs=0.2 * error + 1e-3)
+    assert snapshot.rest.surfaces[0].is_current and snapshot.rest.surfaces[0].verdicts == {"mean": "pass"}
+    session.move({"tile": Pose((0.0, 0.0, 1.5), (0.0, 1.0, 0.0, 0.0))})  # its front faces the plane
+    hand.wait(lambda: (session.light.snapshot.levels > 1.2 * snapshot.levels).all())
+    hand.press(int(keys().mod_ctrl) | int(keys().z))
+    hand.wait(lambda: session.light.snapshot.rest.held is None)
+    assert not session.settings.hold and (session.light.snapshot.levels == before).all()
+
+
 @in_window(scene=lamp_over_floor, light="photons")
 def test_points_beyond_their_range_are_cut_to_it(hand, viewer):
     """500 points along an axis were refused without a word."""

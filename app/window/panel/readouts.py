@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
 from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, surfaces_of
+from app.rest.hold import is_on
 from app.rest.surface_grid import in_room
 from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, per_100_lux, shown, unit_of
 from app.session.session import Session
@@ -106,6 +107,8 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
         ui.tip("Maintenance factor of EN 12464-1: share of the light of lamps, not of sun and sky, that counts here.")
         if moved:
             actions.add(Edit("maintenance_factor", round(factor, 2), imgui.is_item_activated(), False))
+    if any(surface.targets for surface in surfaces):
+        _hold(s, session, actions)
     for k, surface in enumerate(surfaces):
         imgui.push_id(f"surface {k}")
 
@@ -141,6 +144,27 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
     ui.tip("A surface on top of the selected object, which moves with it.")
     imgui.end_disabled()
     imgui.end_disabled()
+
+
+def _hold(s: Settings, session: Session, actions: set[Any]) -> None:
+    """Draw the switch of targets that lamps hold, and what they take or miss."""
+    on, held = is_on(s, session.scene), session.light.snapshot.rest.held
+    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+    changed, on = imgui.checkbox("Hold targets", on)
+    ui.tip("Dims lamps to the fewest watts that hold the targets, in each frame: at most to the levels in Lamps.")
+    if changed:
+        actions.add(Edit("hold", on))
+    if not on:
+        return
+    state = "at rest" if held is None else "short" if held.missing else held.power
+    imgui.same_line(right - imgui.calc_text_size(state).x)
+    if held is not None and held.missing:
+        imgui.text_colored((*theme.ERROR, 1.0), state)
+    else:
+        imgui.text(state)
+    ui.tip("Levels are found at rest." if held is None else "\n".join(held.sentences))
+    for line in () if held is None else held.missing:
+        ui.wrapped(line, theme.ERROR)
 
 
 def _place(surface: CalculationSurface, session: Session, edit: Callable) -> None:

@@ -141,7 +141,7 @@ UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 LENGTH, SCALE, NAME = of("number", default=None, above=0), of("number", default=1.0, above=0), of("text")
 ROOT = (
     "title", "up", "units", "static", "shape", "mobile", "light", "materials", "camera", "probe", "defaults",
-    "light_scenes", "daylight", "surface", "watts", "maintenance_factor",
+    "light_scenes", "daylight", "surface", "watts", "maintenance_factor", "hold",
 )  # fmt: skip
 STATIC = {"mesh": of("texts"), "scale": SCALE, "max_edge": LENGTH}
 MOBILE = {
@@ -211,6 +211,7 @@ class SceneFile(NamedTuple):
     surfaces: tuple[CalculationSurface, ...] = ()
     watts: tuple[tuple[str, float], ...] = ()
     maintenance_factor: float = 1.0
+    hold: bool = False
 
 
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
@@ -260,6 +261,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
         read_surfaces(root),
         read_watts(root),
         root.number("maintenance_factor", 1.0, above=0, below=math.nextafter(1, 2)),
+        root.flag("hold", False),
     )
 
 
