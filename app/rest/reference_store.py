@@ -85,6 +85,8 @@ class RecordFile:
     def save(self, record: Any) -> None:
         """Replace the file by a record. Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self.path.exists() and not self.path.is_file():  # such as a link to a pipe, which waits for a reader
+            self.path.unlink()
         remove_parts(self.path.parent)
         with replacing(self.path) as part, open(part, "wb") as file:
             np.savez(file, **{KEY_NAME: self.key_text}, **_arrays("", record))  # type: ignore[arg-type]

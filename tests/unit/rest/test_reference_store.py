@@ -158,6 +158,8 @@ def test_a_file_is_that_of_its_scene_and_read_no_further_than_its_light(kept, fo
         s.path.unlink()
         os.mkfifo(s.path)
         assert s.load() is None
+        s.save(kept[1])  # waited for a reader
+        assert s.load() is not None
 
 
 def test_the_oldest_static_light_goes(kept, folder, monkeypatch):
