@@ -7,7 +7,8 @@ its foot. Irradiance itself, errors and invariants do not change.
 
 A receiver with lit neighbours is *unreached* by one of three rules:
 
-- inside: most of its directions hit the inside of solid objects, and it has little of its neighbours' light;
+- inside: most of its directions hit the inside of solid objects, or it lies on their faces, and it has little of its
+  neighbours' light;
 - closed: most of its directions end nearby, and it is black. No neighbour in the open may be black: there the dark is
   real, as at the foot of a thin wall beside an unlit room;
 - cut off: it is black, and surfaces lie between it and each lit neighbour, as at the end of a table leg below the
@@ -30,7 +31,7 @@ from gi_core.gather.hit_cache import pose_bits
 from gi_core.gather.path_ends import BLACK
 from gi_core.geometry.error import luminance
 from gi_core.model import Model
-from gi_core.rays.accelerator import Transforms
+from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import rays_to_object
 from gi_core.scene.pose import to_world_at
 
@@ -161,18 +162,20 @@ class Dilation:
         return self._unreached(np.unique(np.concatenate(rows)), irradiance)
 
     def _under(self, o: int, irradiance: np.ndarray, at: Transforms) -> np.ndarray:
-        """Return the rows of black static receivers that mobile o encloses."""
+        """Return the rows of dark static receivers that mobile o encloses."""
         if o not in self._beside or self._beside[o].pose != pose_bits(at, o):
             rows = self._static_near(o, at)
             self._beside[o] = Beside(pose_bits(at, o), rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
         _, near, pairs, place = self._beside[o]
-        dark = np.flatnonzero(_is_dark(near, pairs, irradiance, BLACK))
+        # where a side meets the grid of the floor, paths bring a sixth of the light beside
+        dark = np.flatnonzero(_is_dark(near, pairs, irradiance, 0.25))
         if len(unknown := dark[place[dark] == UNKNOWN]):
             rows = near[unknown]
             origins = np.repeat(self._points[rows], DIRECTIONS, axis=0)
             rays = directions(self._normals[rows]).reshape(-1, 3)
             place[unknown] = self._places(o, *rays_to_object(at, o, origins, rays))
-        return near[dark[place[dark] != OPEN]]
+        black = _is_dark(near, pairs, irradiance, BLACK)[dark]
+        return near[dark[(place[dark] == INSIDE_SOLID) | (black & (place[dark] == CLOSED))]]
 
     def _sunk(self, o: int, irradiance: np.ndarray, at: Transforms) -> np.ndarray:
         """Return the rows of black receivers of mobile o that the static part encloses."""
@@ -210,6 +213,7 @@ class Dilation:
         limits = np.full(len(rays), self._model.world.size, np.float32)
         distance, face = self._model.accelerator.opaque.nearest(o, origins, rays, limits)
         behind = (face >= 0) & (dot(s.normals[face], rays) > 0) & ~s.two_sided[face]
+        behind |= distance <= LIFT * self._model.world.size  # on a face, such as at the foot of a box in the grid
         inside, near = ((a.reshape(-1, DIRECTIONS).mean(axis=1) > 0.5) for a in (behind, distance < self._near))
         return np.where(inside, INSIDE_SOLID, np.where(near, CLOSED, OPEN)).astype(np.int8)
 

@@ -194,6 +194,25 @@ def test_floor_under_a_mobile_looks_like_the_floor_beside_it():
     assert np.array_equal(solver.drawn(solver.irradiance, there).irradiance, solver.irradiance)  # lit: nothing is black
 
 
+def test_a_box_in_the_grid_of_the_floor_has_no_dark_rim_at_rest():
+    """Receivers on the lines where its sides meet the floor had a sixth of the light beside them."""
+    light = quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)
+    scene = Scene(merge(floor(2.0, 20), light), (grey(0.5), lamp(5.0)), (box_mobile(size=0.4),), up=(0.0, 0.0, 1.0))
+    solver = solved(scene, 30_000, light="best")
+    solver.move("box", Pose((0.0, 0.0, 0.2)))
+    for _ in solver.gather_pose_steps():
+        pass
+    gathered = solver.frame_light.gathered_at(solver.model.transforms(solver.poses))
+    drawn = solver.drawn(solver.irradiance)
+    p = solver.receivers.positions
+    on_floor = np.isin(np.arange(len(p)), solver.surfaces.corner_front[: 2 * 20 * 20])
+    far = np.abs(p[:, :2]).max(axis=1)
+    rim = on_floor & (np.abs(far - 0.2) < 1e-6)
+    beside = np.median(drawn.irradiance[on_floor & (np.abs(far - 0.3) < 1e-6), 1])
+    assert gathered.used.any() and rim.sum() == 16
+    assert ((drawn.irradiance[rim, 1] > 0.5 * beside) | (drawn.weights[rim] < 1)).all()
+
+
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_seat_inside_its_own_post_looks_like_the_seat_beside_it(two_sided):
     """A plate of 20 by 20 cells and a post through it, one mobile; the inside of a two-sided object may be visible."""
