@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.nearest_points import nearest
-from gi_core.discs.search.disc_grid import CELL_RADII, MOST_ALONG
+from gi_core.discs.search.disc_index import CELL_RADII, MOST_ALONG
 from gi_core.estimators.base import checked
 from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND, Model
@@ -51,13 +51,6 @@ FEWEST_PHOTONS = 10_000
 NEIGHBOURS, MOST_NEIGHBOURS = 50, 1000  # k without a prediction, and at most
 SOBOL = 0.82  # noise of the Sobol sequence over that of independent photons: 0.74 to 0.90 in six scenes
 RIM = 0.7  # of the radius: half of a disc's area lies inside
-
-# Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see default-settings.md.
-# Measure again when kernels change much. Precision is not needed: noise follows the root of the time.
-SEGMENT_NS = 1150.0  # tracing one segment, and preparing its line
-CELL_NS = 15.0  # traversing a cell
-TEST_NS = 4.5  # testing a disc, with accumulation: 3 to 10 in five scenes
-RECEIVER_NS = 15_000.0  # measuring a receiver's region
 
 
 class Chosen(NamedTuple):
@@ -253,12 +246,15 @@ def _nearest(model: Model, origins, directions, limits):
 
 def costs(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:
     """Return the seconds before the first photon, and the seconds per photon. `paths`: pilot trace; radius [m]."""
-    threads = 2
     photons = len(paths.offsets) - 1
     segments = (len(paths.side) - photons) / photons
     cells, tests = work(model, paths, radius)
-    a_photon = SEGMENT_NS * segments + CELL_NS * cells + TEST_NS * tests
-    return 1e-9 / threads * RECEIVER_NS * len(model.object_receivers.areas), 1e-9 / threads * a_photon
+    # Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see default-settings.md. Measure
+    # again when kernels change much. Precision is not needed: noise follows the root of the time.
+    a_segment, a_cell, a_test = 1150.0, 15.0, 4.5  # a segment with its line; a disc's test takes 3 to 10 in five scenes
+    a_photon = a_segment * segments + a_cell * cells + a_test * tests
+    regions = 15_000.0 * len(model.object_receivers.areas)
+    return 1e-9 / 2 * regions, 1e-9 / 2 * a_photon  # of 2 threads
 
 
 def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:

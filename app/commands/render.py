@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 FALLBACK_PICTURE = "gi-viewer.png"
 STILLS, FILMS = (".png", ".exr"), (".mp4", ".gif", ".webp")
 MEMORY = {".png": 8, ".exr": 75, ".mp4": 240, ".gif": 55, ".webp": 29}  # bytes per pixel, of noise
-OF_PIXELS = 460  # more of them for light by rays
 RATE = 25  # pictures per second
 
 
@@ -134,7 +133,7 @@ def _check(settings: Settings, out: Path, frames: int | None, rate: int, paths: 
     if suffix in FILMS and frames is None:
         raise UsageError(f"--out {out} is a film: give --frames N, or name a .png file")
     width, height = settings.size
-    need_gb = 1e-9 * (MEMORY[suffix] + (paths is not None) * OF_PIXELS) * width * height
+    need_gb = 1e-9 * (MEMORY[suffix] + (paths is not None) * 460) * width * height
     if need_gb > most_memory:
         raise UsageError(
             f"--out {out} of {width}x{height} pixels takes {need_gb:.0f} GB of memory, more than {most_memory}; lower "

@@ -27,8 +27,7 @@ import platformdirs
 from app.cli.writable import remove_parts, replacing
 from gi_core.base.results import digest
 from gi_core.files.formats.boundary import at_once
-from gi_core.gather.point_gather import Gatherer
-from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
+from gi_core.gather.reference import PATHS_AT_ONCE, Gatherer, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.surfaces import evaluation_points

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gi_core.base.vectors import frame_of, unit
-from gi_core.gather.point_gather import Gatherer
+from gi_core.gather.reference import Gatherer
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene.types import MOST_GRID_POINTS, UGR, CalculationSurface
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from gi_core.model import Model
     from gi_core.scene import Pose
 
-HEIGHT = 0.75  # [m] above the floor: desks
 BORDER = 0.5  # [m] along walls, EN 12464-1
 LEVEL_COSINE = 0.999  # between normals of one flat part
 LEAST_SLOPE = 0.1  # cosine of a face that a vertical line meets at a clear height
@@ -161,7 +160,7 @@ def in_room(surface: CalculationSurface, level: Level) -> CalculationSurface:
     height = surface.height
     if height is None:
         # a plane above 0.9 of the scene's height lies at half the height
-        usual = 1.2 if surface.quantity == UGR else HEIGHT  # m: eyes of people who sit
+        usual = 1.2 if surface.quantity == UGR else 0.75  # m: eyes of people who sit, desks
         height = usual if top * 0.9 >= usual else round(top / 2, decimals)
     return surface._replace(position=position, size=size, margin=margin or 0.0, height=height)
 

@@ -32,9 +32,6 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.scene.types import CalculationSurface, Daylight, Light
 
 
-GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
-
-
 class Finished(NamedTuple):
     """The reflection of a material, or of a part of a mobile."""
 
@@ -211,7 +208,10 @@ class OpenScene:
             if "reflectance" in newest:
                 return Finished(asked[-1], False, finish.darkened)
             if "brdf" not in newest:
-                newest = {"reflectance": dict(finish.values).get("reflectance", GREY), **newest}
+                newest = {
+                    "reflectance": dict(finish.values).get("reflectance", (0.5,) * 3),
+                    **newest,
+                }  # no textures yet
             comes = any("reflectance" in dict(shown) for shown in values_of(self.settings.edits))  # back, by an undo
             return Finished(tuple(newest.items()), finish.textured or comes, finish.darkened)
         return finish

@@ -18,6 +18,7 @@ from typing import Any
 import numba
 import platformdirs
 from numba import types
+from numba.extending import overload
 
 from gi_core.base.kernel_cache import KernelCache, usable_folder
 
@@ -74,3 +75,25 @@ allocating = _decorator()
 
 # For short functions of inner loops: a call that passes six arrays costs 60 ns.
 inlined = _decorator(inline="always")
+
+
+def by_type(functions: dict[type, Callable], otherwise: Callable | None = None) -> Callable:
+    """Return a function that kernels call for the one of `functions` of the class of its first argument, a NamedTuple.
+
+    All take the same arguments; those that are no kernels are compiled with each caller, in half the time.
+    """
+
+    def query(first, *rest):
+        raise NotImplementedError  # outside of kernels
+
+    @overload(query, strict=False)
+    def _(first, *rest):
+        kind = getattr(first, "instance_class", None)
+        chosen = functions.get(kind, otherwise)
+        code = getattr(chosen, "py_func", chosen).__code__
+        call = (lambda first, *rest: chosen(first, *rest)) if hasattr(chosen, "py_func") else chosen
+        # A name of its own: LLVM may take equal names of kernels that two processes have cached for one function.
+        call.__qualname__ = f"{code.co_name}_{code.co_firstlineno}_{getattr(kind, '__name__', '')}"
+        return call
+
+    return query

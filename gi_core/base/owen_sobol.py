@@ -17,7 +17,6 @@ WORD_BITS = 32
 _ONE = np.uint64(1)
 # Degree of the primitive polynomial, its inner coefficients, first direction numbers: dimensions 2, 3, 4, 5.
 _JOE_KUO = ((2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)), (4, 1, (1, 1, 3, 3)))
-_TABULATED = 2  # first dimension that is read from the table
 
 
 def _columns(degree: int, inner: int, first: tuple[int, ...]) -> np.ndarray:
@@ -54,7 +53,7 @@ def coordinate(i, dimension):
         return i ^ ((i & np.uint64(0xFFFF0000)) >> np.uint64(16))
     x, four = np.uint64(0), 0
     while i:
-        x ^= np.uint64(_ADDED[dimension - _TABULATED, four, i & np.uint64(15)])
+        x ^= np.uint64(_ADDED[dimension - 2, four, i & np.uint64(15)])
         i >>= np.uint64(4)
         four += 1
     return x

@@ -13,10 +13,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from gi_core.base.grouping import group_of
-from gi_core.base.jit import kernel
+from gi_core.base.jit import by_type, kernel
 from gi_core.base.random_numbers import basis, cosine_hemisphere
 from gi_core.base.vec import cross, dot, rotate, weighted
 from gi_core.bsdf import ggx, table
@@ -79,85 +78,6 @@ def table_albedo(tables: Tables, k: int) -> np.ndarray:
         i = cosine_hemisphere(u, v)
         total += table.albedo(tables, k, *i) * np.array(table.sample(tables, k, *i, *draw)[3:])
     return total / ALBEDO_DRAWS
-
-
-# Queries of kernels: numba chooses by the type of `bsdfs` ----------------------------------------------------
-
-
-def is_glossy(bsdfs, f):
-    """Return whether face f is anything but diffuse. For kernels only, like the next five."""
-    raise NotImplementedError
-
-
-def tangent_of(bsdfs, R, f):
-    """Return the tangent of face f in the world, R (3, 3): rotation of its object; any vector without tables."""
-    raise NotImplementedError
-
-
-def scattered(bsdfs, f, i, n, t, u, v, s, w):
-    """Scatter a photon at a glossy side by four numbers in [0, 1): return o and its factors (red, green, blue).
-
-    Factors lie in [0, 1]; the photon is absorbed where all are 0.
-    """
-    raise NotImplementedError
-
-
-def value(bsdfs, f, i, o, n, t):
-    """Return f (red, green, blue) [1/sr] of a glossy side, without a mirror's part."""
-    raise NotImplementedError
-
-
-def pdf(bsdfs, f, i, o, n, t):
-    """Return the density [1/sr] of sampled(), without a mirror's part."""
-    raise NotImplementedError
-
-
-def sampled(bsdfs, f, i, n, t, u, v, s):
-    """Sample a direction for a path at a glossy side: return o, f cos / pdf and pdf [1/sr].
-
-    pdf < 0: a mirror's direction, which no other sampler finds. f cos / pdf may exceed 1.
-    """
-    raise NotImplementedError
-
-
-def _by_type(query, diffuse, glossy, tabulated) -> None:
-    """Let kernels find one of three functions of the same arguments by the type of `bsdfs`, their first one.
-
-    Functions that are no kernels are compiled with each caller, in half the time.
-    """
-    functions = {Diffuse: diffuse, Glossy: glossy, Tabulated: tabulated}
-
-    @overload(query, strict=False)
-    def _(bsdfs, *rest):
-        call = functions[bsdfs.instance_class]
-        return (lambda bsdfs, *rest: call(bsdfs, *rest)) if hasattr(call, "py_func") else call
-
-
-# Diffuse ------------------------------------------------------------------------------------------------------
-
-
-def _never(bsdfs, f):
-    return False
-
-
-def _no_tangent(bsdfs, R, f):
-    return 1.0, 0.0, 0.0
-
-
-def _not_scattered(bsdfs, f, i, n, t, u, v, s, w):
-    return (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
-
-
-def _no_value(bsdfs, f, i, o, n, t):
-    return 0.0, 0.0, 0.0
-
-
-def _no_pdf(bsdfs, f, i, o, n, t):
-    return 0.0
-
-
-def _not_sampled(bsdfs, f, i, n, t, u, v, s):
-    return (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0
 
 
 # GGX ----------------------------------------------------------------------------------------------------------
@@ -321,9 +241,34 @@ def _table_sampled(bsdfs, f, i, n, t, u, v, s):
     return weighted((x, y, z), t, b, n), (red, green, blue), p
 
 
-_by_type(is_glossy, _never, _has_lobe, _has_lobe)
-_by_type(tangent_of, _no_tangent, _no_tangent, _along)
-_by_type(scattered, _not_scattered, _ggx_scattered, _table_scattered)
-_by_type(value, _no_value, _ggx_value, _table_value)
-_by_type(pdf, _no_pdf, _ggx_pdf, _table_pdf)
-_by_type(sampled, _not_sampled, _ggx_sampled, _table_sampled)
+# Queries of kernels: numba chooses by the type of `bsdfs` -----------------------------------------------------
+
+# is_glossy(bsdfs, f): whether face f is anything but diffuse.
+is_glossy = by_type({Diffuse: lambda bsdfs, f: False, Glossy: _has_lobe, Tabulated: _has_lobe})
+
+# tangent_of(bsdfs, R, f): of face f in the world; R (3, 3): rotation of its object. Any vector without tables.
+tangent_of = by_type({
+    Diffuse: lambda bsdfs, R, f: (1.0, 0.0, 0.0), Glossy: lambda bsdfs, R, f: (1.0, 0.0, 0.0), Tabulated: _along
+})  # fmt: skip
+
+# scattered(bsdfs, f, i, n, t, u, v, s, w): a photon at a glossy side, by four numbers in [0, 1): o and its factors
+# (red, green, blue) in [0, 1]; it is absorbed where all are 0.
+scattered = by_type({
+    Diffuse: lambda bsdfs, f, i, n, t, u, v, s, w: ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),
+    Glossy: _ggx_scattered, Tabulated: _table_scattered
+})  # fmt: skip
+
+# value(bsdfs, f, i, o, n, t): f (red, green, blue) [1/sr] of a glossy side, without a mirror's part.
+value = by_type({
+    Diffuse: lambda bsdfs, f, i, o, n, t: (0.0, 0.0, 0.0), Glossy: _ggx_value, Tabulated: _table_value
+})  # fmt: skip
+
+# pdf(bsdfs, f, i, o, n, t): the density [1/sr] of sampled(), without a mirror's part.
+pdf = by_type({Diffuse: lambda bsdfs, f, i, o, n, t: 0.0, Glossy: _ggx_pdf, Tabulated: _table_pdf})
+
+# sampled(bsdfs, f, i, n, t, u, v, s): a direction for a path at a glossy side: o, f cos / pdf, which may exceed 1, and
+# pdf [1/sr]; pdf < 0: a mirror's direction, which no other sampler finds.
+sampled = by_type({
+    Diffuse: lambda bsdfs, f, i, n, t, u, v, s: ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0),
+    Glossy: _ggx_sampled, Tabulated: _table_sampled
+})  # fmt: skip

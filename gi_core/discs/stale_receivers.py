@@ -17,7 +17,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.discs.contact import NO_REGIONS, ContactSearch, PoseContacts
 from gi_core.discs.region import RAYS, Regions
 from gi_core.discs.search.brute_force import BruteForce
-from gi_core.discs.search.disc_grid import DiscGrid
+from gi_core.discs.search.disc_index import DiscGrid
 from gi_core.discs.search.predicate import Discs, lines, longest_extension, to_list
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model

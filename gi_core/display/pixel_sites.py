@@ -8,10 +8,8 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.vec import difference, dot, largest, row
+from gi_core.geometry.mesh_neighbours import SAME_WAY
 from gi_core.rays.accelerator import LIFT
-
-SAME_WAY = 0.9  # cosine between normals of one surface
-SAME_PLANE = 0.2  # height over a tangent plane per distance, on one surface
 
 
 @kernel
@@ -78,7 +76,7 @@ def _on_one_surface(start, normal, i, k):
     way, n = difference(row(start, k), row(start, i)), row(normal, i)
     if dot(n, row(normal, k)) < SAME_WAY:
         return False
-    return abs(dot(way, n)) <= SAME_PLANE * math.sqrt(dot(way, way))
+    return abs(dot(way, n)) <= 0.2 * math.sqrt(dot(way, way))  # height over the tangent plane per distance
 
 
 @kernel

@@ -16,8 +16,7 @@ from gi_core.frames.edited_light import LightAtPoses
 from gi_core.frames.frame_gloss import FrameGloss
 from gi_core.frames.held_light import Held, HeldLevels
 from gi_core.frames.light_setting import PATHS, PATHS_AT_REST, FrameSize, LightSetting
-from gi_core.frames.mobile_light import AtRest, MobileLight
-from gi_core.frames.pose_light import PoseLight
+from gi_core.frames.mobile_light import AtRest, MobileLight, PoseLight
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.pose_gather import PoseGather, Static

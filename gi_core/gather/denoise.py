@@ -27,8 +27,6 @@ from gi_core.base.threads import run_ranges
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
-REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
-GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones, at 20, 40 and 80 % of difference
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 DENOISE_GRAIN = 1024  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
@@ -61,7 +59,8 @@ def denoise(
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
-    reaches = REACHES if guide is None else GUIDED
+    # Where the weight of a difference is 0: in standard deviations; in luminances of a guide, at 20, 40, 80 % of it.
+    reaches = (2.0, 4.0, 8.0) if guide is None else (0.14, 0.28, 0.56)
     if guide is None:
         variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
     else:

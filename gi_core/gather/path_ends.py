@@ -13,10 +13,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from gi_core.base import random_numbers
-from gi_core.base.jit import inlined, kernel
+from gi_core.base.jit import by_type, inlined, kernel
 from gi_core.base.vec import barycentric, dot, rotate, row
 from gi_core.bsdf import lambertian, surface
 from gi_core.lights.next_event import lifted, share_of_bounce
@@ -26,7 +25,6 @@ from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.two_level import lift_off, on_plane
 from gi_core.scene.pose import to_world_at
 
-SURVIVAL = 4  # dimension of random_numbers.stratified(), after those of next_event.py
 # Of the light of the brightest corner or neighbour; above 0, since one photon in a million slips through where edges
 # meet. A receiver with less may lie inside another part, see `display/dilation.py`.
 BLACK = 0.02
@@ -188,89 +186,10 @@ class KeptHits(NamedTuple):
 # Queries of rays and rules: numba chooses by the type of the first argument -----------------------------------
 
 
-def _row(rays, k, before):
-    """Return the row of the sum that ray k adds to; before: that of the ray before."""
-    raise NotImplementedError
-
-
-def _direction(rays, k):
-    """Return the unit direction of ray k in the world."""
-    raise NotImplementedError
-
-
-def _is_sent(rays, k):
-    """Return whether ray k leaves its surface."""
-    raise NotImplementedError
-
-
-def _weight(rays, i, k, c):
-    """Return the factor of light that ray k of row i brings in channel c."""
-    raise NotImplementedError
-
-
-def _density(rays, i, k, d):
-    """Return the density [1/sr] with which ray k of row i takes its direction d; < 0: a mirror's."""
-    raise NotImplementedError
-
-
-def _passed(rays, k, c):
-    """Return the factor of channel c of panes that ray k has passed, where `_weight` does not have it."""
-    raise NotImplementedError
-
-
-def _record(ending, rays, i, k, c, light):
-    """Add light of channel c to that of ray k of row i, where the light of single rays is wanted."""
-    raise NotImplementedError
-
-
-def _meet(ending, world, at, rays, i, k, d, normal, facing, n, total):
-    """End the path of ray k, of row i, or let it go on as number n; return the number of those that go on.
-
-    d: direction; normal of the front of the face that it hits; facing: cosine there, > 0 on the front.
-    """
-    raise NotImplementedError
-
-
-def _by_type(query: Callable, functions: dict[type, Callable]) -> None:
-    """Let kernels find the function of a query by the type of the first argument."""
-
-    @overload(query, strict=False)
-    def _(first, *_):
-        return functions[first.instance_class]
-
-
-def _row_of_path(rays, k, before):
-    return rays.ends.row[k]
-
-
 def _row_of_receiver(rays, k, before):
     while k >= rays.first[before + 1]:
         before += 1
     return before
-
-
-def _world_direction(rays, k):
-    return row(rays.direction, k)
-
-
-def _turned_direction(rays, k):
-    return rotate(rays.rotation, rays.direction[k])
-
-
-def _is_above(rays, k):
-    return rays.ends.face[k] < 0 or rays.ends.density[k] != 0.0
-
-
-def _always(rays, k):
-    return True
-
-
-def _throughput(rays, i, k, c):
-    return rays.ends.throughput[k, c]
-
-
-def _share_of_paths(rays, i, k, c):
-    return rays.paths / (rays.first[i + 1] - rays.first[i])
 
 
 def _density_of_path(rays, i, k, d):
@@ -287,21 +206,31 @@ def _density_past_panes(rays, i, k, d):
     return -1.0 if rays.shares[k, 3] > 0.0 else lambertian.pdf(max(dot(d, rays.normals[i]), 0.0))
 
 
-def _nothing_passed(rays, k, c):
-    return 1.0
-
-
-def _share_of_panes(rays, k, c):
-    return rays.shares[k, c]
-
-
-def _no_record(ending, rays, i, k, c, light):
-    pass
-
-
 def _record_by_ray(ending, rays, i, k, c, light):
     if len(ending.by_ray) > 0:
         ending.by_ray[i, c, k - rays.first[i]] += light
+
+
+def _of_rays(path: Callable, bounce: Callable, passed: Callable | None = None) -> Callable:
+    """Return a query of rays; passed: past panes, as of bounces by default."""
+    return by_type({PathHits: path, BounceHits: bounce, PassedHits: passed or bounce})
+
+
+# _row(rays, k, before): of the sum that ray k adds to; before: that of the ray before.
+_row = _of_rays(lambda rays, k, before: rays.ends.row[k], _row_of_receiver)
+# _direction(rays, k): unit, in the world.
+_direction = _of_rays(lambda rays, k: row(rays.direction, k), lambda rays, k: rotate(rays.rotation, rays.direction[k]))
+# _is_sent(rays, k): whether ray k leaves its surface.
+_is_sent = _of_rays(lambda rays, k: rays.ends.face[k] < 0 or rays.ends.density[k] != 0.0, lambda rays, k: True)
+# _weight(rays, i, k, c): factor of light that ray k of row i brings in channel c.
+_weight = _of_rays(
+    lambda rays, i, k, c: rays.ends.throughput[k, c],
+    lambda rays, i, k, c: rays.paths / (rays.first[i + 1] - rays.first[i]),
+)
+# _density(rays, i, k, d) [1/sr]: with which ray k of row i takes its direction d; < 0: a mirror's.
+_density = _of_rays(_density_of_path, _density_of_bounce, _density_past_panes)
+# _passed(rays, k, c): factor of channel c of panes that ray k has passed, where `_weight` does not have it.
+_passed = _of_rays(lambda rays, k, c: 1.0, lambda rays, k, c: 1.0, lambda rays, k, c: rays.shares[k, c])
 
 
 def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, total):
@@ -323,7 +252,8 @@ def _reflect_known_light(ending, world, at, rays, i, k, d, normal, facing, n, to
     # finite up to its square root.
     survival = 1.0 if rays.vertex < 2 and largest > 0.0 else min(largest, 0.9999)
     path = ends.path[k]
-    if survival < 1.0 and not (random_numbers.stratified(rays.seed, path, rays.vertex, SURVIVAL, rays.m) < survival):
+    # dimension 4, after those of next_event.py
+    if survival < 1.0 and not (random_numbers.stratified(rays.seed, path, rays.vertex, 4, rays.m) < survival):
         return n
     s = 1.0 if facing > 0.0 else -1.0
     ends.path[n], ends.row[n] = path, i  # n <= k: overwritten rows have been read
@@ -379,14 +309,15 @@ def _keep(ending, world, at, rays, i, k, d, normal, facing, n, total):
     return n
 
 
-_by_type(_row, {PathHits: _row_of_path, BounceHits: _row_of_receiver, PassedHits: _row_of_receiver})
-_by_type(_direction, {PathHits: _world_direction, BounceHits: _turned_direction, PassedHits: _turned_direction})
-_by_type(_is_sent, {PathHits: _is_above, BounceHits: _always, PassedHits: _always})
-_by_type(_weight, {PathHits: _throughput, BounceHits: _share_of_paths, PassedHits: _share_of_paths})
-_by_type(_density, {PathHits: _density_of_path, BounceHits: _density_of_bounce, PassedHits: _density_past_panes})
-_by_type(_passed, {PathHits: _nothing_passed, BounceHits: _nothing_passed, PassedHits: _share_of_panes})
-_by_type(_record, {InKnownLight: _no_record, OneBounce: _record_by_ray, KeptHits: _no_record})
-_by_type(_meet, {InKnownLight: _reflect_known_light, OneBounce: _reflect_once, KeptHits: _keep})
+# _record(ending, rays, i, k, c, light): add it, of channel c, to that of ray k of row i, where that is wanted.
+_record = by_type({
+    InKnownLight: lambda ending, rays, i, k, c, light: None, OneBounce: _record_by_ray,
+    KeptHits: lambda ending, rays, i, k, c, light: None,
+})  # fmt: skip
+# _meet(ending, world, at, rays, i, k, d, normal, facing, n, total): end the path of ray k, of row i, or let it go on as
+# number n; return the number of those that go on. d: direction; normal: of the front of the face that it hits; facing:
+# cosine there, > 0 on the front.
+_meet = by_type({InKnownLight: _reflect_known_light, OneBounce: _reflect_once, KeptHits: _keep})
 
 
 # Kernels ------------------------------------------------------------------------------------------------------

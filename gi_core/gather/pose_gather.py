@@ -31,8 +31,7 @@ from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.gather.path_tracer import gather
-from gi_core.gather.point_gather import PATHS_PER_POINT
-from gi_core.gather.reference import ReferenceState, Rounds
+from gi_core.gather.reference import PATHS_PER_POINT, ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, relative_error, relative_noise, small_sample_bias
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED

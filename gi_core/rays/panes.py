@@ -14,10 +14,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from gi_core.base.jit import inlined, kernel
+from gi_core.base.jit import by_type, inlined, kernel
 from gi_core.base.vec import dot, row
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays import holes
@@ -95,16 +93,8 @@ def _shares_of(kinds, cosine, out):
         out[0, k], out[1, k] = shares(kinds, k, cosine[k])
 
 
-def pane_at(panes, f):
-    """Return the kind of pane of face f, -1: opaque. For kernels only."""
-    raise NotImplementedError
-
-
-@overload(pane_at, inline="always")
-def _pane_at(panes, f):
-    if panes.instance_class is NoPanes:
-        return lambda panes, f: -1
-    return lambda panes, f: panes.of_face[f]
+# pane_at(panes, f): kind of pane of face f, -1: opaque. For kernels only.
+pane_at = by_type({NoPanes: lambda panes, f: -1, Panes: lambda panes, f: panes.of_face[f]})
 
 
 # The structure ------------------------------------------------------------------------------------------------
@@ -151,20 +141,6 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     return distance, np.int32(face)
 
 
-def transmitted(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
-    """Return the shares (red, green, blue) of light that object o lets pass along a ray: all 0 where it blocks it.
-
-    Arguments as for `structures.any_hit`. For kernels only.
-    """
-    raise NotImplementedError
-
-
-@overload(transmitted, strict=False)
-def _transmitted(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
-    glazed = isinstance(scenes, types.NamedTuple) and scenes.instance_class is Glazed
-    return _product if glazed else _all_or_nothing
-
-
 def _all_or_nothing(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
     share = 0.0 if any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit) else 1.0
     return share, share, share
@@ -190,6 +166,11 @@ def _product(s, o, ray, ox, oy, oz, dx, dy, dz, limit):
         if left <= np.float32(0.0):
             break
     return red, green, blue
+
+
+# transmitted(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit): shares (red, green, blue) of light that object o lets pass
+# along a ray, all 0 where it blocks it; arguments as for `structures.any_hit`. For kernels only.
+transmitted = by_type({Glazed: _product}, _all_or_nothing)
 
 
 @inlined

@@ -9,32 +9,9 @@ import pytest
 
 from app import __main__ as cli
 from tests.support.photometry import write_ies
+from tests.support.toml_rooms import room_file, table
 from tests.support.viewer_hand import in_window
 
-ROOM = """title = "Room <1>"
-up = "z"
-units = "photometric"
-maintenance_factor = 0.8
-[[shape]]
-type = "room"
-name = "walls"
-size = [4, 3, 3]
-max_edge = 0.5
-[materials.walls]
-reflectance = [0, 0, 0]
-[[light]]
-type = "photometric"
-name = "down"
-file = "down.ies"
-position = [0, 0, 2.75]
-direction = [0, 0, -1]
-[[surface]]
-name = "desk & chair"
-position = [0, 0]
-size = [0.9, 0.5]
-points = [3, 1]
-targets = { mean = 90, U0 = 0.99, maximum = 200 }
-"""
 CANDELA = np.array([[500.0, 500.0, 300.0, 0.0]])
 
 
@@ -42,7 +19,11 @@ CANDELA = np.array([[500.0, 500.0, 300.0, 0.0]])
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_ies(tmp_path / "down.ies", [0.0, 30.0, 60.0, 90.0], [0.0], CANDELA)
-    (tmp_path / "room.toml").write_text(ROOM)
+    lamp = table("light", type="photometric", name="down", file="down.ies", position=(0, 0, 2.75), direction=(0, 0, -1))
+    targets = {"mean": 90, "U0": 0.99, "maximum": 200}
+    desk = table("surface", name="desk & chair", position=(0, 0), size=(0.9, 0.5), points=(3, 1), targets=targets)
+    keys = {"title": "Room <1>", "maintenance_factor": 0.8, "room": {"max_edge": 0.5}}
+    room_file(tmp_path, (4, 3, 3), lamp, desk, reflectance=0, **keys)
     return tmp_path
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gi_core import defaults
-from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
+from gi_core.discs.search.disc_index import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.model import Model

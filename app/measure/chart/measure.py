@@ -40,7 +40,7 @@ from app.measure.results import KEY, Failure, Results, attempted, load, processo
 from app.measure.tuning import tune
 from app.settings import BUDGET, STEP_PER_FRAME, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
-from gi_core.gather.point_gather import Gatherer
+from gi_core.gather.reference import Gatherer
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import local_deviation, luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES

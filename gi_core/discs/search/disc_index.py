@@ -1,4 +1,8 @@
-"""Disc index (report 2.7): one uniform grid over the discs, plus one per dense cluster.
+"""Disc index (report 2.7): one uniform grid over the discs, plus one per dense cluster, walked by each segment.
+
+A disc is listed in every cell that its padded box touches. Each cell accepts only intersections in its half-open
+interval of t, so each disc counts once and no mailbox is needed. The discs of a cell lie in blocks that vector
+instructions test at once.
 
 Cells of a few radii are best, but memory bounds their number. A teapot in a stadium would then lie in a single cell.
 Such clusters get separate grids, and a segment traverses each grid.
@@ -12,20 +16,251 @@ gives its cost.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.bits import lowest_bit
 from gi_core.base.grouping import components
-from gi_core.discs.search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_for, discs_in_cells
-from gi_core.discs.search.predicate import LANES, Discs, Lines, to_list
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import row
+from gi_core.discs.search.predicate import (
+    LANES,
+    LISTED_AT_ONCE,
+    Discs,
+    Lines,
+    add_accepted,
+    blocks,
+    discs_crossed,
+    share,
+    to_list,
+)
+from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
 
+CELL_RADII = 4.0  # cell edge in disc radii: see docs/decisions/disc-searches.md
+MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
+MOST_ALONG = 512  # cells along an axis
+PAD = 1e-3  # of a cell: rounding of an intersection against the cell's walls
+VISITS = 1024  # cells listed before their discs are tested: these lists stay in the level-1 cache
+
+
+class Cells(NamedTuple):
+    """A uniform grid of C cells, and the blocks of discs in each."""
+
+    low: np.ndarray  # (3,) float64 [m]
+    cell: float  # edge [m]
+    shape: np.ndarray  # (3,) int64
+    first: np.ndarray  # (C + 1,) int32, first block of each cell
+
+
+class Visits(NamedTuple):
+    """Scratch memory of a traversal: visited cells with discs, and their candidates."""
+
+    line: np.ndarray  # (n,) int64
+    blocks: np.ndarray  # (n, 2) int32, first and last + 1
+    low: np.ndarray  # (n,) float32 [m], the line's interval in the cell
+    high: np.ndarray  # (n,) float32 [m]
+    candidates: np.ndarray  # (LISTED_AT_ONCE, 2) int64, line and entry of blocks
+
+    @classmethod
+    def of(cls, n: int) -> Visits:
+        """Return memory for n visits."""
+        low, high = np.empty(n, np.float32), np.empty(n, np.float32)
+        return cls(
+            np.empty(n, np.int64), np.empty((n, 2), np.int32), low, high, np.empty((LISTED_AT_ONCE, 2), np.int64)
+        )
+
+
+def box_of(discs: Discs, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return low and extent (3,) float64 [m] of a box around some discs."""
+    p, r = discs.positions[rows].astype(np.float64), 1.01 * float(discs.radius)
+    if not len(p):
+        return np.zeros(3), np.ones(3)
+    return p.min(axis=0) - r, np.maximum(np.ptp(p, axis=0) + 2 * r, 1e-12)
+
+
+def cell_for(extent: np.ndarray, radius: float, cell_radii: float = CELL_RADII) -> float:
+    """Return the edge [m] of a grid's cells: cell_radii radii, or more if memory requires it."""
+    return max(cell_radii * radius, float(extent.max()) / MOST_ALONG, float(extent.prod() / MAX_CELLS) ** (1 / 3))
+
+
+def discs_in_cells(discs: Discs, rows: np.ndarray, cell_radii: float):
+    """Return the grid of some discs: edge and low (3,) [m], shape (3,), discs per cell (C,)."""
+    low, extent = box_of(discs, rows)
+    cell = cell_for(extent, float(discs.radius), cell_radii)
+    # A border of empty cells: traversal inside the grid needs no test for its end.
+    low, shape = low - cell, np.maximum(1, np.ceil(extent / cell)).astype(np.int64) + 2
+    count = np.zeros(int(shape.prod()), np.int64)
+    _list(rows, discs.positions, _half_extents(discs, PAD * cell), low, cell, shape, count, np.empty(0, np.int32))
+    return cell, low, shape, count
+
+
+class DiscGrid:
+    """A uniform grid over some of the discs, those of the given rows (n,)."""
+
+    def __init__(self, discs: Discs, rows: np.ndarray, pretest: str = "none", cell_radii: float = CELL_RADII):
+        self.discs, self.cell_radii = discs, cell_radii
+        cell, low, shape, count = discs_in_cells(discs, rows, cell_radii)
+        room = (count + LANES - 1) // LANES
+        first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
+        ids = np.full(int(first[-1]) * LANES, -1, np.int32)
+        half = _half_extents(discs, PAD * cell)
+        _list(rows, discs.positions, half, low, cell, shape, first[:-1] * np.int64(LANES), ids)
+        self.cells = Cells(low, cell, shape, first)
+        self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
+
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of a share of the lines to the sums of the discs they cross; return their number."""
+        first, last = share(len(lines.low), part, parts)
+        visits = Visits.of(VISITS)
+        return _accumulate(self.cells, self.blocks, self.discs, self.pretest, lines, first, last, sign, sums, visits)
+
+    @cached_property
+    def discs_a_cell(self) -> float:
+        """Mean number of discs per occupied cell."""
+        held = (self.blocks.front >= 0) | (self.blocks.behind >= 0)
+        return float(held.sum()) / max(int((np.diff(self.cells.first) > 0).sum()), 1)
+
+    def summary(self) -> str:
+        """Return size and occupancy of the cells, in words."""
+        return f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs per occupied cell"
+
+
+def _half_extents(discs: Discs, pad: float) -> np.ndarray:
+    """Return half the sides (R, 3) float64 of the box of each disc, padded."""
+    n = discs.normals.astype(np.float64)
+    return float(discs.radius) * np.sqrt(np.clip(1 - n * n, 0, 1)) + pad
+
+
+@kernel
+def _span(x, half, low, cell, n):
+    a = int(math.floor((x - half - low) / cell))
+    b = int(math.floor((x + half - low) / cell))
+    return min(max(a, 0), n - 1), min(max(b, 0), n - 1)
+
+
+@kernel
+def _list(rows, positions, half, low, cell, shape, cursor, ids):
+    """Advance the cursor of each cell once per disc in it; write the disc there unless ids is empty."""
+    for j in rows:
+        x0, x1 = _span(positions[j, 0], half[j, 0], low[0], cell, shape[0])
+        y0, y1 = _span(positions[j, 1], half[j, 1], low[1], cell, shape[1])
+        z0, z1 = _span(positions[j, 2], half[j, 2], low[2], cell, shape[2])
+        for x in range(x0, x1 + 1):
+            for y in range(y0, y1 + 1):
+                for z in range(z0, z1 + 1):
+                    c = (x * shape[1] + y) * shape[2] + z
+                    if len(ids):
+                        ids[cursor[c]] = j
+                    cursor[c] += 1
+
+
+@kernel
+def _clip(o, d, low, high, t0, t1):
+    """Clip [t0, t1) to one slab."""
+    if d == 0.0:
+        return (t0, t1) if low <= o <= high else (t0, t0 - 1.0)
+    a, b = (low - o) / d, (high - o) / d
+    return max(t0, min(a, b)), min(t1, max(a, b))
+
+
+@inlined
+def _axis(o, d, t, low, cell, n):
+    """Return the state of a traversal along one axis: cell, step, t of the next wall, t between walls."""
+    i = min(max(int(math.floor((o + t * d - low) / cell)), 0), n - 1)
+    if d > 0.0:
+        return i, 1, (low + (i + 1) * cell - o) / d, cell / d
+    if d < 0.0:
+        return i, -1, (low + i * cell - o) / d, -cell / d
+    return i, 0, np.inf, 0.0
+
+
+@kernel
+def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, visits):
+    """Three passes over some segments at a time: occupied cells on the line, discs crossed there, sums.
+
+    Passes are separate because most of the time is spent waiting for memory. Within one pass the
+    accesses of different segments are independent, so the processor overlaps them.
+    """
+    cell = cells.cell
+    pad = PAD * cell
+    near = cell - pad
+    lx, ly, lz = cells.low[0], cells.low[1], cells.low[2]
+    nx, ny, nz = cells.shape[0], cells.shape[1], cells.shape[2]
+    n = total = 0
+    for k in range(first, last):
+        ox, oy, oz = row(lines.origin, k)
+        dx, dy, dz = row(lines.direction, k)
+        # Clip to the inside of the border, slightly enlarged, so that no intersection is lost to rounding.
+        t0, t1 = float(lines.low[k]), float(lines.high[k])
+        t0, t1 = _clip(ox, dx, lx + near, lx + nx * cell - near, t0, t1)
+        t0, t1 = _clip(oy, dy, ly + near, ly + ny * cell - near, t0, t1)
+        t0, t1 = _clip(oz, dz, lz + near, lz + nz * cell - near, t0, t1)
+        if not t0 < t1:
+            continue
+        ix, sx, tx, wx = _axis(ox, dx, t0, lx, cell, nx)
+        iy, sy, ty, wy = _axis(oy, dy, t0, ly, cell, ny)
+        iz, sz, tz, wz = _axis(oz, dz, t0, lz, cell, nz)
+        a = lines.low[k] if t0 == float(lines.low[k]) else max(lines.low[k], np.float32(t0 - pad))
+        c = (ix * ny + iy) * nz + iz
+        jump_x, jump_y, jump_z = sx * ny * nz, sy * nz, sz
+        while True:
+            t = min(tx, min(ty, tz))
+            if cells.first[c] < cells.first[c + 1]:
+                # This cell's part of the line is [a, b); the next one starts at the same bits.
+                visits.line[n] = k
+                visits.blocks[n, 0], visits.blocks[n, 1] = cells.first[c], cells.first[c + 1]
+                visits.low[n], visits.high[n] = a, lines.high[k] if t >= t1 else max(a, np.float32(t))
+                n += 1
+                if n == VISITS:
+                    total += _cross(n, visits, blocks, discs, pretest, lines, sign, sums)
+                    n = 0
+            if t >= t1:
+                break
+            a = max(a, np.float32(t))
+            if tx <= ty and tx <= tz:
+                c += jump_x
+                tx += wx
+            elif ty <= tz:
+                c += jump_y
+                ty += wy
+            else:
+                c += jump_z
+                tz += wz
+    return total + _cross(n, visits, blocks, discs, pretest, lines, sign, sums)
+
+
+@kernel
+def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
+    r2 = discs.radius * discs.radius
+    total = n = 0
+    for v in range(visited):
+        k = visits.line[v]
+        origin, direction = row(lines.origin, k), row(lines.direction, k)
+        a, b = visits.low[v], visits.high[v]
+        for block in range(visits.blocks[v, 0], visits.blocks[v, 1]):
+            if pretest is not None:
+                left = discs_left(pretest, blocks.data, block, origin, direction)
+                if left == 0:
+                    continue
+            bits = discs_crossed(blocks.data, block, origin, direction, a, b, r2)
+            if pretest is not None:
+                bits &= left
+            while bits != 0:
+                visits.candidates[n, 0], visits.candidates[n, 1] = k, block * LANES + lowest_bit(bits)
+                bits &= bits - np.uint32(1)
+                n += 1
+            if n > LISTED_AT_ONCE - LANES:
+                total += add_accepted(n, visits.candidates, blocks, discs, lines, sign, sums)
+                n = 0
+    return total + add_accepted(n, visits.candidates, blocks, discs, lines, sign, sums)
+
+
 TRIED_CELL_RADII = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # radii
-# Nanoseconds, of an Intel Xeon 2.1 GHz; only their ratios matter.
-STEP_NS = 6.0  # traversal to the next cell
-VISIT_NS = 20.0  # start of the tests of a cell with discs
-BLOCK_NS = 12.0  # test of LANES discs
 
 
 class DiscIndex:
@@ -116,4 +351,6 @@ def ns_per_metre(discs: Discs, rows: np.ndarray, cell_radii: float) -> float:
     cell, _, shape, count = discs_in_cells(discs, rows, cell_radii)
     inside = float((shape - 2).prod())  # without the border
     blocks = (count + LANES - 1) // LANES
-    return (STEP_NS + (VISIT_NS * float((count > 0).sum()) + BLOCK_NS * float(blocks.sum())) / inside) / cell
+    # Of an Intel Xeon 2.1 GHz; only ratios matter. The way to the next cell, the start of its tests, LANES discs.
+    step, visit, block = 6.0, 20.0, 12.0
+    return (step + (visit * float((count > 0).sum()) + block * float(blocks.sum())) / inside) / cell

@@ -21,7 +21,6 @@ from gi_core.scene.types import DirectionalLight, PlacedLight, Scene, SkyLight
 BOUNCES = 4
 COMPLETION_SEED = 0x5EED
 AT_PLACE = 5e-4  # of the distance to a place: a hit so near to it is the surface that the place lies on
-CELL = 1 / 14  # of the box's size: light and sight are compared in cells of that size
 
 
 class Box(NamedTuple):
@@ -129,10 +128,10 @@ def _emission(scene: Scene) -> np.ndarray:
 
 
 def cells(box: Box, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the cells (n, 3) int64 of points (n, 3) [m] with normals (n, 3)."""
+    """Return the cells (n, 3) int64, a 14th of the box's size, of points (n, 3) [m] with normals (n, 3)."""
     # Half a cell off the surface: the outside of a wall that is lit inside is dark.
     # 0.3819 of a cell: walls and floors at round numbers must not flicker between two cells
-    return np.floor(points / (CELL * box.size) + 0.5 * normals + 0.3819).astype(np.int64)
+    return np.floor(points / (1 / 14 * box.size) + 0.5 * normals + 0.3819).astype(np.int64)
 
 
 def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

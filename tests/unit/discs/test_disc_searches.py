@@ -14,7 +14,7 @@ import pytest
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search import PRETESTS, SEARCHES
-from gi_core.discs.search.disc_grid import MAX_CELLS, DiscGrid
+from gi_core.discs.search.disc_index import MAX_CELLS, DiscGrid
 from gi_core.discs.search.predicate import Discs, Lines
 from gi_core.discs.search.ray_cache import RayCache, stack_spheres
 from gi_core.geometry.receivers import NONE

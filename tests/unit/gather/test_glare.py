@@ -13,42 +13,27 @@ from gi_core.model import Model
 from gi_core.scene import CalculationSurface, SceneError
 from gi_core.scene.types import UGR
 from tests.support.photometry import write_ies
+from tests.support.toml_rooms import room_file, table
 
 EYE, UP, VIEW = np.array([[0.0, 0.0, 1.2]]), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-ROOM = """up = "z"
-units = "photometric"
-shape = [
-  { type = "room", name = "room", size = [8, 6, 3] },
-  PANEL
-]
-[materials]
-room = { reflectance = [0.5, 0.5, 0.5] }
-"""
-PANEL = (
-    '{ type = "plane", name = "panel", size = [0.1, 0.1], position = [2, 0.5, 2.2], axis = [1, 0, 0], angle = 180 }',
-    "panel = { emission = [3000, 3000, 3000] }\n",
-)
-LUMINAIRE = """[[light]]
-type = "photometric"
-name = "panel"
-file = "lambert.ies"
-position = [2, 0.5, 2.2]
-direction = [0, 0, -1]
-size = [0.1, 0.1]
-"""
+PANEL = table(
+    "shape", type="plane", name="panel", size=(0.1, 0.1), position=(2, 0.5, 2.2), axis=(1, 0, 0), angle=180
+)  # fmt: skip
 
 
-def room(folder, kind: str, size: str = "[0.1, 0.1]"):
+def room(folder, kind: str, size=(0.1, 0.1)):
     """Return a room with a panel of 0.01 m2 and 3,000 cd/m2, 2 m ahead of the eye, 0.5 m aside, 1 m above.
 
     kind: "face" or "luminaire".
     """
     gammas = np.arange(0.0, 91.0)
     write_ies(folder / "lambert.ies", gammas, [0.0], 30.0 * np.cos(np.radians(gammas))[None])  # cd
-    shape, material = PANEL if kind == "face" else ("", "")
-    light = LUMINAIRE.replace("[0.1, 0.1]", size) if kind == "luminaire" else ""
-    (folder / "room.toml").write_text(ROOM.replace("PANEL", shape) + material + light)
-    return Model(load_scene(folder / "room.toml"))
+    light = {"type": "photometric", "name": "panel", "file": "lambert.ies", "position": (2, 0.5, 2.2)}
+    thing = PANEL if kind == "face" else table("light", **light, direction=(0, 0, -1), size=size)
+    materials = {"room": {"reflectance": (0.5,) * 3}}
+    if kind == "face":
+        materials["panel"] = {"emission": (3000,) * 3}
+    return Model(load_scene(room_file(folder, (8, 6, 3), thing, materials=materials)))
 
 
 @pytest.mark.parametrize("kind", ["face", "luminaire"])
@@ -68,7 +53,7 @@ def test_glare_is_that_of_a_calculation_by_hand(tmp_path, kind):
 
 
 def test_a_point_of_light_has_no_luminance(tmp_path):
-    model = room(tmp_path, "luminaire", "[0, 0]")
+    model = room(tmp_path, "luminaire", (0, 0))
     found = glare(model, model.emitters.lamps.full(), EYE, VIEW, UP, {}, 1)
     assert not found.sources.any() and not found.direct.any()
 
@@ -91,13 +76,11 @@ def test_a_surface_rates_glare_where_eyes_are(tmp_path):
 
 @pytest.mark.parametrize(
     "units, targets, message",
-    [("radiometric", "{ maximum = 19 }", 'UGR needs luminances in cd/m2, got units = "radiometric"'),
-     ("photometric", "{ U0 = 0.6 }", "a target of UGR is its maximum, got 'U0'")],
+    [("radiometric", {"maximum": 19}, 'UGR needs luminances in cd/m2, got units = "radiometric"'),
+     ("photometric", {"U0": 0.6}, "a target of UGR is its maximum, got 'U0'")],
 )  # fmt: skip
 def test_glare_that_has_no_meaning_is_refused(tmp_path, units, targets, message):
-    room(tmp_path, "face")
-    text = (tmp_path / "room.toml").read_text().replace("photometric", units)
-    (tmp_path / "room.toml").write_text(f'{text}[[surface]]\nname = "s"\nquantity = "UGR"\ntargets = {targets}\n')
+    surface = table("surface", name="s", quantity="UGR", targets=targets)
     with pytest.raises(SceneError) as refused:
-        load_scene(tmp_path / "room.toml")
+        load_scene(room_file(tmp_path, (8, 6, 3), surface, units=units))
     assert message in str(refused.value)

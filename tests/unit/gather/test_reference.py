@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather import path_tracer
-from gi_core.gather.point_gather import Gatherer
-from gi_core.gather.reference import ReferenceRounds, reference_irradiance
+from gi_core.gather.reference import Gatherer, ReferenceRounds, reference_irradiance
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_sample, gather_until
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.surfaces import evaluation_points, flatten

@@ -18,42 +18,20 @@ from gi_core.model import Model
 from gi_core.scene import CalculationSurface, SceneError
 from gi_core.scene.types import PHOTOMETRIC
 from tests.support.photometry import write_ies, write_ldt
+from tests.support.toml_rooms import room_file, table
 
-ROOM = """up = "z"
-units = "photometric"
-maintenance_factor = 0.8
-watts = { bulb = 12.5 }
-[[shape]]
-type = "room"
-name = "room"
-size = [5, 4, 3]
-[materials.room]
-reflectance = [0.5, 0.5, 0.5]
-[[light]]
-type = "point"
-name = "bulb"
-position = [0, 0, 2.5]
-flux = [1000, 1000, 1000]
-[[light]]
-type = "photometric"
-name = "down"
-file = "down.ies"
-position = [1, 1, 2.5]
-direction = [0, 0, -1]
-[[light]]
-type = "photometric"
-name = "down 2"
-file = "down.ies"
-position = [-1, 1, 2.5]
-direction = [0, 0, -1]
-"""
+LAMPS = (
+    table("light", type="point", name="bulb", position=(0, 0, 2.5), flux=(1000,) * 3),
+    *(table("light", type="photometric", name=name, file="down.ies", position=at, direction=(0, 0, -1))
+      for name, at in (("down", (1, 1, 2.5)), ("down 2", (-1, 1, 2.5)))),
+)  # fmt: skip
 
 
 @pytest.fixture
 def room(tmp_path):
     write_ies(tmp_path / "down.ies", [0.0, 45.0, 90.0], [0.0], np.array([[500.0, 300.0, 0.0]]))
-    (tmp_path / "room.toml").write_text(ROOM)
-    return tmp_path / "room.toml"
+    stated = {"maintenance_factor": 0.8, "watts": {"bulb": 12.5}}
+    return lambda *more, **keys: load_scene(room_file(tmp_path, (5, 4, 3), *LAMPS, *more, **(stated | keys)))
 
 
 def test_photometric_files_state_watts(tmp_path):
@@ -71,7 +49,7 @@ def test_photometric_files_state_watts(tmp_path):
 
 
 def test_power_by_hand(room):
-    scene, of_file = load_scene(room), 50.0
+    scene, of_file = room(), 50.0
     assert scene.watts == (("bulb", 12.5),)
     model = Model(scene)
     level, levels = level_of(model), model.emitters.lamps.full()
@@ -88,10 +66,8 @@ def test_power_by_hand(room):
 
 def test_maintained_light_is_that_of_lamps_times_the_factor(room):
     """The sky's light, which needs no cleaning of lamps, stays; EN 12464-1 asks for maintained illuminance."""
-    sky = '[[light]]\ntype = "sky"\nradiance = [100, 100, 100]\n'
-    opened = 'size = [5, 4, 3]\nopenings = [{ wall = "ceiling", position = [-1, -1], size = [2, 2] }]\n'
-    room.write_text(ROOM.replace("size = [5, 4, 3]\n", opened) + sky)
-    scene = load_scene(room)
+    opening = {"wall": "ceiling", "position": (-1, -1), "size": (2, 2)}
+    scene = room(table("light", type="sky", radiance=(100,) * 3), room={"openings": [opening]})
     model = Model(scene)
     names, level = model.emitters.lamps.names, level_of(model)
     full = model.emitters.lamps.full()
@@ -117,15 +93,12 @@ def test_power_per_100_lux_needs_the_watts_of_all_lamps():
 
 
 @pytest.mark.parametrize(
-    "line, message",
-    [("watts = { blub = 3 }", "[watts]: no lamp is called 'blub'; did you mean 'bulb'?"),
-     ("watts = { bulb = -1 }", "[watts]: bulb must be a number >= 0, got -1"),
-     ("maintenance_factor = 1.2", "maintenance_factor must be a number > 0 and <= 1, got 1.2")],
+    "keys, message",
+    [({"watts": {"blub": 3}}, "[watts]: no lamp is called 'blub'; did you mean 'bulb'?"),
+     ({"watts": {"bulb": -1}}, "[watts]: bulb must be a number >= 0, got -1"),
+     ({"maintenance_factor": 1.2}, "maintenance_factor must be a number > 0 and <= 1, got 1.2")],
 )  # fmt: skip
-def test_bad_power_is_refused_in_one_sentence(room, line, message):
-    key = line.split(" =")[0]
-    rows = [line if row.startswith(key) else row for row in ROOM.splitlines()]
-    room.write_text("\n".join(rows))
+def test_bad_power_is_refused_in_one_sentence(room, keys, message):
     with pytest.raises(SceneError) as refused:
-        load_scene(room)
+        room(**keys)
     assert message in str(refused.value)

@@ -16,6 +16,7 @@ from gi_core.model import Model
 from gi_core.scene import CalculationSurface, Scene, SceneError, SkyLight
 from gi_core.scene.types import DAYLIGHT_FACTOR, OVERCAST_SKY, SUNLESS_SKIES
 from tests.support.scene_builders import plane_scene
+from tests.support.toml_rooms import room_file, table
 
 UP = np.array([0.0, 0.0, 1.0])
 TO_SUN = (0.4, 0.7, 0.5)
@@ -83,23 +84,11 @@ def test_skies_add_up():
     assert (both.seen(d)[d[:, 2] <= 0] == 0).all() and both.seen(d)[d[:, 2] > 0, 0].all()
 
 
-def room(tmp_path, opening: str, more: str = "") -> Scene:
-    """A black room of 6 x 3 x 4 m with an opening, z up, floor at 0."""
-    text = f"""up = "z"
-[[shape]]
-type = "room"
-size = [6, 4, 3]
-openings = [{opening}]
-max_edge = 1.0
-[materials.room]
-reflectance = [0, 0, 0]
-[[light]]
-type = "sky"
-name = "uniform"
-radiance = [1, 1, 1]
-{more}"""
-    (tmp_path / "room.toml").write_text(text.replace("[[shape]]", '[[shape]]\nname = "room"'))
-    return load_scene(tmp_path / "room.toml")
+def room(folder, opening: dict, *more: str) -> Scene:
+    """A black room of 6 x 4 x 3 m with an opening."""
+    sky = table("light", type="sky", name="uniform", radiance=(1, 1, 1))
+    walls = {"openings": [opening], "max_edge": 1.0}
+    return load_scene(room_file(folder, (6, 4, 3), sky, *more, reflectance=0, units="radiometric", room=walls))
 
 
 def factor_at(scene: Scene, place, height: float, noise: float = 0.01):
@@ -125,8 +114,8 @@ def of_window(b: float, h: float, d: float) -> float:
 
 def test_the_daylight_factor_through_a_vertical_window(tmp_path):
     """Whatever else shines. The window of 1.6 x 1.2 m has its sill at 0.9 m; 1.5 and 3 m away, 0.4 m to one side."""
-    opening = '{ wall = "right", position = [-0.8, 0.9], size = [1.6, 1.2] }'
-    lamp = '[[light]]\ntype = "point"\nposition = [0, 0, 2]\nflux = [9, 9, 9]\n'
+    opening = {"wall": "right", "position": (-0.8, 0.9), "size": (1.6, 1.2)}
+    lamp = table("light", type="point", position=(0, 0, 2), flux=(9, 9, 9))
     scene, lit = room(tmp_path, opening), room(tmp_path, opening, lamp)
     for d in (1.5, 3.0):
         corners = sum(of_window(b, 1.35, d) - of_window(b, 0.15, d) for b in (0.4, 1.2))
@@ -137,7 +126,7 @@ def test_the_daylight_factor_through_a_vertical_window(tmp_path):
 
 def test_the_daylight_factor_through_a_horizontal_opening(tmp_path):
     """A square rooflight of 1.2 m, 2.25 m above the point, by an integral over it of L cos^2 / d^2."""
-    scene = room(tmp_path, '{ wall = "ceiling", position = [-0.6, -0.6], size = [1.2, 1.2] }')
+    scene = room(tmp_path, {"wall": "ceiling", "position": (-0.6, -0.6), "size": (1.2, 1.2)})
     x = ((np.arange(600) + 0.5) / 600 - 0.5) * 1.2
     d2 = x[:, None] ** 2 + x * x + 2.25**2
     sine = 2.25 / np.sqrt(d2)
@@ -153,10 +142,11 @@ def test_the_factor_of_open_ground_is_one():
 
 @pytest.mark.parametrize(
     "keys, message",
-    [("cie = 17", "cie must be a whole number from 1 to 16, got 17"), ("cie = 12", "write sun = [x, y, z]"),
-     ("cie = 12\nsun = [0, 0, 0]", "sun must be three numbers that are not all 0")],
+    [({"cie": 17}, "cie must be a whole number from 1 to 16, got 17"), ({"cie": 12}, "write sun = [x, y, z]"),
+     ({"cie": 12, "sun": (0, 0, 0)}, "sun must be three numbers that are not all 0")],
 )  # fmt: skip
 def test_bad_skies_are_refused_in_one_sentence(tmp_path, keys, message):
+    sky = table("light", type="sky", radiance=(1, 1, 1), **keys)
     with pytest.raises(SceneError, match=r"[^\n]*") as refused:
-        room(tmp_path, "", f'[[light]]\ntype = "sky"\nradiance = [1, 1, 1]\n{keys}')
+        load_scene(room_file(tmp_path, (6, 4, 3), sky))
     assert message in str(refused.value)
