@@ -316,6 +316,13 @@ class Solver:
         return results
 
     @property
+    def deviation(self) -> np.ndarray:
+        """Standard error (R,) [W/m2] of the luminance of `irradiance`, nan where it is not known; bias is not in it."""
+        if (b := self.frame.background) is None or not b.estimate.photons:
+            return np.full(len(self.irradiance), np.nan)
+        return self.frame_light.deviation(self.model.transforms(self.poses), b, self.irradiance)
+
+    @property
     def static_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
         if (b := self.frame.background) is None or not (photons := b.estimate.photons):

@@ -41,6 +41,7 @@ class LitScene:
     gloss: GlossLight | None = None  # the light by direction; None: there is no gloss
     shows_radiance: bool = True  # else irradiance / pi, as on white surfaces
     units: Units = RADIOMETRIC
+    deviation: np.ndarray | None = None  # (R,) [W/m2], standard error of the luminance, nan where unknown
 
     @cached_property
     def at(self) -> Transforms:

@@ -21,6 +21,8 @@ from gi_core.scene.pose import rotation, three, to_world, to_world_directions
 from gi_core.scene.types import Units, part_named
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from app.draw.camera import Turntable
     from app.draw.lit_scene import LitScene
     from app.draw.picking import Picker
@@ -44,6 +46,7 @@ class Reading(NamedTuple):
     is_lit: bool  # the side has a receiver
     units: Units
     is_sharp: bool = False  # gloss shows a reflection, which `radiance` lacks
+    error: float = math.nan  # standard error of the irradiance, at the nearest receiver
 
     def text(self) -> str:
         """Return the reading as one line."""
@@ -53,6 +56,7 @@ class Reading(NamedTuple):
         E, L = (f"{value:.3g}" if value < 1000 else f"{value:.0f}" for value in (self.irradiance, self.radiance))
         if math.isnan(self.irradiance):
             return f"{u.on_surface} not yet known  ·  {place}"
+        E += f" ± {self.error:.2g}" if self.error > 0 else ""
         L = f"{L} {u.per_solid_angle}" + " without its reflection" * self.is_sharp
         return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L}  ·  {place}"
 
@@ -141,4 +145,21 @@ def read(lit: LitScene, hit: Hit, direction: np.ndarray, camera: Turntable, heig
     material = part_named(name, scene.materials[shape.face_material[hit.face]].name)
     if not is_lit:
         E = L = math.nan
-    return Reading(name, material, math.pi * E, L, is_lit, lit.units, bool(is_sharp))
+    error = math.nan
+    if lit.deviation is not None and (near := nearest_receiver(lit.model, lit.poses, hit, direction)) >= 0:
+        error = float(lit.deviation[near])
+    return Reading(name, material, math.pi * E, L, is_lit, lit.units, bool(is_sharp), error)
+
+
+def nearest_receiver(model: Model, poses: Mapping[str, Pose], hit: Hit, direction: np.ndarray) -> int:
+    """Return the receiver nearest to the hit of a ray in `direction` (3,), on the side that the ray meets.
+
+    -1 on the back of a one-sided face.
+    """
+    surfaces = model.surfaces
+    vertices = surfaces.faces[hit.object][hit.face]
+    corners = model.vertices_at(hit.object, poses)[vertices]
+    f = surfaces.first_face[hit.object] + hit.face
+    front = np.cross(corners[1] - corners[0], corners[2] - corners[0]) @ direction < 0
+    nearest = int(np.argmin(((corners - hit.point) ** 2).sum(axis=1)))
+    return int((surfaces.corner_front if front else surfaces.corner_back)[f][nearest])

@@ -35,7 +35,7 @@ class Picture(NamedTuple):
         """
         s, view, setting, rest = self.settings, self.camera.as_camera(), snapshot.setting, snapshot.rest
         photons, paths = "photons", f"gathered, {snapshot.paths} paths per receiver"
-        gathered = f"gathered, error {100 * rest.gathered.error:.2g} %"
+        static = f"{snapshot.source.value}; error {100 * rest.gathered.error:.2g} %"
         settled = rest.at_poses is not None and rest.at_poses.used
         right = "-" if self.split is None else f"{s.compare} right of {self.split:.4g} of the width"
         entries = {
@@ -47,7 +47,7 @@ class Picture(NamedTuple):
             "radius": f"{setting.radius:.6g} m",
             "photons": snapshot.photons,
             "seed": s.seed,
-            "static_light": gathered if rest.gathered.used else photons,
+            "static_light": static if rest.gathered.used else photons,
             "mobile_light": paths if snapshot.paths else photons,
             "light_at_poses": f"gathered, noise {100 * rest.at_poses.error:.2g} %" if settled else "-",
             "irradiance": hashlib.sha256(snapshot.irradiance.tobytes()).hexdigest()[:16],

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gi_core.display.dilation import Drawn
     from gi_core.estimators.base import Setting
     from gi_core.frames.frame import Changes
+    from gi_core.gather.estimate import Source
     from gi_core.gloss.light import GlossLight
     from gi_core.scene import Pose
     from gi_core.solver import Solver
@@ -28,7 +29,8 @@ class Snapshot(NamedTuple):
     irradiance: np.ndarray  # (R, 3) [W/m2]
     drawn: Drawn  # the same for pictures, with dilation weights
     gloss: GlossLight | None  # directions of the light at glossy receivers; None: there are none
-    gathered: bool  # the light of the static part; photons change it
+    deviation: np.ndarray | None  # (R,) [W/m2], as of Solver.deviation; None in motion
+    source: Source  # of the light of the static part; photons change it
     photons: int
     photons_at_rest: int
     paths: int  # per receiver of mobiles
@@ -58,7 +60,8 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
         irradiance=s.irradiance,
         drawn=s.drawn(s.irradiance),
         gloss=s.frame.gloss,
-        gathered=s.frame.gathered,
+        deviation=None if s.frame.photons < max(s.frame.subsets, default=0) else s.deviation,
+        source=s.frame_light.source,
         photons=s.frame.photons,
         photons_at_rest=max(s.frame.subsets, default=s.frame.photons),
         paths=s.frame.paths,

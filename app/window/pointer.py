@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import imgui
 
-from app.draw.readout import Pinned, Reading, new_pin, read, read_pin
+from app.draw.readout import Pinned, Reading, nearest_receiver, new_pin, read, read_pin
 from app.session.readouts import free_name
 from app.window.view_content import lit
 
@@ -38,7 +38,10 @@ class Pointer:
         hit = pick(session, view, mouse)
         self.pointed, self.hover = hit, hit if hit is not None and hit.object > 0 else None
         self.reading = None if hit is None or side is None else _read(hit, session, view, shown, side)
-        session.receiver = -1 if hit is None else _receiver(hit, session, view)
+        session.receiver = -1
+        if hit is not None:
+            ray, poses = hit.point - view.camera.eye(), session.light.snapshot.poses
+            session.receiver = nearest_receiver(session.model, poses, hit, ray)
 
     def leave(self) -> None:
         """Forget the point under the cursor."""
@@ -48,18 +51,6 @@ class Pointer:
 def pick(session: Session, view: View, mouse) -> Hit | None:
     """Return the surface that the picture shows at a point of the window; None without one."""
     return session.picker.pick(*view.ray(mouse), session.pose_list, session.settings.cull)
-
-
-def _receiver(hit: Hit, s: Session, view: View) -> int:
-    """Return the receiver nearest to a hit, on the side that is seen; -1 on the back of a one-sided face."""
-    surfaces, poses = s.model.surfaces, s.light.snapshot.poses
-    vertices = surfaces.faces[hit.object][hit.face]
-    corners = s.model.vertices_at(hit.object, poses)[vertices]
-    f = surfaces.first_face[hit.object] + hit.face
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    front = normal @ (hit.point - view.camera.eye()) < 0
-    nearest = int(np.argmin(((corners - hit.point) ** 2).sum(axis=1)))
-    return int((surfaces.corner_front if front else surfaces.corner_back)[f][nearest])
 
 
 def _read(hit: Hit, s: Session, view: View, shown: Shown, side: Side) -> Reading:

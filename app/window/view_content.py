@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,6 +11,7 @@ from app.draw.colour_map import UNKNOWN_COLOUR, round_scale, signed_colours
 from app.draw.draw_mesh import dimmed
 from app.settings import ERRORS, REFERENCE
 from gi_core.display.dilation import Drawn
+from gi_core.gather.estimate import Source
 from gi_core.geometry.error import luminance, signed_error
 from gi_core.scene.pose import three
 
@@ -37,6 +37,7 @@ class Side(NamedTuple):
 
     label: str
     drawn: Drawn  # irradiance (R, 3) [W/m2], nan where unknown, and interpolation weights
+    deviation: np.ndarray | None = None  # (R,) [W/m2], standard error of its luminance, nan where unknown
 
 
 class Errors(NamedTuple):
@@ -63,7 +64,7 @@ def shown(session: Session) -> Shown:
     """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
     reference, other = light.rest.reference, light.rest.comparison
-    estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.gathered)
+    estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.source, light.deviation)
     exact = None if reference is None else Side(_label_of(reference), reference.drawn)
     errors = _errors(session, estimate, reference) if s.show == ERRORS and reference is not None else None
     if errors is None and reference is not None and reference.seen < 1:
@@ -80,7 +81,7 @@ def shown(session: Session) -> Shown:
     if fine is None or errors is not None or recomputed is not None or not of_paths:
         fine = None
     else:
-        sides = tuple(Side(side.label, fine.light.of(side.drawn)) for side in sides)
+        sides = tuple(side._replace(drawn=fine.light.of(side.drawn)) for side in sides)
     return Shown(
         sides,
         _coming(s, right, reference, session.motion.is_active),
@@ -96,7 +97,7 @@ def lit(session: Session, shown: Shown, side: Side) -> LitScene:
     lit, meshes = session.lit, session.meshes
     if shown.mesh is not None:
         meshes = *dimmed((shown.mesh,), lit.levels), *meshes[1:]
-    return replace(lit, meshes=meshes, drawn=side.drawn)
+    return replace(lit, meshes=meshes, drawn=side.drawn, deviation=side.deviation)
 
 
 def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None, moves: bool) -> str:
@@ -117,7 +118,7 @@ def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
     rows = [Row("probe", name, places[name], float(luminance(E))) for name, E in snapshot.probes.items()]
     for pin, position, reading in pinned:
         if reading is not None:
-            light = three(position), reading.irradiance, math.nan, reading.radiance
+            light = three(position), reading.irradiance, reading.error, reading.radiance
             rows.append(Row("pin", pin.name, *light, reading.object, reading.material))
     current = [light for light in snapshot.rest.surfaces if light.is_current]
     return csv_text(rows, current, UNITS[session.scene.units])
@@ -158,9 +159,11 @@ def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Er
     return Errors(E, areas, scale, reference.noise)
 
 
-def _estimate(estimator: str, photons: int, drawn: Drawn, gathered: bool = False) -> Side:
-    source = "Gathered light, changed by" if gathered else f"{_title(estimator)},"
-    return Side(f"{source} {photons:,} photons", drawn)
+def _estimate(
+    estimator: str, photons: int, drawn: Drawn, source: Source = Source.PHOTONS, deviation: np.ndarray | None = None
+) -> Side:
+    begins = {Source.PHOTONS: f"{_title(estimator)},", Source.EDITED: "Light before the edit, changed by"}
+    return Side(f"{begins.get(source, 'Gathered light, changed by')} {photons:,} photons", drawn, deviation)
 
 
 def _label_of(reference: ReferencePicture) -> str:

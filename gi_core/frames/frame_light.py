@@ -19,6 +19,7 @@ from gi_core.frames.light_setting import PATHS, PATHS_AT_REST, FrameSize, LightS
 from gi_core.frames.mobile_light import AtRest, MobileLight, PoseLight
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather.direct_light import DirectLight
+from gi_core.gather.estimate import Source
 from gi_core.gather.pose_gather import PoseGather, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gloss.light import GlossLight
@@ -68,6 +69,11 @@ class FrameLight:
     def is_gathered(self) -> bool:
         """Whether frames start from better light than that of photons: the setting allows it, and there is some."""
         return self.setting.takes_gathered and self.static.best is not None
+
+    @property
+    def source(self) -> Source:
+        """The source of the static part's light without mobiles."""
+        return self.static.best.source if self.is_gathered else Source.PHOTONS
 
     def static_irradiance(self, b: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of the static part without mobiles, for a frame of `photons` photons."""
@@ -180,14 +186,24 @@ class FrameLight:
             return E
         return self.at_poses.replaced(E, lambda: self.static_irradiance(b, photons), at, self.setting.levels)
 
-    def deviation(self, at: Transforms, b: Background | None) -> np.ndarray:
+    def deviation(self, at: Transforms, b: Background | None, of_frame: np.ndarray | None = None) -> np.ndarray:
         """Return the standard error (R,) of the luminance [W/m2] at poses, where the change of photons is not its
         source.
+
+        of_frame (R, 3) [W/m2]: the light of a frame there, None: any. With it the error is nan where it is not known:
+        where the change of photons is a source, and where paths of the frame light mobiles.
         """
+        receivers = len(self._model.object_receivers.areas)
         if not self.setting.takes_gathered:
-            return np.zeros(len(self._model.object_receivers.areas))
-        levels = self.setting.levels
-        return self.at_poses.deviation(at, levels, self.static.deviation(b, levels))
+            return np.full(receivers, 0.0 if of_frame is None else np.nan)
+        levels, out = self.setting.levels, np.zeros(receivers)
+        static = self.static.deviation(b, levels)
+        out[: len(static)] = static
+        if of_frame is not None:
+            n = self._model.surfaces.receiver_range(0).stop
+            out[n:] = np.nan
+            out[:n][(of_frame[:n] != self.static_irradiance(b, 0)).any(axis=1)] = np.nan
+        return self.at_poses.deviation(at, levels, out)
 
     def before_edit(
         self, b: Background, photons: int, irradiance: np.ndarray, own: np.ndarray, at: Transforms

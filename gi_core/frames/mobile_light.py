@@ -200,13 +200,9 @@ class PoseLight:
         """Show light before an edit, changed as frames say, until there is better; the static part is the same."""
         self._edited = None if before is None else EditedAtPoses(before, self._model)
 
-    def deviation(self, at: Transforms, levels: np.ndarray, of_static: np.ndarray) -> np.ndarray:
-        """Return the standard error (R,) of the luminance at poses [W/m2], 0 where frames light mobiles.
-
-        of_static (n,): that of the static part's light without mobiles.
-        """
-        out = np.zeros(len(self._model.object_receivers.areas))
-        out[: len(of_static)] = of_static
+    def deviation(self, at: Transforms, levels: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+        """Return the standard error (R,) of the luminance [W/m2] of light gathered at poses, elsewhere `otherwise`."""
+        out = otherwise.copy()
         if (edited := self._edited_at(at, levels)) is not None:
             out[edited.rows] = edited.before.deviation[edited.rows_before]
         if (light := self.find(at, levels)) is not None and (shown := self._shown(light, edited)).any():

@@ -54,7 +54,7 @@ def test_different_light_has_different_parameters():
     while not solver.frame_light.is_gathered:
         next(steps)
     early = metadata()
-    assert early["static_light"].startswith("gathered, error ")
+    assert early["static_light"].startswith("bounces that are kept")
     while solver.frame_light.static.gathered.estimate.error >= early_error(early):
         next(steps)
     assert metadata()["static_light"] != early["static_light"]
