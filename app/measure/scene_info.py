@@ -11,10 +11,12 @@ import numpy as np
 
 from app.cli.progress import opened, warnings_of
 from app.cli.version import version
+from app.rest.surface_grid import level_of
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways
 from gi_core.lights.daylight import sun_of
+from gi_core.lights.power import power_of
 from gi_core.scene.types import material_named, part_named
 
 if TYPE_CHECKING:
@@ -39,7 +41,11 @@ def info(settings: Settings) -> list[str]:
         solver.configure(estimator=CHEAPEST, photons=min(20_000, chosen.photons))
         solver.solve()
         estimator = settings.estimator or scene.defaults.estimator or DEFAULT
-        rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
+        rows = [
+            *_contents(scene, solver),
+            *_lights(scene, solver, settings),
+            *_choices(settings, chosen, estimator, solver),
+        ]
         rows += [control, ("disc search", _search(solver)), ("rays", _rays(solver))]
     notes = _notes(scene, solver)
     materials = material_lines(scene, solver.model)
@@ -114,7 +120,7 @@ def _flux(flux: np.ndarray, unit: str) -> str:
     return f"{number} {unit}" + (f", RGB {triple(flux)}" if np.ptp(flux) > 1e-3 * flux.max() else "")
 
 
-def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
+def _lights(scene, solver: Solver, settings: Settings) -> list[tuple[str, str]]:
     """Return a row per material that emits and per other light."""
     unit = "lm" if scene.units == "photometric" else "W"
     emitters = solver.model.emitters
@@ -133,6 +139,9 @@ def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
     if (day := scene.daylight) is not None:
         time = f"{day.date} {day.hour:g} h, UTC{day.utc_offset:+g}"
         rows.append(("daylight", f"{time}, at {triple(day.place)}: sun {sun_of(day)}"))
+    watts = power_of(emitters, scene, solver.levels, settings.watts, level_of(solver.model).area)
+    if watts.of_lamp:
+        rows.append(("power", watts.text()))
     if not rows:
         rows.append(("lights", "none: the picture is black; give a material emission, or add a light"))
     fates = {name: float(luminance(flux)) for name, flux in solver.frame.fates.items()}

@@ -102,16 +102,18 @@ def floor_of(model: Model, level: Level) -> tuple[float, float]:
     vertices = model.surfaces.vertices[0] + model.origins[0]
     at += (vertices @ axes.up).max(initial=high[2]) * axes.up - model.origins[0]
     at += model.world.size * LIFT * axes.up
-    passed, normals = [], model.world.normals
+    passed, every, line, normals = [], [], np.arange(len(at)), model.world.normals
     for _ in range(64):  # surfaces along each line
         distance, face = _below(model, model.static, at, axes.up, static=True)
-        at, distance, face = (x[face >= 0] for x in (at, distance, face))
+        at, distance, face, line = (x[face >= 0] for x in (at, distance, face, line))
         if not len(at):
             break
         slope, over = normals[face] @ axes.up, (normals[face] * at).sum(axis=1) - model.world.height[face]
         exact = np.divide(over, slope, out=distance.astype(np.float64), where=np.abs(slope) > LEAST_SLOPE)
         at = at - exact[:, None] * axes.up
-        passed.append((at[_faces_up(model, model.static, face, axes.up)] + model.origins[0]) @ axes.up)
+        above = (at + model.origins[0]) @ axes.up
+        passed.append(above[_faces_up(model, model.static, face, axes.up)])
+        every.append(np.stack([line, above]))
         at = at - LIFT * np.maximum(np.abs(at).max(axis=1), model.world.reach[face])[:, None] * axes.up
     heights = np.sort(np.concatenate([*passed, np.zeros(0)]))
     lit, flat = model.lit_part, FLAT * (high - low).max()  # of a dome's bottom, few lines hit so little
@@ -123,8 +125,11 @@ def floor_of(model: Model, level: Level) -> tuple[float, float]:
     large = np.flatnonzero(is_lit & (sizes >= 0.5 * np.max(sizes, where=is_lit, initial=1)))
     if not len(large):
         return float(low[2]), 1.0
-    size = sizes[large[0]]
-    return float(np.median(heights[large[0] : large[0] + size])), min(size / floor_lines**2, 1.0)
+    first = large[0]
+    # the bottoms of bodies that stand on the floor hide it
+    lines, above = np.concatenate(every, axis=1)
+    on_floor = np.unique(lines[(above >= heights[first]) & (above <= tops[first])])
+    return float(np.median(heights[first : first + sizes[first]])), len(on_floor) / floor_lines**2
 
 
 def points_of(size: Sequence[float]) -> tuple[tuple[int, int], str]:

@@ -80,16 +80,10 @@ def text_lines(
             lines.append(f"{'power':18} {text}")
         lines += ["", *_map(light, level, units)]
     if power is not None and power.of_lamp:
-        lines += [f"{'power':18} {power_text(power)}", ""]
+        lines += [f"{'power':18} {power.text()}", ""]
     for r in rows:
         lines.append(f'{r.kind} "{r.name}"'.ljust(30) + f" {shown(r.irradiance, r.error, units.per_area)}")
     return lines
-
-
-def power_text(power: Power) -> str:
-    """Return the power of all lamps, and of the floor's area."""
-    text = f"{power.total:.4g} W, {power.per_area:.3g} W/m² of {power.area:.4g} m² floor"
-    return f"{text}; without {', '.join(power.unknown)}, of unknown watts" if power.unknown else text
 
 
 def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:

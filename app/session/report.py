@@ -18,7 +18,7 @@ import numpy as np
 
 from app.draw.colour_map import sequential_colours
 from app.rest.calculation_surface import FAIL, PASS, SurfaceLight
-from app.session.readouts import LONG_NAMES, described, judged, per_100_lux, power_text, shown, unit_of
+from app.session.readouts import LONG_NAMES, described, judged, per_100_lux, shown, unit_of
 from gi_core.geometry.error import luminance
 from gi_core.lights.daylight import sun_of
 from gi_core.lights.power import full_watts
@@ -75,7 +75,7 @@ def page(c: Content) -> str:
         *(_surface(c, light) for light in c.lights),
         *([] if c.lights else ["<p>None.</p>"]),
         f"<h2>Luminaires and lamps</h2>{_lamps(c)}{_polar_curves(c)}",
-        f"<h2>Power</h2><p>{escape(power_text(c.power)) if c.power.of_lamp else 'No lamp has watts.'}</p>",
+        f"<h2>Power</h2><p>{escape(c.power.text()) if c.power.of_lamp else 'No lamp has watts.'}</p>",
         f"<h2>Materials</h2>{_materials(c)}",
         f"<h2>Settings</h2>{_table(['', ''], _settings(c))}<p class='dim'>{LIMITS}</p>",
     ]  # fmt: skip
@@ -257,16 +257,18 @@ def _flux(light: PhotometricLight) -> float:
 
 
 def _materials(c: Content) -> str:
-    used = set(np.unique(c.model.scene.static.face_material).tolist())
-    for m in c.model.scene.mobiles:
-        used |= set(np.unique(m.mesh.face_material).tolist())
-    rows = []
-    for k in sorted(used):
-        m = c.model.scene.materials[k]
+    """Return the reflectance of each material, of textures the mean by area."""
+    scene, s = c.model.scene, c.model.surfaces
+    meshes, own = (scene.static, *(m.mesh for m in scene.mobiles)), np.array([m.reflectance for m in scene.materials])
+    of = np.concatenate([mesh.face_material for mesh in meshes])
+    of_faces = (own[mesh.face_material] if mean is None else mean for mesh, mean in zip(meshes, s.means, strict=True))
+    rho, rows = luminance(np.concatenate([*of_faces])), []
+    for k in np.unique(of):
+        m, faces = scene.materials[k], of == k
         kind = (
             "pane" if m.pane else "lamp" if max(m.emission) > 0 else "model" if m.brdf else "gloss" if m.gloss else ""
         )
-        rows.append((m.name, f"{luminance(np.array(m.reflectance)):.2f}", kind))
+        rows.append((m.name, f"{np.average(rho[faces], weights=s.areas[faces]):.2f}", kind))
     return _table(("material", "reflectance", ""), rows)
 
 

@@ -34,6 +34,11 @@ class Power(NamedTuple):
         """Power per area of the floor [W/m2]."""
         return self.total / self.area
 
+    def text(self) -> str:
+        """Return the power of all lamps, and per area of the floor, in words."""
+        text = f"{self.total:.4g} W, {self.per_area:.3g} W/m² of {self.area:.4g} m² floor"
+        return f"{text}; without {', '.join(self.unknown)}, of unknown watts" if self.unknown else text
+
 
 def is_electric(emitters: Emitters) -> np.ndarray:
     """Return whether lamps are neither sun nor sky, (G,) bool."""

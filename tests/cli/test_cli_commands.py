@@ -104,6 +104,16 @@ def test_info_lists_contents_and_reasons(capsys, estimator):
     assert "0.02 m: as given" in text and "2,000: as given" in text and "warning" not in text
 
 
+def test_info_prints_the_power_of_lamps_whose_watts_are_known(capsys, tmp_path):
+    shapes = '[{ type = "room", name = "lamp", size = [4, 2.5, 3], max_edge = 1 }]'
+    (tmp_path / "room.toml").write_text(
+        f"shape = {shapes}\nwatts = {{ lamp = 12 }}\nmaterials.lamp.emission = [1, 1, 1]\n"
+    )
+    assert cli.main(["info", str(tmp_path / "room.toml"), "--photons", "2000"]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("power")]
+    assert line.split(maxsplit=1)[1] == "12 W, 1 W/m² of 12 m² floor"
+
+
 def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):
     """Sixteen squares of increasing size, each with another material; the largest two share a name."""
     lines, library = ["mtllib sheets.mtl"], []

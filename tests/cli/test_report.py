@@ -3,11 +3,16 @@
 import json
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from app import __main__ as cli
+from app.session.report import _materials
+from gi_core.files.load import load_scene
+from gi_core.model import Model
+from tests.support.mesh_writers import write_textured_room
 from tests.support.photometry import write_ies
 from tests.support.toml_rooms import room_file, table
 from tests.support.viewer_hand import in_window
@@ -108,3 +113,11 @@ def test_the_window_writes_a_report(hand, viewer, folder):
     assert dialog.is_open and dialog._answered(str(folder / "r")) == ""
     page = (folder / "r.html").read_text(encoding="utf-8")
     assert "Luminaires and lamps" in page and page.count("data:image/png") == 1
+
+
+def test_the_reflectance_of_a_texture_is_its_mean(tmp_path):
+    """A textured chair had 0.98, the factor of its texture."""
+    write_textured_room(tmp_path)
+    table = _materials(SimpleNamespace(model=Model(load_scene(tmp_path / "room.obj"))))
+    linear = ((180 / 255 + 0.055) / 1.055) ** 2.4
+    assert dict(re.findall(r"<td>([^<]*)</td><td>([0-9.]+)</td>", table))["floor"] == f"{linear:.2f}"

@@ -5,6 +5,7 @@ import pytest
 
 from gi_core.files.completion import SCALED
 from gi_core.files.load import load_scene
+from gi_core.model import Model
 from gi_core.scene import SceneError
 from tests.support.mesh_writers import BOX, BOX_FACES, gltf_lights, write_glb, write_obj, write_scene
 from tests.support.scene_builders import solve
@@ -67,6 +68,17 @@ def test_dark_scene_gets_a_downward_lamp(tmp_path):
     assert (normal[:, 1] < 0).all() and np.abs(normal[:, [0, 2]]).max() < 1e-12
     assert 0.8 < p[..., 1].max() < 1
     assert any("no light in the file" in n for n in scene.notes)
+
+
+def test_the_default_lamp_of_a_photometric_file_has_lumens(tmp_path):
+    """17.67 lm, beside which each luminaire that was added blinded the picture."""
+    shapes = 'shape = [{ type = "room", size = [4, 2.5, 3] }, { type = "box", size = [0.4, 0.4, 0.4], mobile = true }]'
+    flux = []
+    for units in ("radiometric", "photometric"):
+        (tmp_path / "room.toml").write_text(f'units = "{units}"\n{shapes}\n')
+        scene = load_scene(tmp_path / "room.toml")
+        flux.append(Model(scene).emitters.flux.sum(axis=0))
+    assert flux[1] == pytest.approx(179.0 * flux[0]) and 1000 < flux[1][0] < 10_000
 
 
 def test_glb_light_and_camera(tmp_path):

@@ -11,7 +11,6 @@ from imgui_bundle import imgui
 
 from app.draw.colour_map import COOLEST, HOTTEST, factor, kelvin_of, of_luminance_one
 from app.session.lights import LightId
-from app.session.readouts import power_text
 from app.session.session import Session
 from app.settings import LampLevel, Settings
 from app.window import theme
@@ -51,7 +50,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     ui.number("Together", _shown(flux, session), "Flux of all lamps at their levels.")
     watts = full_watts(session.scene, s.watts)
     if watts:
-        ui.number("Power", power_text(session.power), "Watts of photometric files, or as stated, at these levels.")
+        ui.number("Power", session.power.text(), "Watts of photometric files, or as stated, at these levels.")
     snapshot = session.light.snapshot
     if snapshot.effective_photons < snapshot.photons:
         share = f"{100 * snapshot.effective_photons / max(snapshot.photons, 1):.0f} %"

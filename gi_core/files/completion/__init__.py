@@ -16,13 +16,15 @@ from gi_core.files.completion.floors import Column, floor_spot
 from gi_core.files.completion.pilot import Box, Rays, bottom_centre, corners_of, horizontal, is_lit, ring, useful_box
 from gi_core.files.completion.viewpoint import default_camera
 from gi_core.geometry.mesh_parts import join
+from gi_core.lights.daylight import LUMENS_PER_WATT
 from gi_core.scene.pose import least_turn, to_world
 from gi_core.scene.types import Material, Mesh, Pose, Scene, SkyLight
 
 SMALLEST_MOBILE, LARGEST_MOBILE = 1 / 150, 1 / 3  # of the scene's size: a mobile beyond is in other units
 SCALED = 1 / 8  # of the scene's size, after scaling
-RADIANCE = 10.0  # [W/m2/sr]; exposure is metered, so only its colour matters
-SKY = 0.05 * RADIANCE  # in the open: nothing else brings light to the sides that the lamp does not see
+RADIANCE = 10.0  # [W/m2/sr], 1,790 cd/m2 in a photometric file: beside luminaires that are added it neither blinds nor
+# is black
+SKY = 0.05  # of it, in the open: nothing else brings light to the sides that the lamp does not see
 DEFAULT_LAMP = "default light"  # material of the lamp
 SAID = "no light in the file: "  # the note about it begins so
 
@@ -222,7 +224,7 @@ def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
         centre = centre + open_away * box.size * unit(towards - (towards @ up) * up)
     normal = unit(middle - centre)
     across = unit(np.cross(normal, horizontal(up)[1]))
-    sky = SkyLight("default sky", (SKY,) * 3)
+    sky = SkyLight("default sky", (SKY * _radiance(scene),) * 3)
     # 0.8 of the scene's size
     lit = _with_lamp(scene, centre, 0.8 * box.size, normal, across, "above the scene, under a dim sky")
     return replace(lit, lights=(*lit.lights, sky))
@@ -232,11 +234,16 @@ def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) ->
     along = np.cross(normal, across)
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     corners = np.array([centre + side / 2 * (a * across + b * along) for a, b in signs])
-    materials = (*scene.materials, Material(DEFAULT_LAMP, (0.0, 0.0, 0.0), (RADIANCE,) * 3))
+    materials = (*scene.materials, Material(DEFAULT_LAMP, (0.0, 0.0, 0.0), (_radiance(scene),) * 3))
     normals = None if scene.static.corner_normals is None else np.broadcast_to(normal, (2, 3, 3))
     quad = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), np.full(2, len(scene.materials)), normals)
     note = f"{SAID}a lamp of {side:.3g} x {side:.3g} m hangs {where}"
     return replace(scene, static=join([scene.static, quad], materials), materials=materials, notes=(*scene.notes, note))
+
+
+def _radiance(scene: Scene) -> float:
+    """Return the radiance of a default lamp, or its luminance, in the units of the file."""
+    return RADIANCE * (LUMENS_PER_WATT if scene.units == "photometric" else 1.0)
 
 
 def stand_of(scene: Scene) -> np.ndarray:

@@ -239,6 +239,13 @@ def test_places_of_points_have_micrometres_at_survey_coordinates():
     assert len(head.split()) == 6, "columns of the map stay apart"
 
 
+def test_bodies_on_the_floor_take_nothing_from_its_area():
+    """The bottom of a desk lies in the floor's plane, where vertical lines missed the floor."""
+    empty, desk = shell(), box((1, 1, 0.0), (5, 3.5, 0.73), 2)
+    areas = [level_of(Model(room(*parts, lights=[(3, 3, 2.8)]))).area for parts in ((empty,), (empty, desk))]
+    assert areas == pytest.approx([36.0, 36.0], rel=0.01) and areas[0] == areas[1]
+
+
 class RoundsOfErrors:
     """Rounds at one point of irradiance 1 with given standard errors."""
 
