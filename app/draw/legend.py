@@ -91,7 +91,7 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     at = layout(legend, em, lambda text: draw.textlength(plain(text), font), w - em, h - em)
     if min(at.plate) < 0:
         return picture
-    draw.rounded_rectangle(at.plate, 0.35 * em, (15, 16, 17, 210))
+    _draw_plate(draw, at.plate, 0.35 * em, (15, 16, 17, 210))
     for corner, line in zip(at.captions, legend.lines, strict=True):
         draw.text(corner, plain(line), legend_text, font)
     left, top, right, _ = at.bar
@@ -110,6 +110,11 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
         draw.rectangle(at.swatch, tuple(round(255 * c) for c in UNKNOWN_COLOUR), legend_text)
         draw.text((at.labels, (at.swatch[1] + at.swatch[3]) / 2), plain(legend.unknown), legend_text, font, anchor="lm")
     return np.asarray(image)
+
+
+def _draw_plate(draw: ImageDraw.ImageDraw, box: Box, radius: float, colour: tuple[int, int, int, int]) -> None:
+    """Draw a plate between whole pixels: elsewhere Pillow draws some of its parts twice."""
+    draw.rounded_rectangle(tuple(map(round, box)), round(radius), colour)
 
 
 def plain(text: str) -> str:
@@ -157,7 +162,7 @@ def with_marks(picture: np.ndarray, marks: Marks, scale: float) -> np.ndarray:
     for text, box, opacity, colour in marks.labels:
         left, top, right, bottom = (scale * side for side in box)
         middle = (left + right) / 2, (top + bottom) / 2
-        draw.rounded_rectangle((left, top, right, bottom), ROUND_EM * em, _colour(PLATE, PLATE_OPACITY * opacity))
+        _draw_plate(draw, (left, top, right, bottom), ROUND_EM * em, _colour(PLATE, PLATE_OPACITY * opacity))
         draw.text(middle, plain(text), _colour(colour, opacity), font, anchor="mm")
     return np.asarray(image)
 

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -86,6 +87,11 @@ class Opening:
         return utf8(self.phase + (f": {detail}" if detail else "")), self.fraction
 
     @property
+    def _name(self) -> str:
+        """Name of the scene's file, without folders: a path may have thousands of characters."""
+        return Path(self.settings.document or self.settings.scene).name
+
+    @property
     def done(self) -> bool:
         return not self._thread.is_alive()
 
@@ -99,7 +105,7 @@ class Opening:
             from gi_core.instruments import compile_ahead
 
             self._compile(compile_ahead.DIFFUSE)
-            self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
+            self.phase, self.detail, self.fraction = LOADING, self._name, None
             versions = self._versions()
             scene = as_asked(versions.last, self.settings)
             self._stop_if_cancelled()
@@ -163,7 +169,7 @@ class Opening:
         from app.rest.reference_store import StaticStore
         from gi_core.base.kernel_cache import problems
 
-        self.phase, self.detail, self.fraction = LOADING, self.settings.document or self.settings.scene, None
+        self.phase, self.detail, self.fraction = LOADING, self._name, None
         before = self._before
         solver = make_solver(scene, self.settings, None if before is None else before.results())
         meshes, picker = self._drawn(solver.model, None if before is None else before.opened.solver.model)

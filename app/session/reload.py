@@ -33,6 +33,7 @@ class Reload:
         self.coming: Session | None = None  # the session being opened
         self.same = False  # the new scene is the current one, reloaded
         self.dropped: list[str] = []  # files dropped on the window, until the next frame
+        self.waiting: list[str] = []  # files to open once the first scene is open
         self.problem = ""  # error of the last scene that failed to open; edits that fail are in the log alone
         self._open_with = open_with
         self._begun = 0.0  # s, of the opening
@@ -94,7 +95,7 @@ class Reload:
         opening = self.coming.opening
         if self.is_editing and not self._compiles and self.coming.clock() - self._begun < QUIET:
             return None
-        return ("placing objects", None) if opening is None else opening.progress
+        return ("computing light", None) if opening is None else opening.progress
 
     @property
     def _compiles(self) -> bool:

@@ -13,7 +13,7 @@ from imgui_bundle import hello_imgui, imgui
 from PIL import Image
 
 from app.session.session import Session
-from app.window.actions import ACTIONS
+from app.window.actions import ACTIONS, ESTIMATOR_KEYS
 from app.window.actions.objects import SHAPES
 from app.window.dialogs import UNSAVED
 from app.window.files import Files
@@ -244,7 +244,8 @@ def draw_help(is_ready: bool, area: tuple[float, float, float, float], is_open: 
         if is_ready:
             from gi_core.estimators import ESTIMATORS
 
-            numbers = [(str(k), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(ESTIMATORS, 1)]
+            names = list(ESTIMATORS)[: len(ESTIMATOR_KEYS)]
+            numbers = [(str(k), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(names, 1)]
         numbers += [("Ctrl+1 to Ctrl+9", "show a kept view"), ("Ctrl + drag a handle", "snap")]
         _table("keys", [*((a.keys, a.help) for a in ACTIONS.values() if a.keys), *numbers], em)
     imgui.end()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
@@ -14,6 +15,7 @@ from app.session.session import Session
 from app.window import label, legend, theme
 from app.window.panel.widgets import shortened
 from app.window.viewport import Viewport
+from gi_core.scene.errors import utf8
 
 if TYPE_CHECKING:
     from app.window.camera_control import View
@@ -30,7 +32,7 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     em = imgui.get_font_size()
     (x, y), (w, h) = viewport.view.origin, viewport.view.size
     if not ready:
-        _draw_opening(session, (x, y, w, h), em)
+        _draw_opening(session, reload.waiting, (x, y, w, h), em)
         return
     corner, room = (x + em, y + h - 2.6 * em), w - 2 * em
     _draw_shown(viewport, (x, y, w, h), em)
@@ -64,21 +66,24 @@ def _draw_shown(viewport: Viewport, area: tuple[float, float, float, float], em:
         label.write(shown.coming, x + w - em, y + em, theme.DIM_TEXT, right=True)
 
 
-def _draw_opening(session: Session, area: tuple[float, float, float, float], em: float) -> None:
+def _draw_opening(session: Session, waiting: list[str], area: tuple[float, float, float, float], em: float) -> None:
+    """Write how far the opening of the first scene is; waiting: files that open after it."""
     opening, (x, y, w, h) = session.opening, area
     if opening is None:
         problem = session.problem or "see the status line"
         label.write(f"Could not open the scene: {problem}", x + w / 2, y + h / 2, theme.ERROR, centred=True)
         return
     _draw_progress(*opening.progress, x + w / 2, y + h / 2, em)
+    hint = ""
     if opening.look is not None:
-        objects = "; objects can be dragged when it is done" if len(opening.look.models) > 1 else ""
-        label.write(f"Drag to orbit{objects}", x + em, y + h - 2.6 * em, room=w - 2 * em)
+        hint = "Drag to orbit" + "; objects can be dragged when it is done" * (len(opening.look.models) > 1)
+    if hint := f"Then opens: {utf8(Path(waiting[0]).name)}" if waiting else hint:
+        label.write(hint, x + em, y + h - 2.6 * em, room=w - 2 * em)
 
 
 def _draw_progress(text: str, done: float | None, x: float, y: float, em: float) -> None:
     """Write how far the opening of a scene is, with a bar below, about a point; done: the fraction, None: unknown."""
-    label.write(text, x, y - 1.4 * em, centred=True)
+    label.write(text, x, y - label.plate(text)[1] / 2 - 0.6 * em, centred=True)  # of any lines, above the bar
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
     # A negative fraction makes ImGui's bar oscillate: work of unknown duration.

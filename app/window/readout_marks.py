@@ -11,16 +11,19 @@ from imgui_bundle import imgui
 
 from app.draw.colour_map import sequential_colours
 from app.draw.legend import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks
+from app.session.readouts import unit_of
 from app.window import label, legend
 from app.window.label import LabelPlaces
 from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
+from gi_core.scene.types import UNITS
 
 if TYPE_CHECKING:
     from app.draw.legend import Point
-    from app.rest.calculation_surface import SurfaceLight
+    from app.rest.calculation_surface import Grid, SurfaceLight
     from app.window.camera_control import View
     from app.window.label import Box
     from app.window.viewport import Viewport
+    from gi_core.scene.types import CalculationSurface
 
 OF_BEFORE = 0.4  # opacity of numbers of the light before
 
@@ -57,7 +60,9 @@ def marks(viewport: Viewport) -> Marks:
         corners = _seen(viewport, grid.corners)
         around = zip(corners, [*corners[1:], corners[0]], strict=True)
         shapes.lines.extend((a, b) for a, b in around if a is not None and b is not None)
-        if (light := lights.get(surface)) is not None:
+        if surface.name in viewport.folded:
+            _mean(viewport, surface, lights.get(surface), grid, places, shapes)
+        elif (light := lights.get(surface)) is not None:
             _points(viewport, light, places, shapes)
     for at, text, box in pins:
         shapes.dots.append(Dot(at, LINE, 1.0))
@@ -112,6 +117,18 @@ def _labels_of_pins(viewport: Viewport, places: LabelPlaces) -> list[tuple[Point
 def number(value: float) -> str:
     """Return a value in three digits, large ones in whole numbers."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def _mean(
+    viewport: Viewport, surface: CalculationSurface, light: SurfaceLight | None, grid: Grid, places: LabelPlaces,
+    shapes: Marks,
+) -> None:  # fmt: skip
+    """Add name and mean of a surface, near its middle; light: None before it is measured."""
+    (at,), text = _seen(viewport, grid.corners.mean(axis=0)[None]), surface.name
+    if light is not None and math.isfinite(mean := light.numbers.mean[0]):
+        text += f": {number(mean)} {unit_of(surface, UNITS[viewport.session.scene.units])}".rstrip()
+    if at is not None and (box := places.take(places.beside(at, label.plate(text), 0.0))) is not None:
+        shapes.labels.append(Label(text, box, 1.0 if light is None or light.is_current else OF_BEFORE))
 
 
 def _points(viewport: Viewport, light: SurfaceLight, places: LabelPlaces, shapes: Marks) -> None:

@@ -34,6 +34,7 @@ from app.window.viewport import Viewport
 from app.worker import limit_arenas
 
 LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
+DOUBLE_CLICK = 0.3  # s, ImGui's default
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
 
 
@@ -133,6 +134,10 @@ class Viewer:
     def _begin_frame(self) -> None:
         has_input = bool(len(imgui.get_current_context().input_events_trail)) or imgui.is_any_item_active()
         seconds = self.clock.begin(has_input)
+        # ImGui takes one event of the mouse per frame: press, release and press need three
+        io = imgui.get_io()
+        io.mouse_double_click_time = max(DOUBLE_CLICK, 3 * seconds)
+        io.mouse_single_click_delay = io.mouse_double_click_time + DOUBLE_CLICK  # ImGui asks for a longer one
         if self.clock.frames == 1:
             self.painter.open()
         if self.viewport.is_redrawn and not self.clock.slept:  # frames that repeat a picture would hide slow ones
@@ -324,10 +329,13 @@ class Viewer:
     # A frame ----------------------------------------------------------------------------------------
 
     def _replace_session(self) -> None:
-        """Open dropped files; show a newly opened scene once it is ready."""
+        """Open files that were dropped or that wait; show a newly opened scene once it is ready."""
         if dropped := self.reload.dropped:
             files, dropped[:] = list(dropped), []
             drop(self, files)
+        if self.reload.waiting and self.session.opening is None:
+            files, self.reload.waiting = self.reload.waiting, []
+            open_files(self, files)
         new = self.reload.tick(self.session)
         if new is not None:
             try:

@@ -85,6 +85,7 @@ class Viewport:
         self.control = CameraControl(self.view)
         self.pointer = Pointer()
         self.pins = Pins()
+        self.folded: set[str] = set()  # names of surfaces whose points are not drawn
         self.mobile_drag = MobileDrag()
         self.lamps = LampHandles()
         self.scale_fit = ScaleFit()
@@ -343,7 +344,9 @@ class Viewport:
 
     @property
     def legend(self) -> Legend | None:
-        """Legend of the current picture; None: it shows light."""
+        """Legend of the current picture; None: it shows light, or how receivers were computed."""
+        if self.shown is not None and self.shown.recomputed is not None:
+            return None
         if self.shown is not None and self.shown.errors is not None:
             return of_errors(self.shown.errors)
         picture = self.picture

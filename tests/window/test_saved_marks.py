@@ -67,3 +67,12 @@ def test_a_saved_picture_names_its_colours(hand, viewer, folder):
         left, top, right, bottom = (round(factor * side) for side in label.box)
         plate = saved[top:bottom, left:right].reshape(-1, 3)
         assert np.abs(plate - 255 * np.array(colour)).max(axis=1).min() < 40 and np.median(plate) < 60
+
+
+def test_a_plate_between_pixels_is_even():
+    """Pillow drew its corners twice: dark streaks at the end of each plate."""
+    grey = np.full((40, 120, 3), 128, np.uint8)
+    drawn = with_marks(grey, Marks(16.0, [], [], [Label("1", (20.3, 9.6, 99.4, 31.7), 1.0)]), 1.0)
+    plate = drawn[10:32, 22:50]
+    assert len(np.unique(plate[4:-4].reshape(-1, 3), axis=0)) == 1
+    assert len(np.unique(drawn.reshape(-1, 3)[:, 0][drawn.reshape(-1, 3)[:, 0] < 128])) < 12

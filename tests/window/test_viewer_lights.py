@@ -343,3 +343,15 @@ def test_levels_of_a_removed_lamp_are_no_mistake(folder):
 
     solver = make_solver(open_scene(settings), settings)
     assert "pendant" not in solver.lamps.names
+
+
+@in_window(scene=lit_room)
+def test_a_new_lamp_hangs_off_the_wall_that_it_is_over(hand, viewer):
+    """The middle of the picture was on the back wall: half of a luminaire was inside it. The floor is no wall."""
+    hand.move(hand.at((0.5, 0.6, 0.0)))
+    hand.ctx.mouse_click(0)
+    hand.ctx.yield_(3)
+    assert viewer.viewport.clicked.point == pytest.approx((0.5, 0.6, 0.0), abs=0.02)
+    change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
+    x, y, z = viewer.session.scene.lights[-1].position
+    assert (x, z) == pytest.approx((0.5, 1 / 3), abs=0.02) and y > 0.9

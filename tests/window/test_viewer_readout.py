@@ -16,7 +16,7 @@ from gi_core.scene import CalculationSurface, Camera, Material, Mobile, PointLig
 from tests.support import closed_form
 from tests.support import viewer_support as support
 from tests.support.scene_builders import merge, quad
-from tests.support.viewer_hand import errors, in_window, keys
+from tests.support.viewer_hand import BLOCK_FRONT, errors, in_window, keys
 
 INTENSITY, HEIGHT = 500.0, 2.0  # [cd], [m]
 
@@ -393,3 +393,74 @@ def test_a_message_is_shown_once():
     (entry,) = log.entries
     assert overlay.message_at(log, entry.when + 1.0) == entry
     assert overlay.message_at(log, entry.when + 4.0) is None
+
+
+@in_window(light="best")
+def test_the_read_out_states_the_error_at_its_place(hand, viewer):
+    """The status line had the mean error of the scene alone. In motion the error is not known."""
+    session, viewport = viewer.session, viewer.viewport
+    hand.wait(lambda: session.light.all_done)
+    deviation = session.light.snapshot.deviation
+    assert deviation.shape == (len(session.irradiance),)
+    hand.move(hand.at((0.2, 0.8, 0.0)))
+    reading, nearest = viewport.pointer.reading, session.receiver
+    assert reading.error == deviation[nearest] > 0 and reading.error < 0.1 * reading.irradiance
+    assert f" ± {reading.error:.2g} W/m²" in reading.text()
+    hand.press(keys().i)
+    hand.wait(lambda: viewport.pins.shown)
+    assert viewport.pins.shown[0].reading.error == deviation[nearest]
+    (row,) = [line for line in view_content.readouts_csv(session, viewport.pins.shown).splitlines() if "pin 1" in line]
+    assert float(row.split(",")[6]) == pytest.approx(deviation[nearest])
+    block = hand.at(BLOCK_FRONT)
+    hand.move(block)
+    hand.ctx.mouse_down(0)
+    hand.move((block[0] + 40, block[1]))
+    moved = session.light.snapshot.deviation
+    own = session.model.surfaces.receiver_range(1)
+    assert moved is None or np.isnan(moved[own]).all()
+    hand.ctx.mouse_up(0)
+
+
+@in_window(scene=lamp_over_floor, light="photons")
+def test_a_folded_surface_shows_its_name_and_mean_alone(hand, viewer):
+    """Points of several surfaces covered the picture and each other."""
+    from app.window import readout_marks
+
+    session, viewport = viewer.session, viewer.viewport
+    session.edit(surfaces=(SURFACE,))
+    hand.ctx.set_ref("Panel")
+    for section in ("Objects", "Lamps", "Picture"):
+        hand.ctx.item_close(section)
+    hand.wait(lambda: session.light.snapshot.rest.surfaces and session.light.snapshot.rest.surfaces[0].fraction == 1)
+    hand.ctx.yield_(2)
+    shown = readout_marks.marks(viewport)
+    assert len(shown.dots) == 15 and len(shown.lines) == 4
+    hand.ctx.item_click("**/###surface")
+    hand.ctx.yield_(2)
+    folded = readout_marks.marks(viewport)
+    mean, _ = session.light.snapshot.rest.surfaces[0].numbers.mean
+    assert not folded.dots and len(folded.lines) == 4
+    assert [x.text for x in folded.labels] == [f"{SURFACE.name}: {mean:.0f} lx"]
+    hand.ctx.item_click("**/###surface")
+    hand.ctx.yield_(2)
+    assert len(readout_marks.marks(viewport).dots) == 15
+
+
+@in_window(scene=lamp_over_floor, light="photons")
+def test_a_surface_lies_on_a_clicked_material_and_its_rows_stay_where_they_are(hand, viewer):
+    """The button was grey for a desk of the static part; rows of numbers pushed it down when they came."""
+    session = viewer.session
+    hand.ctx.set_ref("Panel")
+    for section in ("Scene", "Objects", "Lamps", "Picture"):
+        hand.ctx.item_close(section)
+    hand.move(hand.at((0.3, -0.2, 0.0)))
+    hand.ctx.mouse_click(0)
+    hand.ctx.yield_(3)
+    hand.ctx.item_click("**/On the selection")
+    hand.ctx.yield_(3)
+    (surface,) = session.settings.surfaces
+    assert (surface.name, surface.on) == ("oak 1", "oak")
+    before = hand.ctx.item_info("**/On the selection").rect_full.min.y
+    hand.wait(lambda: session.light.snapshot.rest.surfaces and session.light.snapshot.rest.surfaces[0].fraction == 1)
+    hand.ctx.yield_(3)
+    assert hand.ctx.item_info("**/On the selection").rect_full.min.y == before

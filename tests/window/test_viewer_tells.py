@@ -262,3 +262,109 @@ def test_a_first_look_says_that_objects_cannot_be_dragged_yet(play, written, obj
         assert abs(hand.ctx.get_window_by_ref("Panel").size.x - width) < 4, "the picture moved when the controls came"
 
     assert errors(play(script, open_with=lambda s: Opening(s, load=slow))) == []
+
+
+def test_a_file_opened_while_the_first_kernels_compile_is_named_and_opens_after_them(play, folder, written):
+    """Nothing was said for a minute, and two processes compiled the same kernels."""
+    asked, go = [], threading.Event()
+    (folder / "mine.toml").write_text("")
+
+    def open_with(settings):
+        asked.append(settings.scene)
+
+        def load(_):
+            assert go.wait(support.PATIENCE)
+            return support.room()
+
+        return Opening(settings, load=load)
+
+    def script(hand, viewer):
+        hand.wait(lambda: viewer.session.opening is not None)
+        viewer.open_scene("mine.obj")
+        hand.ctx.yield_(3)
+        assert len(asked) == 1 and "Then opens: mine.obj" in written
+        go.set()
+        hand.wait(lambda: len(asked) == 2 and viewer._ready and viewer.reload.coming is None)
+        assert asked[1] == viewer.session.settings.scene == "mine.obj" and viewer.reload.waiting == []
+
+    assert errors(play(script, open_with=open_with)) == []
+
+
+@in_window()
+def test_a_long_name_leaves_the_bar_of_progress_in_sight(hand, viewer, written):
+    name = "e" * 250
+    assert Opening(replace(support.SETTINGS, scene=f"/a/b/{name}.toml"))._name == f"{name}.toml"
+    opening = SimpleNamespace(progress=(f"loading scene: {name}", None), done=False)
+    viewer.reload.coming = SimpleNamespace(
+        opening=opening, ready=False, problem=None, tick=lambda *_, **__: None, close=lambda *_: None
+    )
+    written.clear()
+    hand.ctx.yield_(3)
+    left, top, right, bottom = written[f"loading scene: {name}"]
+    view = viewer.viewport.view
+    assert bottom <= view.origin[1] + view.size[1] / 2
+    viewer.reload.coming = None
+
+
+@in_window(size=(720, 900))
+def test_a_section_that_is_seen_whole_unfolds_without_a_scroll(hand, viewer):
+    """The panel scrolled until the section ended at its lower edge, and another button was under the mouse."""
+    hand.ctx.set_ref("Panel")
+    hand.ctx.item_close("Material")
+    hand.ctx.scroll_to_y("//Panel", 150.0)
+    hand.ctx.yield_(2)
+    before = hand.ctx.item_info("Material").rect_full.min.y
+    hand.ctx.item_click("Material")
+    hand.ctx.yield_(4)
+    assert hand.ctx.item_info("Material").rect_full.min.y == pytest.approx(before, abs=1)
+
+
+@in_window()
+def test_two_clicks_of_a_slow_frame_are_a_double_click(hand, viewer, monkeypatch):
+    """ImGui takes one event per frame: at 5 frames/s the second press came 0.4 s after the first."""
+    import time
+
+    from imgui_bundle import imgui
+
+    seen, begin = [], viewer.clock.begin
+
+    def slow(has_input):
+        time.sleep(0.2)
+        seen.append(imgui.is_mouse_double_clicked(0))
+        return begin(has_input)
+
+    monkeypatch.setattr(viewer.clock, "begin", slow)
+    hand.move(hand.at((0.2, 0.8, 0.0)))
+    hand.ctx.mouse_double_click(0)
+    hand.ctx.yield_(2)
+    monkeypatch.undo()
+    assert any(seen)
+
+
+@in_window(show="illuminance")
+def test_colours_of_the_method_have_no_legend_of_light(hand, viewer):
+    hand.wait(lambda: viewer.viewport.legend is not None)
+    hand.press(named_keys().c)
+    hand.wait(lambda: viewer.viewport.shown.recomputed is not None)
+    assert viewer.viewport.legend is None
+
+
+@in_window()
+def test_values_too_long_for_a_row_wrap(hand, viewer, monkeypatch):
+    """24 W ... without default lig: the rest was beyond the panel's edge."""
+    from imgui_bundle import imgui
+
+    from app.window.panel import Section
+    from app.window.panel import widgets as ui
+
+    ends = []
+
+    def drawn(s, window, actions):
+        ui.number("Power", "24 W, 2 W/m² of 12 m² floor; without a lamp, another lamp, of unknown watts", "")
+        edge = imgui.get_window_pos().x + imgui.get_window_size().x
+        ends.append((imgui.get_item_rect_max().x, edge))
+        return s
+
+    monkeypatch.setattr("app.window.panel.SECTIONS", (Section("Only", drawn),))
+    hand.ctx.yield_(3)
+    assert ends and all(end <= edge for end, edge in ends)

@@ -12,7 +12,7 @@ from app.window.actions import files, lamps, objects, views
 from app.window.panel.lights import AddLamp, ChangeLight, SelectLamp
 from app.window.panel.material import ChoosePart, Refinish
 from app.window.panel.objects import Move, Select
-from app.window.panel.readouts import Edit
+from app.window.panel.readouts import Edit, FoldSurface
 from app.window.parts import Window
 from app.window.window import toggle_full_screen
 
@@ -20,7 +20,7 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move | Refinish | ChoosePart | Edit | SelectLamp | ChangeLight | AddLamp
+Request = Select | Move | Refinish | ChoosePart | Edit | FoldSurface | SelectLamp | ChangeLight | AddLamp
 
 
 class Action(NamedTuple):
@@ -53,6 +53,8 @@ def act(window: Window, name: str | Request) -> None:
             lamps.add(window, name)
         case Edit(field, value, first, last):
             window.session.edit(first, last, **{field: value})
+        case FoldSurface(surface):
+            window.viewport.folded ^= {surface}
         case str():
             action = ACTIONS[name]
             if window.session.ready or not action.needs_scene:

@@ -26,7 +26,13 @@ def choose_scene(window: Window) -> None:
 
 
 def open_files(window: Window, names: list[str]) -> None:
-    """Open a scene, and further files as objects in it, after the question about unsaved changes."""
+    """Open a scene, and further files as objects in it, after the question about unsaved changes.
+
+    Behind the first scene, whose kernels two processes would compile, they wait for it.
+    """
+    if window.session.opening is not None:
+        window.reload.waiting = names
+        return
 
     def other() -> None:
         window.reload.other(window.session, names)

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.session.lights import LightId, Room, in_place_of, new_light, panel_of_faces, photometric
+from app.session.lights import DROP, LightId, Room, in_place_of, new_light, panel_of_faces, photometric
 from app.session.log import WARNING
 from app.window import dialogs
 from app.window.panel.lights import FILE, AddLamp, ChangeLight
 from app.window.parts import Window
 from app.window.viewport import BESIDE
+from gi_core.base.vectors import unit
+from gi_core.files.completion.pilot import ring
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.pose import three
 from gi_core.scene.types import PlacedLight
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Values
-
-LEVEL = 0.5  # cosine: flatter surfaces that look up are no ceilings
 
 
 def change(window: Window, asked: ChangeLight) -> None:
@@ -151,14 +151,40 @@ def _room(window: Window, at: np.ndarray | None = None) -> Room:
     up, size = np.array(session.scene.up, np.float64), session.chosen.scene_size
     if at is None and window.viewport.clicked is not None:
         at = window.viewport.clicked.point
-    at = window.viewport.looked_at if at is None else at
+    if at is None:
+        at = window.viewport.looked_at
+    else:
+        at = at - BESIDE * size * unit(at - window.viewport.view.camera.eye())
     below = session.picker.pick(at, -up, session.pose_list, True)
     floor = below.point if below is not None else at
     above = session.picker.pick(floor + BESIDE * size * up, up, session.pose_list, True)
     height = above.distance + BESIDE * size if above is not None else float("inf")
+    if above is not None and min(_free(window, at, direction) for direction in ring(up, 8)) < 4 * BESIDE * size:
+        floor = floor + _off_walls(window, floor + (1 - max(DROP.values())) * height * up, height / 3)
     e = session.model.emitters
     far = {light.name for light in session.scene.lights if not isinstance(light, PlacedLight)}
     fluxes = zip(e.lamps.names, luminance(e.flux_of_lamps).tolist(), strict=True)
     near = [flux for name, flux in fluxes if flux > 0 and name not in far]  # neither sun nor sky
     flux = float(np.mean(near)) if near else 1.0
     return Room(floor, height, up, size, session.scene.units == "photometric", flux)
+
+
+def _free(window: Window, at: np.ndarray, direction: np.ndarray) -> float:
+    """Return the distance [m] from a point (3,) to the first surface in a direction (3,); inf without one."""
+    hit = window.session.picker.pick(at, direction, window.session.pose_list, True)
+    return hit.distance if hit is not None else float("inf")
+
+
+def _off_walls(window: Window, at: np.ndarray, reach: float) -> np.ndarray:
+    """Return a horizontal shift (3,) [m] of a lamp at a point (3,) to `reach` [m] from walls, or halfway between them.
+
+    A third of the height is the usual distance of lamps that wash walls. Of eight directions that of the nearest wall
+    counts, and the one across it.
+    """
+    around, shift = ring(np.array(window.session.scene.up, np.float64), 8), np.zeros(3)
+    nearest = int(np.argmin([_free(window, at, direction) for direction in around]))
+    for across in (around[nearest], around[(nearest + 2) % 8]):
+        near, far = (_free(window, at + shift, direction) for direction in (across, -across))
+        wanted = min(reach, (near + far) / 2)
+        shift = shift + (max(wanted - far, 0.0) - max(wanted - near, 0.0)) * across
+    return shift

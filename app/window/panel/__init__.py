@@ -121,10 +121,11 @@ class Folds:
         return on
 
     def show_whole(self, title: str) -> None:
-        """Scroll to the end of the section just drawn if the user has just unfolded it."""
+        """Scroll to the end of the section just drawn if the user has just unfolded it and it ends below the panel."""
         if self._just_unfolded == title:
             self._just_unfolded = ""
-            imgui.set_scroll_here_y(1.0)
+            if imgui.get_cursor_screen_pos().y > imgui.get_window_pos().y + imgui.get_window_height():
+                imgui.set_scroll_here_y(1.0)
 
 
 __all__ = ["RESEARCH", "SECTIONS", "Folds", "Section", "draw", "quality"]

@@ -93,10 +93,14 @@ def _estimator(s: Settings, actions: set[str]) -> None:
     from gi_core.estimators import ESTIMATORS  # already loaded here; at the top it would delay the window
 
     ui.label("Estimator")
-    names = {key: (ui.title(key), f"{kind.about}\nKey {k}") for k, (key, kind) in enumerate(ESTIMATORS.items(), 1)}
+    with_key = min(len(ESTIMATORS), 9)
+    names = {
+        key: (ui.title(key), kind.about + f"\nKey {k}" * (k <= with_key))
+        for k, (key, kind) in enumerate(ESTIMATORS.items(), 1)
+    }
     if (chosen := ui.one_of("Estimator", ui.title(s.estimator), names, s.estimator)) is not None:
         actions.add(f"estimator {list(ESTIMATORS).index(chosen)}")
-    ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(ESTIMATORS)}.")
+    ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {with_key}.")
 
 
 class Status(NamedTuple):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.readout import Pinned
@@ -46,6 +47,12 @@ class Edit(NamedTuple):
     value: Any
     first: bool = True
     last: bool = True
+
+
+class FoldSurface(NamedTuple):
+    """Request to show the rows of a calculation surface, and its points in the picture, or its mean alone."""
+
+    name: str
 
 
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
@@ -116,12 +123,18 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
             edited = () if to is None else (to,)
             actions.add(Edit("surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :]), first, last))
 
-        if imgui.tree_node_ex(f"{surface.name}###surface", imgui.TreeNodeFlags_.default_open):
+        imgui.set_next_item_open(surface.name not in viewport.folded)
+        unfolded = imgui.tree_node_ex(f"{surface.name}###surface")
+        if imgui.is_item_toggled_open():
+            actions.add(FoldSurface(surface.name))
+        ui.tip("Folded, the picture shows its outline and its mean, without points.")
+        if unfolded:
             if surface in grids:
                 _place(surface, session, edit)
                 _grid(surface, grids[surface].shape, edit)
                 _targets(surface, edit)
-                _numbers(lights.get(surface), UNITS[session.scene.units], power_of)
+                unknown = SurfaceLight(surface, grids[surface], np.zeros(0), np.zeros(0), 0.0, False)
+                _numbers(lights.get(surface, unknown), UNITS[session.scene.units], power_of)
             else:
                 ui.wrapped(f"{surface.on} is no longer there.")
             if imgui.button("Remove surface"):
@@ -136,13 +149,12 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
         "Mean, minimum and uniformity of illuminance on a grid of points: by default 0.75 m above the floor, "
         "without 0.5 m along the walls, with the grid of EN 12464-1. Path traced at rest, without bias."
     )
-    selected = viewport.selection[-1] if viewport.selection else ""
     imgui.same_line()
-    imgui.begin_disabled(not selected)
-    if imgui.button("On the selected object"):
-        actions.add(Edit("surfaces", (*surfaces, CalculationSurface(free_name(names, selected), selected))))
-    ui.tip("A surface on top of the selected object, which moves with it.")
-    imgui.end_disabled()
+    with ui.idle("" if (selected := viewport.surface) else "nothing is selected"):
+        if imgui.button("On the selection"):
+            actions.add(Edit("surfaces", (*surfaces, CalculationSurface(free_name(names, selected), selected))))
+        ui.tip("A surface on top of the selected object, which moves with it; of a material of the static part, on the "
+               "highest of its large parts that face up.")  # fmt: skip
     imgui.end_disabled()
 
 
@@ -237,10 +249,7 @@ def _targets(surface: CalculationSurface, edit: Callable) -> None:
             edit(surface._replace(targets=tuple((t, asked[t]) for t in TARGETS if asked.get(t))), first, last)
 
 
-def _numbers(light: SurfaceLight | None, units: Units, power_of: Power | None) -> None:
-    if light is None:
-        imgui.text_disabled("   measured at rest")
-        return
+def _numbers(light: SurfaceLight, units: Units, power_of: Power | None) -> None:
     n = light.numbers
     imgui.begin_disabled(not light.is_current)
     for name, value, error, has_unit in light.rows():
@@ -258,5 +267,5 @@ def _numbers(light: SurfaceLight | None, units: Units, power_of: Power | None) -
         "measured at rest" if not light.is_current else "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"
     )
     inside = f"{n.left_out} {LEFT_OUT}" if n.left_out else ""
-    ui.number("   points", ", ".join(part for part in (str(n.points), inside, state) if part),
+    ui.number("   points", ", ".join(part for part in (str(n.points or ""), inside, state) if part),
               "Points that count, those that do not, and how far measuring is.")  # fmt: skip

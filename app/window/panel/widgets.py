@@ -218,15 +218,16 @@ def write_over(text: str) -> None:
 
 
 def number(name: str, value: str, about: str) -> None:
-    """Write a name and, right-aligned, its value; below it where both do not fit on a line."""
+    """Write a name and, right-aligned, its value; below it, in lines, where both do not fit on a line."""
     start = imgui.get_content_region_avail().x - imgui.calc_text_size(value).x
     imgui.begin_group()  # positions on a line count from the group's left end
     imgui.text_colored((*theme.DIM_TEXT, 1.0), name)
     if start > imgui.calc_text_size(name).x:
         imgui.same_line(start)
+        imgui.text(value)
     else:
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(start, 0.0))
-    imgui.text(value)
+        imgui.text_wrapped(value)
     imgui.end_group()
     tip(about)
 
