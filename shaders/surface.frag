@@ -247,17 +247,20 @@ vec3 false_colour(vec3 radiance, float slope) {
 
 #ifdef RESOLVED
 // The picture of a scene with panes: light that is drawn, and multiplied by panes, before the tone map.
+#if SAMPLES > 1
 uniform sampler2DMS light;  // radiance times exposure, alpha 1; the share that panes leave of the background, alpha 0
-uniform int samples;
+#else
+uniform sampler2D light;
+#endif
 uniform vec3 background;  // display colour
 
 void main() {
     vec3 sum = vec3(0.0);
-    for (int k = 0; k < samples; ++k) {
+    for (int k = 0; k < SAMPLES; ++k) {
         vec4 c = texelFetch(light, ivec2(gl_FragCoord.xy), k);
         sum += c.a < 0.5 ? c.rgb * background : c.r < 0.0 ? unlit : srgb(tone_mapped(c.rgb));
     }
-    colour = vec4(sum / float(samples), 1.0);
+    colour = vec4(sum / float(SAMPLES), 1.0);
 }
 #else
 void main() {

@@ -20,6 +20,7 @@ import numpy as np
 from gi_core.base.grouping import group_of
 from gi_core.base.vectors import cross, dot
 from gi_core.bsdf.table import Tables
+from gi_core.display.edges import NO_EDGES, Edges, edges_of
 from gi_core.display.vertex_light import follow_light, turn_triangles
 from gi_core.geometry.surfaces import Surfaces, glossy_receivers
 from gi_core.gloss.reflectors import Reflector, reflectors
@@ -108,6 +109,7 @@ class DrawMesh(NamedTuple):
     reflectors: tuple[Reflector, ...] = ()  # of faces too sharp for light at vertices
     reflector: np.ndarray | None = None  # (F,) int32 into them, -1: none; None: there are none
     quads: Quads = NO_QUADS
+    edges: Edges = NO_EDGES  # of the model's faces, opaque ones without holes; their corners are draw vertices
     source: np.ndarray | None = None  # (F,) int32, face of the model that each is a piece of; None: they are these
     glowing: np.ndarray | None = None  # (k,) int64, draw vertices that emit; None: unknown
     pane: np.ndarray | None = (
@@ -179,9 +181,17 @@ def _unchanged(now: Model, before: Model, meshes: tuple[DrawMesh, ...]) -> dict[
 
 
 def _with_quads(mesh: DrawMesh) -> DrawMesh:
-    """Return the mesh with its quads; sharp reflections keep their faces."""
+    """Return the mesh with its quads and edges; sharp reflections keep their faces."""
     usable = None if mesh.reflector is None else mesh.reflector < 0
-    return mesh._replace(quads=quads_of(mesh.positions, mesh.triangles, mesh.uv, usable))
+    corner, solid = mesh.triangles[:, 0], np.ones(len(mesh.triangles), bool)
+    if mesh.pane is not None:
+        solid &= mesh.pane[corner, 3] == 0
+    if mesh.texture is not None:
+        solid &= ~np.array([*(texture.cover is not None for texture in mesh.textures), False])[mesh.texture[corner]]
+    return mesh._replace(
+        quads=quads_of(mesh.positions, mesh.triangles, mesh.uv, usable),
+        edges=edges_of(mesh.positions, mesh.triangles[solid], mesh.back[corner[solid]] >= 0),
+    )
 
 
 def _with_reflectors(mesh: DrawMesh, mesh_reflectors: tuple[Reflector, ...]) -> DrawMesh:
@@ -234,7 +244,7 @@ def with_vertices(mesh: DrawMesh, rows: np.ndarray, triangles) -> DrawMesh:
     if mesh.gloss is not None:
         values["gloss"] = GlossVertices._make(a if a is None or a is mesh.gloss.tables else a[rows] for a in mesh.gloss)
     triangles = np.asarray(triangles, np.int32).reshape(-1, 3)
-    bare = mesh._replace(reflectors=(), reflector=None, quads=NO_QUADS, source=None, glowing=None)
+    bare = mesh._replace(reflectors=(), reflector=None, quads=NO_QUADS, edges=NO_EDGES, source=None, glowing=None)
     return bare._replace(triangles=triangles, **values)
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from app.draw.draw_mesh import DrawMesh, GlossVertices
     from app.draw.gl_textures import GLTextures
+    from gi_core.display.edges import Edges
     from gi_core.gloss.light import Directions
     from gi_core.gloss.reflectors import Reflector
     from gi_core.scene.types import Texture
@@ -106,6 +107,7 @@ class DrawnObject:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
+        self._radiance: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}  # by layer: both sides, weights
         self._gloss = Gloss()
         if mesh.gloss is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
@@ -180,21 +182,46 @@ class DrawnObject:
 
     def dim(self, emission: np.ndarray) -> None:
         """Set the emission (D, 3) [W/m2/sr] under textures."""
+        self._mesh = self._mesh._replace(emission=emission)
         self._calls = [call._replace(emission=tuple(emission[call.vertex])) for call in self._calls]
 
     def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
         """Upload the radiance (D, 3) float32 of both sides, and their weights (D, 2) float32; None: all 1."""
         if not self._vertices:
             return
-        of, ones = self._layer(layer), np.ones((self._vertices, 2), np.float32)
+        of = self._layer(layer)
+        weights = np.ones((self._vertices, 2), np.float32) if weights is None else weights
+        self._radiance[layer] = front, back, weights
         of.front.write(np.ascontiguousarray(front, np.float32))
-        of.weights.write(ones if weights is None else weights)
+        of.weights.write(weights)
         if len(self._two_sided):
             self._back[self._two_sided] = back[self._two_sided]
             first, last = self._two_sided[[0, -1]]
             of.back.write(self._back[first : last + 1], offset=self._back.strides[0] * int(first))
         if of.turning.turn(other_diagonals(self._mesh, front, back, weights)):
             of.triangles.write(of.turning.triangles)
+
+    @property
+    def edges(self) -> Edges:
+        return self._mesh.edges
+
+    def radiance_at(self, edge: np.ndarray, face: np.ndarray, layer: np.ndarray, textured: bool) -> np.ndarray:
+        """Return the mean radiance (n, 3) of faces at edges (n,), without gloss.
+
+        face (n,): 2 k for the front of an edge's face k, 2 k + 1 for its back; layer (n,).
+        """
+        mesh, v, out = self._mesh, self.edges.corners[edge, face // 2], np.zeros((len(edge), 3))
+        for k, sides in self._radiance.items():
+            for back in range(2):
+                rows = np.flatnonzero((layer == k) & (face % 2 == back))
+                share = sides[2][v[rows], back, None]
+                light = sides[back][v[rows]]
+                if textured and mesh.texel is not None:
+                    light = light * mesh.texel[v[rows]]
+                    if not back:
+                        light += np.where(mesh.texture[v[rows], None] >= 0, mesh.emission[v[rows]], 0.0)
+                out[rows] = (share * light).sum(axis=1) / share.sum(axis=1)
+        return out
 
     def light(self, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under gloss."""

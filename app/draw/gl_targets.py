@@ -1,12 +1,15 @@
-"""Framebuffers of a picture, and programs that draw into them."""
+"""Framebuffers of a picture, programs that draw into them, and its edges."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from importlib import resources
 
 import moderngl
+import numpy as np
 
 from app.draw.tonemap import BACKGROUND, UNLIT
+from gi_core.display.edges import Edges, blend_edges, place_edges
 
 
 class Programs:
@@ -95,6 +98,7 @@ class LinearTarget:
             return
         self._free()
         self._key = size, samples
+        samples = samples if samples > 1 else 0  # llvmpipe takes 4 samples for 1
         self._light, depth = (
             self._ctx.texture(size, 4, samples=samples, dtype="f2"),
             self._ctx.depth_renderbuffer(size, samples=samples),
@@ -107,8 +111,10 @@ class LinearTarget:
         self._ctx.enable_only(self._ctx.NOTHING)
         picture.use()
         self._light.use(0)
-        program = self._programs.of("screen.vert", "surface.frag", "RESOLVED", f"TONE_MAP {code}")
-        put(program, light=0, samples=self._key[1], background=BACKGROUND, unlit=UNLIT)
+        program = self._programs.of(
+            "screen.vert", "surface.frag", "RESOLVED", f"TONE_MAP {code}", f"SAMPLES {max(self._key[1], 1)}"
+        )
+        put(program, light=0, background=BACKGROUND, unlit=UNLIT)
         self._programs.cover(program)
 
     def _free(self) -> None:
@@ -117,3 +123,52 @@ class LinearTarget:
 
     def release(self) -> None:
         self._free()
+
+
+MOST_EDGES = 100_000  # in a picture
+
+
+class SmoothEdges:
+    """Smooths pictures of one sample per pixel on the processor, and keeps its scratch memory."""
+
+    def __init__(self) -> None:
+        self._placed, self._faces = np.empty((MOST_EDGES, 10)), np.empty((MOST_EDGES, 3), np.int32)
+        self._pixels, self._depth = np.empty((2, 0, 0, 4), np.uint8), np.empty((0, 0), np.float32)
+
+    def smooth(
+        self,
+        picture: moderngl.Framebuffer,
+        depths: moderngl.Framebuffer,
+        edges: Sequence[Edges],
+        to_clip: Sequence[np.ndarray],
+        cull: bool,
+        colours: Callable[[int, np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    ) -> None:
+        """Smooth a picture of objects with some edges, a texture of bytes.
+
+        depths: the framebuffer that has theirs; to_clip: (4, 4) per object; cull: as for place_edges(). colours(object,
+        edge (n,), face (n,), x (n,)): display colours (n, 3) in 0 .. 255 of faces as place_edges() numbers them.
+        """
+        (width, height), n, of_object = picture.size, 0, []
+        for shape, matrix in zip(edges, to_clip, strict=True):
+            room = np.empty((4, 4)), self._placed[n:], self._faces[n:]
+            of_object.append(n)
+            n += place_edges(*shape[:4], matrix, np.array(picture.size, np.float64), cull, *room)
+        if not n:
+            return
+        placed, wanted, thin = self._placed[:n], np.zeros(n, bool), np.zeros((n, 2, 3), np.float32)
+        if self._depth.shape != (height, width):
+            self._pixels, self._depth = np.empty((2, height, width, 4), np.uint8), np.empty((height, width), np.float32)
+        (drawn, out), depth = self._pixels, self._depth
+        picture.read_into(drawn, components=4)
+        depths.read_into(depth, attachment=-1, components=1, dtype="f4")
+        out[:] = drawn
+        blend_edges(placed, thin, depth, drawn, out, wanted, False)
+        rows = np.flatnonzero(wanted)
+        if len(rows):
+            for o, part in enumerate(np.split(rows, np.searchsorted(rows, of_object[1:]))):
+                for side in range(2):
+                    face = np.where(placed[part, 7 + 2 * side] < 0, 0, self._faces[part, 1 + side])
+                    thin[part, side] = colours(o, self._faces[part, 0], face, placed[part, 0])
+            blend_edges(placed[rows], thin[rows], depth, drawn, out, wanted, True)
+        picture.color_attachments[0].write(out)  # type: ignore[union-attr]

@@ -14,11 +14,11 @@ import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS, LightFaces
 from app.draw.colour_map import SEQUENTIAL
-from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
+from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Display, Scale
 from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject
-from app.draw.gl_targets import LinearTarget, Programs, Targets, put
+from app.draw.gl_targets import LinearTarget, Programs, SmoothEdges, Targets, put
 from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.tonemap import BACKGROUND, NEUTRAL, TONE_MAPS, UNLIT, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, LUMINANCE
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from gi_core.gloss.light import Directions, GlossLight
     from gi_core.scene.types import Texture
 
+SAMPLES = 4  # per pixel; a picture of one has its edges smoothed
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 # Codes of surface.frag: tone maps, display colours as they are, false colours, linear light.
 TONE_MAP_CODES = {
@@ -74,7 +75,7 @@ class Look:
 class Renderer:
     """GL objects of one scene and one picture; `release` frees them."""
 
-    def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
+    def __init__(self, ctx: moderngl.Context, samples: int = SAMPLES) -> None:
         self.ctx = ctx
         self._programs = Programs(ctx)
         self._mask = self._programs.of("surface.vert", "mask.frag")
@@ -90,7 +91,7 @@ class Renderer:
         self._targets: Targets | None = None
         # Bound after each picture: the GUI draws to it next, and `resize` must not release a bound framebuffer.
         self._default = ctx.detect_framebuffer(0)
-        self.samples = samples
+        self.samples, self._edges = samples, SmoothEdges()
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays.
@@ -206,6 +207,8 @@ class Renderer:
             linear.tone_map(targets.picture, TONE_MAP_CODES[look.tone_map])
         elif drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, drawn)
+        if targets.samples <= 1:
+            self._smooth_edges(look, drawn)
         if look.surface is not None:
             self._draw_outline_of_faces(targets, look, look.surface)
         for number in look.outlined:
@@ -215,6 +218,18 @@ class Renderer:
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
 
+    def _smooth_edges(self, look: Look, depths: moderngl.Framebuffer) -> None:
+        display = Display(look.exposure, look.tone_map, look.gains, look.scale)
+        split = np.inf if look.split is None else look.split * self._targets.size[0]
+
+        def colours(o: int, edge: np.ndarray, face: np.ndarray, x: np.ndarray) -> np.ndarray:
+            light = self._objects[o].radiance_at(edge, face, (x > split).astype(np.int64), look.textured)
+            return 255 * light if look.as_is else display.colours(light)
+
+        to_clip = [look.view_projection @ model for model in look.models]
+        edges = [o.edges for o in self._objects]
+        self._edges.smooth(self._targets.picture, depths, edges, to_clip, look.cull, colours)
+
     def _linear_target(self, look: Look) -> LinearTarget | None:
         """Return the target of a picture with panes, which is drawn before its tone map; None: it shows none."""
         if not (
@@ -223,7 +238,7 @@ class Renderer:
             return None
         assert self._targets is not None
         self._linear = self._linear or LinearTarget(self.ctx, self._programs)
-        self._linear.resize(self._targets.size, max(self._targets.samples, 1))
+        self._linear.resize(self._targets.size, self._targets.samples)
         return self._linear
 
     def _draw_panes(self, look: Look, layer: int, linear: LinearTarget) -> None:
@@ -324,7 +339,7 @@ class Renderer:
             return self._shares(look, view)
 
         picture = View(look.view_projection, look.eye, "ccw", (PLANAR, PROBE), 0.0, targets.size)
-        self._mirrors.draw(draw, shares, picture, look.models, targets.drawn.samples or 1, key)
+        self._mirrors.draw(draw, shares, picture, look.models, min(SAMPLES, self.ctx.max_samples), key)
         return True
 
     def _shares(self, look: Look, view: View) -> Shares:

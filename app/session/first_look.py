@@ -56,11 +56,15 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     """Yield a scene without light, then in its first light. Raises SceneError."""
     from app.draw.draw_mesh import draw_meshes
     from app.draw.lit_scene import LitScene, metered
-    from gi_core.display import vertex_light
+    from gi_core.display import edges, vertex_light
     from gi_core.display.dilation import Drawn
     from gi_core.model import Model
 
-    vertex_light.compile_kernels()  # the window needs them for the first picture, and would stand still meanwhile
+    for kernels in (
+        edges,
+        vertex_light,
+    ):  # the window needs them for the first picture, and would stand still meanwhile
+        kernels.compile_kernels()
     model = Model(scene, rays=settings.rays)
     poses = model.start_poses()
     receivers = model.receivers_at(poses)

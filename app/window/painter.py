@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 
 from app.draw.bare_lights import bare_lights, light_faces
 from app.draw.camera import Turntable
-from app.draw.renderer import Look, Renderer
+from app.draw.renderer import SAMPLES, Look, Renderer
 from app.draw.tonemap import NEUTRAL
 from app.draw.vertex_colours import colours, weights
 from app.session.first_look import FirstLook
@@ -31,7 +31,7 @@ class Preview:
         self._uploaded: FirstLook | None = None
         self._drawn: tuple | None = None  # parameters of the last draw
 
-    def draw(self, renderer: Renderer, look: FirstLook, settings: Settings, samples: int) -> None:
+    def draw(self, renderer: Renderer, look: FirstLook, settings: Settings) -> None:
         """Draw a look into the current window, which it fills."""
         if self._uploaded is not look:
             if self._uploaded is None:
@@ -44,7 +44,7 @@ class Preview:
         width, height = max(space.x, 1.0), max(space.y, 1.0)
         camera = self._moved(self.camera or look.camera, height)
         scale = io.display_framebuffer_scale
-        renderer.resize(round(width * scale.x), round(height * scale.y), samples)
+        renderer.resize(round(width * scale.x), round(height * scale.y))
         wanted = camera, renderer.size
         if wanted != self._drawn:
             view = camera.projection(width / height) @ camera.relative_to(look.origin).view()
@@ -71,10 +71,6 @@ class Preview:
         return camera
 
 
-SAMPLES_PER_PIXEL = 4
-QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all samples, which takes it 50 ms
-
-
 class Painter:
     """`open` with the window, `adopt` with each session, `draw` once per frame, `close` with the window."""
 
@@ -99,15 +95,15 @@ class Painter:
 
     def draw_look(self, look: FirstLook, settings: Settings) -> None:
         """Draw a first look at a scene that opens."""
-        self.preview.draw(self._prepared(), look, settings, 1 if self.software else SAMPLES_PER_PIXEL)
+        self.preview.draw(self._prepared(), look, settings)
 
     def _prepared(self) -> Renderer:
         if self.renderer is None:
-            self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
+            self.renderer = Renderer(self.ctx, 1 if self.software else SAMPLES)
         return self.renderer
 
     def draw(self, session: Session, viewport: Viewport, holds: bool = False) -> None:
-        """Draw the light of this frame; a software renderer takes all samples once nothing changes.
+        """Draw the light of this frame.
 
         holds: light stays as it was last drawn, if this scene has been drawn.
         """
@@ -125,13 +121,12 @@ class Painter:
             self.uploaded = session.version
         viewport.read(at_rest=not busy)
         self._quiet = 0 if viewport.scale_fit.is_fitting else self._quiet
-        samples = 1 if self.software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
-        viewport.draw(self.renderer, samples, self.uploaded)
+        viewport.draw(self.renderer, self.uploaded)
 
     @property
     def is_done(self) -> bool:
         """Whether the next frame would draw the same picture."""
-        return self._quiet > (QUIET_FRAMES if self.software else 1)
+        return self._quiet > 1
 
     def finish(self) -> None:
         """Wait for the frame, where the processor draws it.

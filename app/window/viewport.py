@@ -429,11 +429,11 @@ class Viewport:
             eye=near.eye(),
         )
 
-    def draw(self, renderer: Renderer, samples: int, light: int) -> None:
+    def draw(self, renderer: Renderer, light: int) -> None:
         """Show the scene; draw it first if anything has changed. light: version of the renderer's."""
         scale, size = imgui.get_io().display_framebuffer_scale, self.view.size
-        renderer.resize(round(size[0] * scale.x), round(size[1] * scale.y), samples)
-        wanted = (renderer.size, samples, self._marked, self.picture._replace(light=light))
+        renderer.resize(round(size[0] * scale.x), round(size[1] * scale.y))
+        wanted = (renderer.size, self._marked, self.picture._replace(light=light))
         self.is_redrawn = wanted != self._drawn
         if self.is_redrawn:
             renderer.draw(self.look())

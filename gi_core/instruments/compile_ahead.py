@@ -29,7 +29,7 @@ from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
-from gi_core.display import fine_points, vertex_light
+from gi_core.display import edges, fine_points, vertex_light
 from gi_core.display.first_look import first_looks
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
@@ -201,6 +201,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
     _see_texture()
     vertex_light.compile_kernels()
     fine_points.compile_kernels()
+    edges.compile_kernels()
     return solver
 
 

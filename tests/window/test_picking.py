@@ -6,6 +6,7 @@ import pytest
 from app.draw.camera import Bounds, from_camera
 from app.draw.draw_mesh import draw_meshes
 from app.draw.picking import Picker
+from gi_core.display.edges import NO_EDGES
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.pose import axis_angle, rotation
@@ -82,7 +83,7 @@ def test_picking_respects_culling(draw):
     meshes = draw_meshes(surfaces)
     paint = [np.float32((0.9, 0, 0)), np.float32((0, 0, 0.9))]
     objects = [
-        (m, np.tile(c, (len(m.positions), 1)), np.zeros((len(m.positions), 3)))
+        (m._replace(edges=NO_EDGES), np.tile(c, (len(m.positions), 1)), np.zeros((len(m.positions), 3)))
         for m, c in zip(meshes, paint, strict=True)
     ]
     model = IDENTITY.copy()
