@@ -67,7 +67,16 @@ def compile_kernels() -> None:
     placed, faces, size = np.zeros((0, 10)), np.zeros((0, 3), np.int32), np.ones(2)
     place_edges(*NO_EDGES[:4], np.eye(4), size, True, np.empty((4, 4)), placed, faces)
     pixels, depth = np.zeros((1, 1, 4), np.uint8), np.zeros((1, 1), np.float32)
-    blend_edges(placed, np.zeros((0, 2, 3), np.float32), depth, pixels, pixels, np.zeros(0, bool), False)
+    blend_edges(
+        placed,
+        np.zeros((0, 2, 3), np.float32),
+        depth,
+        pixels,
+        pixels,
+        np.zeros(0, bool),
+        np.zeros((0, 5), np.float32),
+        0,
+    )
 
 
 @kernel
@@ -165,11 +174,13 @@ def _mix(pixel, share, colour):
 
 
 @kernel
-def blend_edges(placed, thin, depth, drawn, out, wanted, strips):
-    """Smooth a picture across edges; strips: add only the faces that lie between samples.
+def blend_edges(placed, thin, depth, drawn, out, wanted, gaps, stage):
+    """Smooth a picture across edges, in three stages: blend pixels, add faces that lie between samples, fill gaps.
 
     placed (n, 10): of place_edges(); thin (n, 2, 3) float32: display colours of the faces of both sides; depth (h, w)
-    float32; drawn (h, w, 4) uint8; out: the same, then smoothed. wanted (n,) bool: set where strips would add a face.
+    float32; drawn (h, w, 4) uint8; out: the same, then smoothed. The first stage sets wanted (n,) bool where the second
+    would add a face, and counts in gaps (n, 5) float32, 0 before: pixels beside an edge that show a gap of a surface,
+    those that show the surface, and the sum of colours in the gap.
     """
     height, width = depth.shape
     for n in range(len(placed)):
@@ -210,23 +221,55 @@ def blend_edges(placed, thin, depth, drawn, out, wanted, strips):
             ya, xa, yb, xb = (a, line, a + 1, line) if across else (line, a, line, a + 1)
             pixel_a, pixel_b = out[ya, xa], out[yb, xb]
             if seen_a and seen_b:
-                if not strips:
+                if stage == 0:
                     steep = max(abs(slope), 1e-3)
                     _mix(pixel_a, _beyond(away_a, steep), drawn[yb, xb])
                     _mix(pixel_b, _beyond(away_b, steep), drawn[ya, xa])
+                if crease or moves > 0.0 or stage == 1:
+                    continue
+                # A surface may go on in its plane beyond a gap that is narrower than a pixel.
+                step, change, away = (-1, o[8], away_a) if o[7] < 0.0 else (1, o[6], away_b)
+                first = a if o[7] < 0.0 else a + 1
+                if not 0 <= first + step < most:
+                    continue
+                off = 0.25 * abs(change) + ALIKE_DEPTH
+                over = _at(depth, first, line, across) - z + change * away
+                next_over = _at(depth, first + step, line, across) - z + change * (away + 1.0)
+                is_gap = over > off and abs(next_over) <= off
+                if not is_gap and abs(over) > off:
+                    continue
+                here = drawn[ya, xa] if o[7] < 0.0 else drawn[yb, xb]
+                if stage == 0:
+                    gaps[n, 0 if is_gap else 1] += 1.0
+                    if is_gap and gaps[n, 0] == 1.0:
+                        for c in range(3):
+                            gaps[n, 2 + c] = here[c]
+                    continue
+                width_of = gaps[n, 0] / (gaps[n, 0] + gaps[n, 1])
+                inner, outer = (pixel_b, pixel_a) if o[7] < 0.0 else (pixel_a, pixel_b)
+                in_inner = min(width_of, max(away - 0.5, 0.0))
+                yn, xn = (first + step, line) if across else (line, first + step)
+                for c in range(3):
+                    if is_gap:
+                        gaps[n, 2 + c] += 0.25 * (here[c] - gaps[n, 2 + c])
+                    colour = gaps[n, 2 + c]
+                    before = drawn[yb, xb, c] if o[7] < 0.0 else drawn[ya, xa, c]
+                    inner[c] = np.uint8(before + in_inner * (colour - before) + 0.5)
+                    before = drawn[yn, xn, c] if is_gap else here[c]
+                    outer[c] = np.uint8(before + (width_of - in_inner) * (colour - before) + 0.5)
                 continue
-            if moves > 0.0:
+            if moves > 0.0 or stage == 2:
                 continue
             thin_a, thin_b = not seen_a and 0.0 <= o[7] <= 1.0, not seen_b and 0.0 <= o[9] <= 1.0
             if thin_a and (seen_b or (thin_b and zb + o[8] * away_b > 0.0)):
                 wanted[n] = True
-                if strips:  # half of the face, because both of its edges add it
+                if stage == 1:  # half of the face, because both of its edges add it
                     in_b = min(o[7], max(0.5 - away_b, 0.0))
                     _mix(pixel_a, 0.5 * (o[7] - in_b), thin[n, 0])
                     _mix(pixel_b, 0.5 * in_b, thin[n, 0])
             if thin_b and (seen_a or (thin_a and za + o[6] * away_a > 0.0)):
                 wanted[n] = True
-                if strips:
+                if stage == 1:
                     in_a = min(o[9], max(0.5 - away_a, 0.0))
                     _mix(pixel_b, 0.5 * (o[9] - in_a), thin[n, 1])
                     _mix(pixel_a, 0.5 * in_a, thin[n, 1])
