@@ -129,7 +129,8 @@ class _Baking:
         scene, at, parts = self.model.scene, self.model.transforms(self.poses), self.parts
         self.factor, names = self.factor * 2.0**exposure, ["static", *self.model.names]
         nodes: list[dict] = [{"name": scene.name, "children": list(range(1, len(parts) + 2))}]
-        nodes[0] |= _placed(_turn(np.array(scene.up)), _turn(np.array(scene.up)) @ self.model.origins[0])
+        turn = least_turn(np.array(scene.up) / np.linalg.norm(scene.up), UP)  # z becomes y as in Blender's exporter
+        nodes[0] |= _placed(turn, turn @ self.model.origins[0])
         gltf_meshes: list[dict] = []
         unwrapped = iter(self.unwrapped)
         for o, (name, mesh) in enumerate(zip(names, parts, strict=True)):
@@ -261,11 +262,6 @@ def _is_painted(mesh: Mesh, faces: np.ndarray, material: Material) -> bool:
     at_corners = None if mesh.paint is None else mesh.paint.corner_colour[faces]
     # 1e-6: reflectances this close are one; paint has float32
     return any(c is not None and not np.allclose(c, material.reflectance, atol=1e-6) for c in (flat, at_corners))
-
-
-def _turn(up: np.ndarray) -> np.ndarray:
-    """Return the rotation (3, 3) that carries `up` to glTF's y; z becomes y as in Blender's exporter."""
-    return least_turn(up / np.linalg.norm(up), UP)
 
 
 def _placed(rotation: np.ndarray, position: np.ndarray) -> dict:

@@ -20,8 +20,6 @@ from gi_core.lights.sky import Sky
 from gi_core.scene.types import PhotometricLight
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from app.draw.lit_scene import LitScene
     from app.draw.visible import PictureScene, Strip
     from gi_core.model import Model
@@ -110,7 +108,8 @@ def bare_lights(lit: LitScene) -> BareLights | None:
     model, meshes, at = lit.model, lit.meshes, lit.at
     if not any(mesh.reflectors for mesh in meshes):
         return None
-    lights, size = model.lights_at(lit.levels), _size_of(meshes)
+    lights = model.lights_at(lit.levels)
+    size = max((float(np.ptp(m.positions, axis=0).max()) for m in meshes if len(m.positions)), default=1.0)
     rows = [_blurred(mesh) for mesh in meshes]
     points = [_placed(mesh.positions[k], at, o) for o, (mesh, k) in enumerate(zip(meshes, rows, strict=True))]
     strongest = _strongest(without_surface(lights), np.concatenate(points), size)
@@ -137,10 +136,6 @@ def _blurred(mesh: DrawMesh) -> np.ndarray:
 
 def _placed(positions: np.ndarray, at: Transforms, o: int) -> np.ndarray:
     return positions @ at.rotation[o].T + at.position[o]
-
-
-def _size_of(meshes: Sequence[DrawMesh]) -> float:
-    return max((float(np.ptp(m.positions, axis=0).max()) for m in meshes if len(m.positions)), default=1.0)
 
 
 def _strongest(lights: DeltaLights, points: np.ndarray, size: float) -> DeltaLights:

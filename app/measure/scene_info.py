@@ -18,10 +18,10 @@ from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways
 from gi_core.lights.daylight import sun_of
 from gi_core.lights.power import power_of
 from gi_core.scene.types import material_named, part_named
+from gi_core.scene.validate import FLUX_OF
 
 if TYPE_CHECKING:
     from gi_core.model import Model
-    from gi_core.scene.types import Light
     from gi_core.solver import Solver
 
 HEAD = ("materials", "diffuse reflectance", "triangles", "area", "")
@@ -47,7 +47,8 @@ def info(settings: Settings) -> list[str]:
             *_choices(settings, chosen, estimator, solver),
         ]
         rows += [control, ("disc search", _search(solver)), ("rays", _rays(solver))]
-    notes = _notes(scene, solver)
+    notes = [f"note: {note}" for note in scene.notes]
+    notes += [f"warning: {text}" for text in warnings_of(solver).values()]
     materials = material_lines(scene, solver.model)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
 
@@ -132,7 +133,7 @@ def _lights(scene, solver: Solver, settings: Settings) -> list[tuple[str, str]]:
         flux = emitters.flux[area][faces].sum(axis=0)
         text = f"{_flux(flux, unit)}, from {int(faces.sum()):,} triangles"
         rows.append((f'light "{scene.materials[k].name}"', text))
-    named = [light for light in scene.lights if max(_strength(light)) > 0]
+    named = [light for light in scene.lights if max(light._asdict()[FLUX_OF.get(type(light), "radiance")]) > 0]
     for light, flux in zip(named, emitters.flux[~area], strict=True):
         kind = type(light).__name__.removesuffix("Light").lower()
         rows.append((f'light "{light.name}"', f"{_flux(flux, unit)}, {kind}"))
@@ -149,12 +150,6 @@ def _lights(scene, solver: Solver, settings: Settings) -> list[tuple[str, str]]:
         shares = (f"{100 * fates[name] / fates['emitted']:.1f} % {name}" for name in fates if name != "emitted")
         rows.append(("of that flux", ", ".join(shares)))
     return rows
-
-
-def _strength(light: Light) -> tuple[float, float, float]:
-    from gi_core.scene.validate import FLUX_OF
-
-    return light._asdict()[FLUX_OF.get(type(light), "radiance")]
 
 
 def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) -> list[tuple[str, str]]:
@@ -186,11 +181,6 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
     value = "metered" if exposure is None else f"{exposure:+.2f} EV"
     rows.append(("exposure", f"{value}: {reason('exposure', 'the median in view becomes mid-grey')}"))
     return rows
-
-
-def _notes(scene, solver: Solver) -> list[str]:
-    notes = [f"note: {note}" for note in scene.notes]
-    return notes + [f"warning: {text}" for text in warnings_of(solver).values()]
 
 
 def _machine(solver: Solver) -> list[tuple[str, str]]:

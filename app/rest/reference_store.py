@@ -193,22 +193,18 @@ class ReferenceStore(RecordFile):
         """Return the hash of all inputs."""
         s = self.model.surfaces
         poses = np.array([[*self.poses[name].position, *self.poses[name].quaternion] for name in self.model.names])
-        arrays: tuple[np.ndarray, ...] = (
-            *s.vertices,
-            *s.faces,
-            s.reflectance,
-            s.emission,
-            s.two_sided,
-            self.positions,
-            self.normals,
-        )
+        of_points = self.positions, self.normals
+        arrays: tuple[np.ndarray, ...] = *s.vertices, *s.faces, s.reflectance, s.emission, s.two_sided, *of_points
         if not np.isnan(s.lobe).all():
             arrays = *arrays, s.lobe
         if len(s.tables.head):
             arrays = *arrays, *s.tables, s.tangent
         if (self.levels != 1).any():
             arrays = *arrays, self.levels, self.model.lights_at(self.levels).area.radiance
-        return _digest(self.model, self.seed, "at poses", poses, *arrays, self.weights)
+        scene = self.model.scene
+        lights = [(type(light).__name__, [np.asarray(v).tolist() for v in light[1:]]) for light in scene.lights]
+        up = np.asarray(scene.up, float)
+        return digest(FORMAT, lights, up, self.seed, "at poses", poses, *arrays, self.weights)
 
     def rounds(self, even: bool = False, load: bool = True) -> ReferenceRounds:
         """Return rounds from the stored state on (`load`); `even`: without a state, uniform paths for a picture."""
@@ -239,12 +235,6 @@ class ReferenceStore(RecordFile):
         finally:
             if before != (rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()):
                 self.keep(rounds.state)
-
-
-def _digest(model: Model, seed: int, kind: str, *arrays: np.ndarray) -> str:
-    """Return a hash of a scene's lights, a seed and arrays."""
-    lights = [(type(light).__name__, [np.asarray(v).tolist() for v in light[1:]]) for light in model.scene.lights]
-    return digest(FORMAT, lights, np.asarray(model.scene.up, float), int(seed), kind, *arrays)
 
 
 class PathJob(NamedTuple):

@@ -250,7 +250,7 @@ class SolverThread:
         if not self._wait(patience):
             return False
         # The solver keeps the old picture until the new one is as good.
-        self._worker.submit(functools.partial(_configure, self._solver, changes)).result()
+        self._worker.submit(functools.partial(self._solver.configure, **changes)).result()
         self._begin_refinement()
         self._timing, self.is_current = Timing(), False
         return True
@@ -397,7 +397,3 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
 def _keep_results(solver: Solver, work: RestWork) -> Results:
     work.gathering.keep()
     return solver.keep_results()
-
-
-def _configure(solver: Solver, changes: Mapping[str, Any]) -> None:
-    solver.configure(**changes)

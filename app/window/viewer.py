@@ -434,7 +434,9 @@ def run(
     finally:
         sys.setswitchinterval(interval)
     if screenshot is not None:
-        _write_window(Path(screenshot))
+        from app.draw.picture_files import write_png
+
+        write_png(Path(screenshot), hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})
     return finish(viewer)
 
 
@@ -461,9 +463,3 @@ def finish(viewer: Viewer) -> int:
     if is_user_error(problem):
         raise problem
     return 0 if problem is None else 1
-
-
-def _write_window(path: Path) -> None:
-    from app.draw.picture_files import write_png
-
-    write_png(path, hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})

@@ -230,7 +230,8 @@ def _resumed(file: Path, started: dict) -> dict:
 def markdown(sweep: dict) -> str:
     """Return the whole report."""
     have = sweep["rows"]
-    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _stages(have), _failed(sweep)]
+    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _stages(have)]
+    parts.append(section("Failed", "\n".join(f"- {key}: {why}" for key, why in sweep["failed"].items())))
     return "\n\n".join(p for p in parts if p) + "\n"
 
 
@@ -255,10 +256,6 @@ def _scan(row: dict) -> float:
     return sum(ms for name, ms in row["stages_ms"].items() if "scan" in name)
 
 
-def _all_else(row: dict) -> float | None:
-    return 1e3 * (row["frame_ms"]["median"] - _scan(row)) / _cut(row) if _cut(row) else None
-
-
 ROW = (
     Column("row", lambda r: r["key"]),
     Column("cut", _cut, "{:,.0f}".format),
@@ -266,7 +263,11 @@ ROW = (
     Column("95 %", lambda r: r["frame_ms"]["p95"], digits),
     Column("CPU", lambda r: r["frame_ms"]["cpu"], digits),
     Column("scan", _scan, digits),
-    Column("all else, us per cut photon", _all_else, fixed),
+    Column(
+        "all else, us per cut photon",
+        lambda r: 1e3 * (r["frame_ms"]["median"] - _scan(r)) / _cut(r) if _cut(r) else None,
+        fixed,
+    ),
     Column("from scratch", lambda r: r["from_scratch_ms"], digits),
     Column("ratio", lambda r: r["from_scratch_ratio"], times),
     Column("first frame", lambda r: r["first_frame_ms"], digits),
@@ -309,10 +310,6 @@ def _stages(have: dict) -> str:
     return section(
         f"Stages of a frame at {max(counts):,} photons ({DEFAULT})", markdown_table(["stage", "took"], lines)
     )
-
-
-def _failed(sweep: dict) -> str:
-    return section("Failed", "\n".join(f"- {key}: {why}" for key, why in sweep["failed"].items()))
 
 
 if __name__ == "__main__":

@@ -436,14 +436,10 @@ class Job(NamedTuple):
 
 def _ready(job: Job, threads: int | None) -> tuple[Measurer, Walk]:
     """Return the measurer of a job, in a process of the cluster."""
-    measurer = Measurer(job.scene, job.settings, job.effort, _silent, threads)
+    measurer = Measurer(job.scene, job.settings, job.effort, lambda stage, fraction: None, threads)
     for n in job.counts:
         measurer.trace(n)
     return measurer, job.walk
-
-
-def _silent(stage: str, fraction: float | None) -> None:
-    pass
 
 
 def _measured(ready: tuple[Measurer, Walk], run: Callable, what) -> list[dict | Failure]:
