@@ -317,7 +317,9 @@ class Solver:
 
     @property
     def deviation(self) -> np.ndarray:
-        """Standard error (R,) [W/m2] of the luminance of `irradiance`, nan where it is not known; bias is not in it."""
+        """Error (R,) [W/m2] of the luminance of `irradiance`: its standard error, and the mean share of bias; nan where
+        it is not known.
+        """
         if (b := self.frame.background) is None or not b.estimate.photons:
             return np.full(len(self.irradiance), np.nan)
         return self.frame_light.deviation(self.model.transforms(self.poses), b, self.irradiance)

@@ -304,12 +304,18 @@ def _between(start: Sequence[float], end: Sequence[float], t: float) -> tuple[fl
     return r, g, b
 
 
-def changes_exposure(emitters: Emitters, was: Settings, now: Settings) -> bool:
-    """Return whether the light needs another exposure: of one lamp alone, or of two stops more or less flux."""
+EXPOSURE_STAYS = "the exposure stays as it was: key A meters it"
+
+
+def flux_of(emitters: Emitters, settings: Settings) -> float:
+    """Return the luminance of the flux of all lamps at the levels of settings."""
     from gi_core.geometry.error import luminance
 
-    fluxes = []
-    for levels in (was.levels(emitters.lamps.names), now.levels(emitters.lamps.names)):
-        lit = [flux * levels[name] for name, flux in zip(emitters.lamps.names, emitters.flux_of_lamps, strict=True)]
-        fluxes.append(float(luminance(sum(lit))))
-    return now.solo != was.solo or max(fluxes) > 4.0 * min(fluxes) > 0
+    names, levels = emitters.lamps.names, settings.levels(emitters.lamps.names)
+    lit = [flux * levels[name] for name, flux in zip(names, emitters.flux_of_lamps, strict=True)]
+    return float(luminance(sum(lit)))
+
+
+def changes_exposure(was: float, now: float) -> bool:
+    """Return whether light of another flux needs another exposure: two stops more or less."""
+    return max(was, now) > 4.0 * min(was, now) > 0

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.results import MeasuredPoints
-from app.session.lights import LampChanges, changes_exposure
+from app.session.lights import EXPOSURE_STAYS, LampChanges, changes_exposure, flux_of
 from app.session.log import WARNING, Log
 from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
@@ -259,9 +259,10 @@ class Session(OpenScene):
 
     def _hint_at_exposure(self, held: bool) -> None:
         """Log how to meter the exposure where an edit of lamps has ended in other light."""
-        was = replace(self.settings, **{key.name: value for key, value in self.history.before.items()})
-        if not held and changes_exposure(self.model.emitters, was, self.settings):
-            self.log("the exposure stays as it was: key A meters it", WARNING)
+        was, of = replace(self.settings, **{key.name: v for key, v in self.history.before.items()}), self.model.emitters
+        alone = was.solo != self.settings.solo
+        if not held and (alone or changes_exposure(flux_of(of, was), flux_of(of, self.settings))):
+            self.log(EXPOSURE_STAYS, WARNING)
 
     def reset_settings(self) -> None:
         """Return to the settings of a scene opened without options, and to its first exposure."""

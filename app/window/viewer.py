@@ -18,7 +18,8 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
-from app.session.log import Log
+from app.session.lights import EXPOSURE_STAYS, changes_exposure, flux_of
+from app.session.log import WARNING, Log
 from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
 from app.session.session import LIGHT_TIME, Session
@@ -336,8 +337,10 @@ class Viewer:
         if self.reload.waiting and self.session.opening is None:
             files, self.reload.waiting = self.reload.waiting, []
             open_files(self, files)
-        new = self.reload.tick(self.session)
+        now, new = self.session, self.reload.tick(self.session)
         if new is not None:
+            same = self.reload.same and now.ready
+            brighter = same and changes_exposure(*(flux_of(s.model.emitters, s.settings) for s in (now, new)))
             try:
                 self._adopt(new)
             except Exception as problem:
@@ -346,6 +349,9 @@ class Viewer:
                 raise
             self._ready = True
             self._news = self.reload.news(new) or self._news
+            if brighter:
+                self.log(f"{self._news}; {EXPOSURE_STAYS}", WARNING)
+                self._news = ""
         held = imgui.is_any_item_active() or self.viewport.lamps.held is not None or self.reload.is_editing
         if self._news and not held:  # once per held slider
             self.log(self._news)

@@ -6,6 +6,7 @@ This module imports no GUI at the top, so that `why_no_window` can answer withou
 from __future__ import annotations
 
 import ctypes
+import os
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -188,11 +189,18 @@ def title_of(scene: str) -> str:
 
 
 def on_drop(take: Callable[[list[str]], None]) -> None:
-    """Call `take` with the names of files dropped on the current window."""
+    """Call `take` with the names of files dropped on the current window.
+
+    glfw's Python wrapper reads names as UTF-8; others would end the program.
+    """
     import glfw
 
     if window := glfw.get_current_context():
-        glfw.set_drop_callback(window, lambda _, files: take(list(files)))
+        _dropped[:] = [glfw._GLFWdropfun(lambda _, n, names: take([os.fsdecode(names[k]) for k in range(n)]))]
+        glfw._glfw.glfwSetDropCallback(window, _dropped[0])
+
+
+_dropped: list = []  # the function that GLFW calls
 
 
 def refuse_to_close() -> None:

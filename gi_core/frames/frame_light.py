@@ -190,8 +190,9 @@ class FrameLight:
         """Return the standard error (R,) of the luminance [W/m2] at poses, where the change of photons is not its
         source.
 
-        of_frame (R, 3) [W/m2]: the light of a frame there, None: any. With it the error is nan where it is not known:
-        where the change of photons is a source, and where paths of the frame light mobiles.
+        of_frame (R, 3) [W/m2]: the light of a frame there, None: any. With it bias counts, as the static part's light
+        has it on average, and the error is nan where it is not known: where the change of photons is a source, and
+        where paths of the frame light mobiles.
         """
         receivers = len(self._model.object_receivers.areas)
         if not self.setting.takes_gathered:
@@ -201,6 +202,7 @@ class FrameLight:
         out[: len(static)] = static
         if of_frame is not None:
             n = self._model.surfaces.receiver_range(0).stop
+            out[:n] *= self.static.best.understated if self.static.best is not None else np.nan
             out[n:] = np.nan
             out[:n][(of_frame[:n] != self.static_irradiance(b, 0)).any(axis=1)] = np.nan
         return self.at_poses.deviation(at, levels, out)

@@ -46,6 +46,11 @@ class Estimate(NamedTuple):
         """Return the standard error (n,) [W/m2] of the luminance at levels (G, 3) of the lamps."""
         return np.sqrt(self.variance @ luminance(levels[: self.variance.shape[1]]) ** 2)
 
+    @property
+    def understated(self) -> float:
+        """Error over noise: how many times larger than the standard error the error is on average; 1 if unknown."""
+        return self.error / self.noise if 0 < self.noise < self.error < np.inf else 1.0
+
     def error_at(self, levels: np.ndarray, weights: np.ndarray) -> float:
         """Return the relative l1 error at levels (G, 3) of the lamps: `error`, scaled as the noise is.
 

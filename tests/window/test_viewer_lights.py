@@ -1,6 +1,8 @@
 """Lamps added, moved, aimed, copied and removed in the window; the light equals that of a scene built so."""
 
+import ctypes
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -355,3 +357,40 @@ def test_a_new_lamp_hangs_off_the_wall_that_it_is_over(hand, viewer):
     change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
     x, y, z = viewer.session.scene.lights[-1].position
     assert (x, z) == pytest.approx((0.5, 1 / 3), abs=0.02) and y > 0.9
+
+
+@in_window(scene=lit_room)
+def test_a_lamp_of_much_more_light_says_that_the_exposure_stays(hand, viewer):
+    """A luminaire of 2,000 lm in a room of 147 lm left a white picture without a word."""
+    change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("flux", (400.0,) * 3),))))
+    hand.ctx.yield_(2)
+    assert viewer.log.last.text == "edited: lamp bulb; the exposure stays as it was: key A meters it"
+    change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("flux", (500.0,) * 3),))))
+    hand.ctx.yield_(2)
+    assert viewer.log.last.text == "edited: lamp bulb"
+
+
+@in_window(scene=lit_room)
+def test_a_dropped_file_whose_name_is_no_utf8_becomes_a_lamp(hand, viewer, folder):
+    """glfw's wrapper read the name as UTF-8: the window ended with a traceback."""
+    import glfw
+
+    write_ies(folder / "down.ies", [0.0, 60.0, 90.0], [0.0], np.array([[9.0, 6.0, 0.0]]))
+    name = os.fsencode(folder) + b"/sp\xf6t.ies"
+    try:
+        os.rename(folder / "down.ies", name)
+    except OSError:
+        pytest.skip("this file system has UTF-8 names alone")
+
+    def drop():
+        window, call = glfw.get_current_context(), glfw._glfw.glfwSetDropCallback
+        callback = call(window, glfw._GLFWdropfun(0))
+        call(window, callback)
+        callback(window, 1, (ctypes.c_char_p * 1)(name))
+
+    hand.move(hand.at((0.2, 0.0, 0.8)))
+    change(hand, viewer, lambda: hand._jobs.append(drop))
+    light = viewer.session.scene.lights[-1]
+    assert light.name == "sp\ufffdt" and max(light.flux) > 0
+    document, copies = viewer.files.save(viewer.session, viewer.viewport, str(folder / "saved.toml"))
+    assert copies and saved_scene.read(str(document)).edits

@@ -19,6 +19,7 @@ from app.window.viewport import BESIDE
 from gi_core.base.vectors import unit
 from gi_core.files.completion.pilot import ring
 from gi_core.lights.lamps import OTHERS
+from gi_core.scene.errors import utf8
 from gi_core.scene.pose import three
 from gi_core.scene.types import PlacedLight
 
@@ -54,7 +55,7 @@ def use_file(window: Window, lamp: LightId | None, name: str, at: np.ndarray | N
 
     file, room = os.path.abspath(os.path.expanduser(name)), _room(window, at)
     if lamp is None:
-        _add(window, Path(file).stem, photometric({}, room), file)
+        _add(window, utf8(Path(file).stem), photometric({}, room), file)
         return
     kept = in_place_of(window.session.lights[lamp], room.photometric)
     window.session.change_scene(Light(lamp.name, photometric(kept, room), file, number=lamp.number))

@@ -17,6 +17,7 @@ from app.window.panel.material import Refinish
 from app.window.panel.objects import Move
 from app.window.parts import Window
 from gi_core.scene import Pose
+from gi_core.scene.errors import utf8
 from gi_core.scene.pose import carried, three
 
 SHAPES: dict[str, dict[str, Any]] = {  # that the window inserts: values in units of that length
@@ -77,7 +78,7 @@ def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
 
     pose = None if place is None else Pose(three(place))
     file = os.path.abspath(os.path.expanduser(name))
-    edit = Insert(_free_name(window, Path(file).stem), file, pose)
+    edit = Insert(_free_name(window, utf8(Path(file).stem)), file, pose)
     if place is None:
         _look_at(window, edit.name, window.viewport.looked_at)
     window.session.change_scene(edit)

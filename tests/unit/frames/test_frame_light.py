@@ -158,3 +158,16 @@ def test_twin_shares_photons_but_not_settings():
     solver.configure(photons=10_000)
     solver.solve()
     assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.frame.photons == 10_000
+
+
+def test_the_error_of_a_frame_counts_bias_and_is_unknown_where_mobiles_change_the_light(model):
+    light, at = FrameLight(model, 0), model.transforms(model.start_poses())
+    show(light)
+    n, G = light.static.best.variance.shape
+    light.static.best = light.static.best._replace(variance=np.ones((n, G)), error=0.03)
+    E = np.ones((len(model.object_receivers.areas), 3))
+    E[:n] = light.static_irradiance(None, 0)
+    E[5] *= 1.1
+    error = light.deviation(at, None, E)
+    assert np.isnan(error[5]) and np.isnan(error[n:]).all() and light.deviation(at, None)[5] == np.sqrt(G)
+    assert np.delete(error[:n], 5) == pytest.approx(3 * np.sqrt(G))
