@@ -262,7 +262,7 @@ class OpenScene:
         """Return the metered exposure [EV] of a view of the light on show."""
         from app.draw.lit_scene import metered
 
-        return metered(self.lit, camera, self.chosen.scene_size)
+        return round(metered(self.lit, camera, self.chosen.scene_size), 2)
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""

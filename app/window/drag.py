@@ -13,6 +13,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, Turntable
+from app.values import to_millionths
 from app.window.camera_control import CLICK_PIXELS
 from gi_core.base.vectors import frame_of
 from gi_core.scene import Pose
@@ -81,7 +82,8 @@ def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Po
         return grab.pose
     target = _TARGETS[grab.mode](grab, u, v, aspect, bounds)
     shift = np.clip(target, *_room(grab, bounds)) - grab.point
-    return grab.pose._replace(position=three(np.array(grab.pose.position) + shift))
+    size = float(np.max(np.subtract(bounds.high, bounds.low)))
+    return grab.pose._replace(position=three(to_millionths(np.array(grab.pose.position) + shift, size)))
 
 
 def on_plane(origin, direction, point, normal) -> np.ndarray | None:

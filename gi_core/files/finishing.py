@@ -194,14 +194,20 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool, part
     m = scene.materials[mesh.face_material[area.argmax()]]
     if m.brdf:
         return _models_of(m)
-    base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
+    base = np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)
     if m.gloss is None:
-        return (base,)
+        return (("reflectance", _known(base)),)
     row = np.array([lobe_of(m.gloss)])  # surfaces have the base's reflectance under gloss: base_albedo() inverted
     further, through = further_albedo(row)[0], under_gloss(row)
-    finish = as_metal_rough(np.maximum(np.array(base[1]) - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
-    colour = ("reflectance", three(np.minimum(finish.base, 0.98)))
-    return colour, ("metallic", finish.metallic), ("roughness", finish.roughness), ("ior", finish.ior)
+    finish = as_metal_rough(np.maximum(base - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
+    ior, metallic, roughness = _known((finish.ior, finish.metallic, finish.roughness))
+    colour = ("reflectance", _known(np.minimum(finish.base, 0.98)))
+    return colour, ("metallic", metallic), ("roughness", roughness), ("ior", ior)
+
+
+def _known(numbers) -> tuple[float, float, float]:
+    """Return three numbers to nine digits: means and inverses make 0.6999999999999914 of 0.7."""
+    return three(float(f"{float(x):.9g}") for x in numbers)
 
 
 def _models_of(m: Material) -> Values:

@@ -68,7 +68,7 @@ def test_face_keeps_the_depth_and_follows_the_cursor():
     c = camera()
     g = grab(drag.FACE, c)
     shift = moved(g, g.u - 0.08, g.v - 0.06)
-    assert abs(shift @ c.basis()[2]) < 1e-12
+    assert abs(shift @ c.basis()[2]) < 1e-6, "positions have a millionth of the room"
     assert np.allclose(projected(c, POINT + shift, ASPECT), (g.u - 0.08, g.v - 0.06))
 
 

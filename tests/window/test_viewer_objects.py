@@ -1,6 +1,7 @@
 """Objects in the panel: selection, poses in numbers, rest on the floor; cameras that show them."""
 
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from app.cli import saved_scene
 from app.session.free_place import lowered_pose
 from app.session.session import History
 from app.window.actions import objects as actions
@@ -285,3 +287,20 @@ def test_angles_do_not_jump_in_a_drag(axis):
         away = [abs((a - b + 180) % 360 - 180) for a, b in zip(new, wanted, strict=True)]
         assert max(away) < 1e-3, (step, wanted, new)
         shown = new
+
+
+@in_window()
+def test_numbers_of_drags_and_sliders_are_saved_as_they_are_seen(hand, viewer, folder):
+    """A saved scene had 0.6999999999999914 of a reflectance, and 17 digits of a drag."""
+    start = hand.at(BLOCK_FRONT)
+    hand.drag(start, (start[0] + 37, start[1] + 11))
+    hand.ctx.set_ref("Panel")
+    hand.ctx.item_input_value("##Exposure", 1.23456789)
+    hand.ctx.yield_(3)
+    document, _ = viewer.files.save(viewer.session, viewer.viewport, str(folder / "saved.toml"))
+    text = document.read_text()
+    without_camera = text[: text.index("[camera]")] + text[text.index("[poses]") :]
+    numbers = re.findall(r"-?\d+\.\d+(?:e-?\d+)?", without_camera)
+    assert len(numbers) > 7 and all(len(n.lstrip("-0.").replace(".", "")) <= 9 for n in numbers), numbers
+    opened = saved_scene.read(str(document))
+    assert dict(opened.poses)["block"][:3] == viewer.session.poses["block"].position

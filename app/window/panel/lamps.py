@@ -20,6 +20,7 @@ from app.window.parts import Window
 from gi_core.geometry.error import REC709, luminance
 from gi_core.lights.lamps import BRIGHTEST
 from gi_core.lights.power import full_watts
+from gi_core.scene.pose import three
 from gi_core.scene.types import UNITS
 
 BRIGHTEST_BY_SLIDER = 4.0  # times the level of the scene file; typed, up to BRIGHTEST
@@ -82,7 +83,7 @@ def _flux_field(lamp: LampLevel, k: int, session: Session) -> LampLevel:
     full = _flux(lamp._replace(level=1.0, on=True), "", k, session)
     (flux,), edited, *_ = ui.fields("Flux", (full * lamp.level,), max(2e-3 * full, 1e-6), f"%.5g {unit}", ("flux",))
     ui.tip("Flux of the selected lamp. Double-click to type it; the level follows.")
-    return lamp._replace(level=min(max(flux / full, 0.0), BRIGHTEST)) if edited and full > 0 else lamp
+    return lamp._replace(level=min(max(float(f"{flux / full:.9g}"), 0.0), BRIGHTEST)) if edited and full > 0 else lamp
 
 
 def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
@@ -160,7 +161,7 @@ def _row(
     changed, percent = imgui.slider_float("##level", 100 * lamp.level, 0.0, 100 * BRIGHTEST_BY_SLIDER, PERCENT)
     imgui.end_disabled()
     if changed:
-        lamp = lamp._replace(level=min(max(percent / 100, 0.0), BRIGHTEST))
+        lamp = lamp._replace(level=min(max(round(percent / 100, 4), 0.0), BRIGHTEST))
     ui.tip(f"Level of the lamp, 100 % as in the scene file: {flux} now. Ctrl-click to type one, up to "
            f"{100 * BRIGHTEST:.0f} %.")  # fmt: skip
     imgui.same_line(colour_at)
@@ -187,7 +188,7 @@ def _colour(lamp: LampLevel, base: tuple[float, float, float]) -> LampLevel:
         now = _nearest(tuple(shown))
         changed, kelvin = imgui.slider_float("K", now, COOLEST, HOTTEST, "%.0f", imgui.SliderFlags_.logarithmic)
         if changed:
-            lamp = lamp._replace(colour=factor(kelvin, base))
+            lamp = lamp._replace(colour=three(float(f"{c:.9g}") for c in factor(kelvin, base)))
         ui.tip("Colour temperature, from candle to blue sky. The luminance stays.")
         changed, rgb = imgui.color_edit3("RGB", shown, RGB_FLAGS)
         ui.tip("Red, green and blue of the light, linear; of luminance 1 in the scene file. A channel without light in "

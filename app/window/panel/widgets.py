@@ -159,6 +159,8 @@ def slider(
     flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
     draw: Any = imgui.slider_int if isinstance(low, int) else imgui.slider_float
     changed, number = draw(f"##{name}", value, low, high, "", flags)
+    if changed and isinstance(number, float):
+        number = float(f"{number:.6g}")  # of float32
     item = imgui.get_item_id()
     is_typed, was_typed = imgui.internal.temp_input_is_active(item), _typing[0].item == item
     if is_typed or was_typed:  # ImGui reads 1 from 1e6 and from 1,800,000
