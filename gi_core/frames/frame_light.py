@@ -22,6 +22,8 @@ from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Source
 from gi_core.gather.pose_gather import PoseGather, Static
 from gi_core.gather.reference import ReferenceState
+from gi_core.geometry.error import luminance
+from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.gloss.light import GlossLight
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
@@ -191,8 +193,8 @@ class FrameLight:
         source.
 
         of_frame (R, 3) [W/m2]: the light of a frame there, None: any. With it bias counts, as the static part's light
-        has it on average, and the error is nan where it is not known: where the change of photons is a source, and
-        where paths of the frame light mobiles.
+        has it on average, and the error is nan where it is not known: where the change of photons counts, and where
+        paths of the frame light mobiles.
         """
         receivers = len(self._model.object_receivers.areas)
         if not self.setting.takes_gathered:
@@ -201,10 +203,12 @@ class FrameLight:
         static = self.static.deviation(b, levels)
         out[: len(static)] = static
         if of_frame is not None:
-            n = self._model.surfaces.receiver_range(0).stop
+            n, areas = self._model.surfaces.receiver_range(0).stop, self._model.object_receivers.areas
+            light = luminance(self.static_irradiance(b, 0))
+            least = AFFECTED * float(areas[:n] @ light) / max(float(areas[:n].sum()), 1e-300)  # as of PoseGather
             out[:n] *= self.static.best.understated if self.static.best is not None else np.nan
             out[n:] = np.nan
-            out[:n][(of_frame[:n] != self.static_irradiance(b, 0)).any(axis=1)] = np.nan
+            out[:n][np.abs(luminance(of_frame[:n]) - light) > least] = np.nan
         return self.at_poses.deviation(at, levels, out)
 
     def before_edit(

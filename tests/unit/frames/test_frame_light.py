@@ -168,6 +168,7 @@ def test_the_error_of_a_frame_counts_bias_and_is_unknown_where_mobiles_change_th
     E = np.ones((len(model.object_receivers.areas), 3))
     E[:n] = light.static_irradiance(None, 0)
     E[5] *= 1.1
+    E[6] *= 1.001  # too little a change to count
     error = light.deviation(at, None, E)
     assert np.isnan(error[5]) and np.isnan(error[n:]).all() and light.deviation(at, None)[5] == np.sqrt(G)
     assert np.delete(error[:n], 5) == pytest.approx(3 * np.sqrt(G))
