@@ -20,16 +20,24 @@ from tests.support.viewer_hand import in_window
 CANDELA = np.array([[500.0, 500.0, 300.0, 0.0]])
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_ies(tmp_path / "down.ies", [0.0, 30.0, 60.0, 90.0], [0.0], CANDELA)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("report")
+    write_ies(path / "down.ies", [0.0, 30.0, 60.0, 90.0], [0.0], CANDELA)
     lamp = table("light", type="photometric", name="down", file="down.ies", position=(0, 0, 2.75), direction=(0, 0, -1))
     targets = {"mean": 90, "U0": 0.99, "maximum": 200}
     desk = table("surface", name="desk & chair", position=(0, 0), size=(0.9, 0.5), points=(3, 1), targets=targets)
     keys = {"title": "Room <1>", "maintenance_factor": 0.8, "room": {"max_edge": 0.5}}
-    room_file(tmp_path, (4, 3, 3), lamp, desk, reflectance=0, **keys)
-    return tmp_path
+    room_file(path, (4, 3, 3), lamp, desk, reflectance=0, **keys)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(path)
+        yield path
+
+
+@pytest.fixture(scope="module")
+def report(folder) -> tuple[str, dict]:
+    """The page and the numbers."""
+    return made("a")
 
 
 def made(name: str) -> tuple[str, dict]:
@@ -39,9 +47,9 @@ def made(name: str) -> tuple[str, dict]:
         return page.read(), json.load(numbers)
 
 
-def test_a_report_by_hand_and_the_same_bytes_again(folder, capsys):
+def test_a_report_by_hand_and_the_same_bytes_again(report):
     """500 cd below the lamp at 2 m, times 0.8: 100 lx; 0.3 m beside it 100 cos^3, and 50 W of the file."""
-    page, numbers = made("a")
+    page, numbers = report
     (surface,) = numbers["surfaces"]
     beside = 100 * math.cos(math.atan(0.3 / 2)) ** 3
     by_hand = {"mean": (100 + 2 * beside) / 3, "minimum": beside, "maximum": 100.0}
@@ -56,13 +64,13 @@ def test_a_report_by_hand_and_the_same_bytes_again(folder, capsys):
     )  # fmt: skip
     for text in expected:
         assert text in page, text
-    assert made("b") == (page, numbers), "equal inputs, equal bytes"
+    assert made("b") == report, "equal inputs, equal bytes"
 
 
-def test_a_page_needs_no_other_file_and_is_well_formed(folder):
+def test_a_page_needs_no_other_file_and_is_well_formed(report):
     from html.parser import HTMLParser
 
-    page, _ = made("a")
+    page, _ = report
     sources = re.findall(r"(?:src|href)='([^']{0,22})", page)
     assert sources == ["data:image/png;base64,"] * 2 and "http" not in page and "<script" not in page
     opened = []
@@ -82,9 +90,9 @@ def test_a_page_needs_no_other_file_and_is_well_formed(folder):
     assert opened == []
 
 
-def test_the_polar_curve_is_that_of_the_file(folder):
+def test_the_polar_curve_is_that_of_the_file(report):
     """Radius 80 is the largest intensity; 300 cd of 500 at 60 degrees from straight down."""
-    page, _ = made("a")
+    page, _ = report
     curves = re.findall(r"<polyline points='([^']*)'", page)
     points = np.array([[float(x) for x in pair.split(",")] for pair in curves[0].split()]) - 100
     r = 80 * 300 / 500
@@ -109,8 +117,8 @@ def test_the_window_writes_a_report(hand, viewer, folder):
     hand.ctx.set_ref("##MainMenuBar")
     hand.ctx.menu_click("File/Report...")
     hand.ctx.yield_(3)
-    dialog = viewer.files.dialog
-    assert dialog.is_open and dialog._answered(str(folder / "r")) == ""
+    hand._jobs.append(lambda: viewer.files.dialog._answered(str(folder / "r")))  # on the thread of the picture
+    hand.wait((folder / "r.html").exists)
     page = (folder / "r.html").read_text(encoding="utf-8")
     assert "Luminaires and lamps" in page and page.count("data:image/png") == 1
 

@@ -10,6 +10,7 @@ import pytest
 
 from gi_core.base.pause import steps
 from gi_core.bsdf.models import lobe
+from gi_core.gather import static
 from gi_core.gather.gloss_gather import RAYS, STAGE, GlossGather
 from gi_core.gather.gloss_reference import gloss_views, reference_gloss
 from gi_core.gather.path_ends import in_known_light, starts
@@ -101,8 +102,9 @@ def rested(solver: Solver) -> Solver:
     return solver
 
 
-def test_a_glossy_mobile_in_a_matte_room_rests():
+def test_a_glossy_mobile_in_a_matte_room_rests(monkeypatch):
     """No static receiver is glossy: the light gathered there has no rows."""
+    monkeypatch.setattr(static, "ENOUGH", 0.05)
     satin = Material("satin", (0.3, 0.3, 0.3), gloss=Gloss(alpha=0.3))
     materials = Material("wall", (0.5, 0.5, 0.5)), satin
     ball = Mobile("ball", sphere((0, 0, 0), 0.15, 1, 1), Pose((0.5, 0.5, 0.4)))
@@ -111,6 +113,7 @@ def test_a_glossy_mobile_in_a_matte_room_rests():
     solver.solve()
     for _ in solver.gather_steps():
         pass
+    assert solver.frame_light.is_gathered
     solver.move("ball", Pose((0.4, 0.5, 0.3)))
     for _ in solver.gather_pose_steps():
         pass
