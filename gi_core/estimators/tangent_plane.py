@@ -16,12 +16,11 @@ import numpy as np
 
 from gi_core.base.pause import pause
 from gi_core.base.threads import run_ranges, usable
-from gi_core.discs.contact import PoseContacts
 from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.region import EXTENSION, Regions, regions, whole_discs
 from gi_core.discs.search import SEARCHES, Search
 from gi_core.discs.search.predicate import Discs, crossing, lines, share
-from gi_core.discs.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
+from gi_core.discs.stale_receivers import ContactDiscs, ControlFacts, PoseContacts, room_for_contacts
 from gi_core.estimators import counting
 from gi_core.estimators.base import Setting
 from gi_core.estimators.counting import Counts, Find, Place

@@ -2,7 +2,7 @@
 
 Every photon is traced through static part and mobiles on every bounce, every segment is tried on every receiver.
 Shared with the solver are only the two-level nearest hit, the sampling functions, the accept predicate and the
-rounding of flux. The naive twin of `gi_core.discs.contact`: every receiver looks along every direction at
+rounding of flux. The naive twin of `gi_core.discs.stale_receivers`: every receiver looks along every direction at
 every other object.
 """
 
