@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from app.values import to_millionths
 from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.reference import Gatherer
 from gi_core.rays.accelerator import LIFT, Transforms
@@ -189,6 +190,21 @@ def grid_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapp
     points = middle + at[0][:, None, None] * sides[0] + at[1][None, :, None] * sides[1]
     corners = middle + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * size @ sides[:2]
     return Grid(points.reshape(-1, 3), shape, corners, sides, size)
+
+
+def on_part(name: str, model: Model, level: Level, face: int) -> CalculationSurface:
+    """Return a surface on the level part of the static part around a face; elsewhere on the material of that face."""
+    s, scene, axes = model.surfaces, model.scene, level.axes
+    part = np.flatnonzero(s.patch[s.face_range(0)] == s.patch[face])
+    if not (s.normals[part] @ axes.up > LEVEL_COSINE).all():
+        return CalculationSurface(name, scene.materials[scene.static.face_material[face]].name)
+    at = model.vertices_at(0, {})[s.faces[0][part]].reshape(-1, 3) @ np.array(axes[:3]).T
+    low, high = at.min(axis=0), at.max(axis=0)
+    size = float((high - low).max())
+    (a, b, height), (width, depth, _) = (
+        to_millionths(v, size) for v in ((low + high) / 2 - (0, 0, level.low[2]), high - low)
+    )
+    return CalculationSurface(name, position=(a, b), size=(width, depth), height=height)
 
 
 def _top_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapping[str, Pose]):

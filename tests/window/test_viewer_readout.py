@@ -459,7 +459,7 @@ def test_a_surface_lies_on_a_clicked_material_and_its_rows_stay_where_they_are(h
     hand.ctx.item_click("**/On the selection")
     hand.ctx.yield_(3)
     (surface,) = session.settings.surfaces
-    assert (surface.name, surface.on) == ("oak 1", "oak")
+    assert surface == CalculationSurface("oak 1", position=(0, 0), size=(4, 4), height=0.0)
     before = hand.ctx.item_info("**/On the selection").rect_full.min.y
     hand.wait(lambda: session.light.snapshot.rest.surfaces and session.light.snapshot.rest.surfaces[0].fraction == 1)
     hand.ctx.yield_(3)

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from app.draw.readout import Pinned
 from app.rest.calculation_surface import FAIL, PASS, WORKING_PLANE, SurfaceLight, surfaces_of
 from app.rest.hold import is_on
-from app.rest.surface_grid import in_room
+from app.rest.surface_grid import in_room, on_part
 from app.session.readouts import LEFT_OUT, LONG_NAMES, free_name, judged, per_100_lux, shown, unit_of
 from app.session.session import Session
 from app.settings import Settings
@@ -152,9 +152,11 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
     imgui.same_line()
     with ui.idle("" if (selected := viewport.surface) else "nothing is selected"):
         if imgui.button("On the selection"):
-            actions.add(Edit("surfaces", (*surfaces, CalculationSurface(free_name(names, selected), selected))))
-        ui.tip("A surface on top of the selected object, which moves with it; of a material of the static part, on the "
-               "highest of its large parts that face up.")  # fmt: skip
+            name, at = free_name(names, selected), viewport.clicked
+            new = CalculationSurface(name, selected)
+            new = new if at is None else on_part(name, session.model, session.level, at.face)
+            actions.add(Edit("surfaces", (*surfaces, new)))
+        ui.tip("A surface on top of the selected object, which moves with it, or on the level part that was clicked.")
     imgui.end_disabled()
 
 

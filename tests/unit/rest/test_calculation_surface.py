@@ -21,7 +21,7 @@ from app.rest.calculation_surface import (
     uniformity,
     verdict,
 )
-from app.rest.surface_grid import BORDER, axes_of, box_along, grid_of, in_room, level_of, points_of
+from app.rest.surface_grid import BORDER, axes_of, box_along, grid_of, in_room, level_of, on_part, points_of
 from app.session.readouts import Row, csv_text, shown, text_lines
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
@@ -244,6 +244,16 @@ def test_bodies_on_the_floor_take_nothing_from_its_area():
     empty, desk = shell(), box((1, 1, 0.0), (5, 3.5, 0.73), 2)
     areas = [level_of(Model(room(*parts, lights=[(3, 3, 2.8)]))).area for parts in ((empty,), (empty, desk))]
     assert areas == pytest.approx([36.0, 36.0], rel=0.01) and areas[0] == areas[1]
+
+
+def test_a_surface_lies_on_the_part_around_a_face():
+    """By its material alone, a surface for a desk lay on the floor of the same wood."""
+    model = Model(room(shell(), box((1, 1, 0.0), (2.5, 1.8, 0.73), 2), lights=[(3, 3, 2.8)]))
+    normals, middles = model.surfaces.normals, model.vertices_at(0, {})[model.surfaces.faces[0]].mean(axis=1)
+    top, side = ((np.flatnonzero((normals[:, 2] > 0.9) & (middles[:, 2] > 0.7))), np.flatnonzero(normals[:, 0] > 0.9))
+    expected = CalculationSurface("desk", position=(1.75, 1.4), size=(1.5, 0.8), height=0.73)
+    assert on_part("desk", model, level_of(model), int(top[0])) == expected
+    assert on_part("desk", model, level_of(model), int(side[0])).on == model.scene.materials[0].name
 
 
 class RoundsOfErrors:
