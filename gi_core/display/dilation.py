@@ -213,7 +213,7 @@ class Dilation:
         limits = np.full(len(rays), self._model.world.size, np.float32)
         distance, face = self._model.accelerator.opaque.nearest(o, origins, rays, limits)
         behind = (face >= 0) & (dot(s.normals[face], rays) > 0) & ~s.two_sided[face]
-        behind |= distance <= LIFT * self._model.world.size  # on a face, such as at the foot of a box in the grid
+        behind |= distance <= LIFT * np.abs(origins).max(axis=1)  # on a face, as at the foot of a box in the grid
         inside, near = ((a.reshape(-1, DIRECTIONS).mean(axis=1) > 0.5) for a in (behind, distance < self._near))
         return np.where(inside, INSIDE_SOLID, np.where(near, CLOSED, OPEN)).astype(np.int8)
 
