@@ -286,7 +286,7 @@ class Solver:
         """
         light, key, results = self.frame_light, self._static_key, self.results
         if (direct := results.get("direct light", key)) is not None:
-            light.direct = direct.copied(self.model)
+            light.static.direct = direct.copied(self.model)
         sums: Background | None = results.take("sums", key)
         if sums is not None and sums.added <= photons_of(self).count:
             light.gloss.begin_with(results.take("gloss", key), self._first_frame.begin_with(sums))

@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 
 
 def takes_fine_points(solver: Solver) -> bool:
-    """Return whether whole paths or complete radiosity light the static part.
+    """Return whether the static part's light is sharp along borders of direct light.
 
-    Other light is smoothed across borders of direct light.
+    That of photons is, where points on lamps bring direct light, and so are whole paths and complete radiosity.
     """
-    light = solver.frame_light
-    if not light.is_gathered or light.static.is_early(ALL_PATHS):
+    light, b = solver.frame_light, solver.frame.background
+    if not light.is_gathered:
+        return b is not None and light.knows_direct(b)
+    if light.static.is_early(ALL_PATHS):
         return False
     return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
 

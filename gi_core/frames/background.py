@@ -97,15 +97,9 @@ class Background:
             by_photons[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
         return by_photons[photons][1]
 
-    @property
-    def direct_irradiance(self) -> np.ndarray:
-        """Irradiance (n, 3) [W/m2] of static receivers by segments that leave lamps, of all photons, at full levels."""
-        every, bounced = (self.irradiance(self.estimate.photons, direct=direct) for direct in (True, False))
-        return every - bounced
-
-    def irradiance_per_lamp(self, photons: int) -> np.ndarray:
+    def irradiance_per_lamp(self, photons: int, direct: bool = True) -> np.ndarray:
         """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as irradiance()."""
-        sums, area = self.estimate.background(photons)
+        sums, area = self.estimate.background(photons, direct)
         light = np.empty(sums.shape)
         _read_out(sums, self.model.emitters.unit_flux / photons, area, light)
         light *= np.repeat(self.model.emitters.scale, 3)

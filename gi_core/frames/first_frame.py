@@ -163,13 +163,13 @@ class FirstFrame:
         """Prepare the photons added, and compute the frame from them."""
         fraction = b.added / max(wanted, 1)
         _prepare(b, fraction)
+        pause(Progress("measuring direct light", fraction, False))
+        self._light.measure_direct()
         pause(Progress("smoothing", fraction, False))
         self._light.smooth(b)
         if self._compare(b) or b.added == wanted > 0:  # few photons leave gaps in their own light
             pause(Progress("looking for unreached receivers", fraction, False))
             self.find_unreached(b)
-            pause(Progress("measuring direct light", fraction, False))
-            self._light.measure_direct()
         show(b)
         pause(Progress("estimating", fraction, True))
 

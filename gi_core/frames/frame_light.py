@@ -30,8 +30,6 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 from gi_core.scene.rules import one_of
 
-UNRESOLVED = 0.2  # points bring 0.96 to 1.02 of the light of photons, and half of it where lamps touch surfaces
-
 
 class FrameLight:
     """`setting` chooses among the parts.
@@ -46,14 +44,12 @@ class FrameLight:
     def __init__(self, model: Model, seed: int):
         self._model, self._seed = model, seed
         self.setting = LightSetting(model.emitters.lamps.full())
-        self.static = StaticLight(model, seed)
+        self.static = StaticLight(model, seed, DirectLight(model, seed))
         self.unreached = UnreachedReceivers(model)
         self.mobiles = MobileLight(model, seed)
         self.gloss = FrameGloss(model, seed)
         self.at_poses = PoseLight(model, seed)
-        self.direct = DirectLight(model, seed)
         self.held: Held | None = None
-        self._resolved: tuple[Background, int, bool] | None = None  # of the photons of a background
 
     def twin(self, fresh: bool) -> FrameLight:
         """Return light with a separate setting and the same gathered light, or none if `fresh`."""
@@ -61,7 +57,8 @@ class FrameLight:
         for name in ("setting", "static", "unreached", "mobiles", "gloss", "at_poses"):
             setattr(other, name, copy.copy(getattr(self, name)))
         if fresh:
-            other.static, other.at_poses = StaticLight(self._model, self._seed), PoseLight(self._model, self._seed)
+            other.static = StaticLight(self._model, self._seed, self.direct)
+            other.at_poses = PoseLight(self._model, self._seed)
             other.gloss.forget_gathered()
         return other
 
@@ -116,6 +113,11 @@ class FrameLight:
 
     # -- direct light -----------------------------------------------------------------------------
 
+    @property
+    def direct(self) -> DirectLight:
+        """Direct light of static receivers, known or not."""
+        return self.static.direct
+
     def measure_direct(self) -> None:
         """Measure the static part's direct light, where frames take it."""
         if self.setting.takes_gathered:
@@ -123,18 +125,7 @@ class FrameLight:
 
     def knows_direct(self, b: Background) -> bool:
         """Whether frames take direct light as it is, and bounced light alone from the photons of a background."""
-        separable = self.setting.takes_gathered and b.estimate.additive and self.direct.is_known
-        if not separable or not b.estimate.photons:
-            return False
-        if self._resolved is None or self._resolved[:2] != (b, b.estimate.photons):
-            self._resolved = b, b.estimate.photons, self._resolves(b)
-        return self._resolved[2]
-
-    def _resolves(self, b: Background) -> bool:
-        """Return whether points on lights bring about as much light as the photons of a background."""
-        points = b.weights @ self.direct.per_lamp.sum(axis=1)
-        photons = b.weights @ b.direct_irradiance.sum(axis=1)
-        return abs(points - photons) <= UNRESOLVED * photons
+        return self.setting.takes_gathered and self.static.direct_for(b) is not None
 
     def direct_at(self, at: Transforms, b: Background) -> Direct:
         """Return direct light at poses; zeros where photons bring it."""

@@ -101,8 +101,13 @@ class DirectLight:
         other._model, other._blocked = cast(Model, model), None
         return other
 
-    def resolves(self, positions: np.ndarray) -> np.ndarray:
-        """Return whether positions (n, 3) [m] are far enough from all lights for their points to stand for them."""
+    def resolves(self, positions: np.ndarray | None = None) -> np.ndarray:
+        """Return whether positions (n, 3) [m] are far enough from all lights for their points to stand for them.
+
+        None: static receivers.
+        """
+        if positions is None:
+            positions = Places.of_receivers(self._model).positions
         out = np.ones(len(positions), bool)
         for place, spread in zip(self._points.place, self._points.spread, strict=True):
             away = positions - place
@@ -126,8 +131,8 @@ class DirectLight:
         return other
 
     def measure(self) -> None:
-        """Measure direct light, once; nothing at receivers where no mobile can block it."""
-        if self.is_known or self._points is None or (self._places is None and self._model.surfaces.objects == 1):
+        """Measure direct light, once."""
+        if self.is_known or self._points is None:
             return
         m, places = self._model, self._places or Places.of_receivers(self._model)
         groups = _groups(*places)

@@ -291,11 +291,10 @@ class StaticGather:
     def _iterate_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None], early: float) -> None:
         f = self._radiosity
         noise_of_paths = np.inf if self.state is None else self._noise_of_paths(self.state)
-        theirs = photons()
-        if theirs is None or self._first_phase == 1.0 or not min(noise_of_paths, f.noise) > LOW * ENOUGH:
+        if self._first_phase == 1.0 or photons() is None:
             return
 
-        biased = False
+        biased = not noise_of_paths > LOW * ENOUGH
         while not biased and f.noise > LOW * ENOUGH and not f.is_complete and f.paths < early:
             theirs = photons()
             f.add_pair()
@@ -313,7 +312,7 @@ class StaticGather:
             # Fewer paths may miss bright places, so that noise looks like bias.
             measured = self._sample is not None and f.paths >= 100
             biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
-        if early >= ALL_PATHS:
+        if early >= ALL_PATHS or f.noise <= LOW * ENOUGH:
             f.end()
 
     def _as_rough(self, E: np.ndarray, noise: float) -> float:

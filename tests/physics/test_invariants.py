@@ -115,7 +115,7 @@ def test_any_history_equals_from_scratch_and_the_naive_twin(history):
 def test_any_history_equals_from_scratch_where_direct_light_is_known(history):
     """Photons measure bounced light alone, and smaller frames in between leave nothing behind."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gi_core.frames.frame_light.UNRESOLVED", np.inf)  # its walls are coarse
+        patch.setattr("gi_core.frames.static_light.UNRESOLVED", np.inf)  # its walls are coarse
         every_frame_takes_direct_light(history)
 
 
@@ -134,7 +134,7 @@ def held() -> Held:
 def test_levels_that_hold_targets_are_those_from_scratch(history, asked):
     """Levels too are a function of poses and settings: of no earlier frame, of no smaller one."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gi_core.frames.frame_light.UNRESOLVED", np.inf)
+        patch.setattr("gi_core.frames.static_light.UNRESOLVED", np.inf)
         for light in ("photons", "best"):
             solver = solved(light=light, photons=2000)
             solver.hold(held())

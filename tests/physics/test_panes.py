@@ -162,7 +162,7 @@ moves = st.lists(st.tuples(st.sampled_from(["box", "ball"]), poses), min_size=1,
 @given(history=moves, estimator=st.sampled_from(list(ESTIMATORS)))
 def test_any_history_with_panes_equals_from_scratch(light, history, estimator):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gi_core.frames.frame_light.UNRESOLVED", np.inf)
+        patch.setattr("gi_core.frames.static_light.UNRESOLVED", np.inf)
         solver = Solver(SCENE, photons=3000, radius=0.2, neighbours=6, seed=11, light=light, estimator=estimator)
         solver.solve()
         for name, pose in history:

@@ -12,6 +12,7 @@ from gi_core.display.dilation import NONE_UNREACHED, UnreachedReceivers
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.static_light import StaticLight
+from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
 from gi_core.gloss.source import LIST, QUADTREE
@@ -101,7 +102,7 @@ def test_a_fresh_twin_has_no_gathered_light(model):
 
 
 def test_gathered_light_is_mixed_once_per_levels(model):
-    static, levels = StaticLight(model, 0), model.emitters.lamps.full()
+    static, levels = StaticLight(model, 0, DirectLight(model, 0)), model.emitters.lamps.full()
     static.best = gathered(model).estimate
     first = static.irradiance(None, levels)
     assert static.irradiance(None, levels.copy()) is first
@@ -118,7 +119,7 @@ def test_gathered_light_is_used_once_photons_have_more_error(error, noise, of_sa
 
     Before whole paths find any, photons do not replace early light.
     """
-    static = StaticLight(model, 0)
+    static = StaticLight(model, 0, DirectLight(model, 0))
     static.gathered = gathered(model)
     static.gathered.estimate = static.gathered.estimate._replace(error=error)
     monkeypatch.setattr(static.gathered, "error_of", lambda E: of_sample)

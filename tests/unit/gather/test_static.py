@@ -60,6 +60,17 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
     assert g.estimate.irradiance == pytest.approx(smooth, rel=1e-12), "whole paths have taken over"
 
 
+def test_radiosity_of_little_noise_is_complete_before_whole_paths(monkeypatch):
+    """It counted as early until whole paths had a result: a lamp in a bare room had no fine points for a minute."""
+    solver = solved(5_000)
+    monkeypatch.setattr(static, "ENOUGH", 10.0)  # at once
+    g = StaticGather(solver.model, 3)
+    light = solver.frame_light.static.of_photons(solver.frame.background)
+    for _ in steps(lambda: g.gather(lambda: light, early=112)):
+        pass
+    assert g.state is None and not g.is_early(static.ALL_PATHS)
+
+
 def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
     gathered.move("box", POSE)
     mean, photons = (

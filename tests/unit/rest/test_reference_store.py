@@ -9,6 +9,7 @@ from app.measure.results import peak_rss_mb
 from app.rest import reference_store
 from app.rest.reference_store import ReferenceStore, StaticStore, reference_folder
 from gi_core.frames.static_light import StaticLight
+from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.static import Kept
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Pose
@@ -163,7 +164,7 @@ def test_a_file_is_that_of_its_scene_and_read_no_further_than_its_light(kept, fo
 
 
 def test_the_oldest_static_light_goes(kept, folder, monkeypatch):
-    static = StaticLight(kept[0], 0)
+    static = StaticLight(kept[0], 0, DirectLight(kept[0], 0))
     static.gathered = StaticStore(kept[0], 0).load()
     for seed in range(3):
         StaticStore(kept[0], seed).keep_light(static, None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.rest import live_error
-from app.rest.jobs import Job, SurfacesJob, first_task
+from app.rest.jobs import FineJob, Job, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
@@ -188,7 +188,8 @@ def test_a_surface_is_measured_beside_all_other_work_and_again_at_other_poses():
         raise AssertionError("the surface is not measured")
 
     until(lambda: work.results().surfaces)
-    assert names[:12].count(SurfacesJob.name) >= 3 and len(set(names)) > 1, "it takes turns"
+    turns = [name for name in names if name != FineJob.name]  # which comes first, and is short
+    assert turns[:12].count(SurfacesJob.name) >= 3 and len(set(turns)) > 1, "it takes turns"
     until(lambda: work.results().surfaces[0].fraction == 1)
     first = work.results().surfaces[0]
     assert first.is_current and np.isfinite(first.values).all()
