@@ -16,10 +16,20 @@ def beam(inner: float, outer: float, spill: float = 0.0) -> np.ndarray:
     return ramp + spill * np.clip((cosine - edge) / (1 - edge), 0, 1) * (1 - ramp)
 
 
-def ies(name: str, peak: float, curve: np.ndarray) -> bytes:
-    """Return an IES file (LM-63-2002) of a luminaire that is the same all round; peak [cd], curve (T,)."""
+def ies(name: str, peak: float, curve: np.ndarray, size: tuple[float, float] = (0, 0), watts: float = 0) -> bytes:
+    """Return an IES file (LM-63-2002) of a luminaire that is the same all round; peak [cd], curve (T,).
+
+    size: of the opening along C0 and C90 [m].
+    """
     head = ["IESNA:LM-63-2002", f"[LUMINAIRE] {name}", "[MANUFAC] gi-viewer", "TILT=NONE"]
-    numbers = [f"1 -1 1 {len(GAMMAS)} 1 1 2 0 0 0", "1 1 0", _row(GAMMAS), "0", _row(peak * curve)]
+    long, wide = size
+    numbers = [
+        f"1 -1 1 {len(GAMMAS)} 1 1 2 {wide:g} {long:g} 0",
+        f"1 1 {watts:g}",
+        _row(GAMMAS),
+        "0",
+        _row(peak * curve),
+    ]
     return "\r\n".join([*head, *numbers, ""]).encode("ascii")
 
 

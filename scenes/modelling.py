@@ -132,8 +132,11 @@ def wall(corner, along, across, cell: float, hole=None) -> Shape:
     return joined(*pieces)
 
 
-def box(size, open_sides: str = "") -> Shape:
-    """Return a box with sharp edges standing on y = 0; `open_sides` names those left out, as in "-y+z"."""
+def box(size, open_sides: str = "", cell: float = FINE) -> Shape:
+    """Return a box with sharp edges standing on y = 0, in cells of at most `cell` [m].
+
+    open_sides: those left out, as in "-y+z".
+    """
     w, h, d = (float(s) for s in size)
     sides = {
         "-x": ((-w / 2, 0, -d / 2), (0, 0, d), (0, h, 0)),
@@ -143,7 +146,7 @@ def box(size, open_sides: str = "") -> Shape:
         "-y": ((-w / 2, 0, -d / 2), (w, 0, 0), (0, 0, d)),
         "+y": ((-w / 2, h, d / 2), (w, 0, 0), (0, 0, -d)),
     }
-    return joined(*(wall(*sides[k], FINE) for k in sides if k not in open_sides))
+    return joined(*(wall(*sides[k], cell) for k in sides if k not in open_sides))
 
 
 def rounded_box(size, radius: float, steps: int = 1) -> Shape:

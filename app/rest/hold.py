@@ -1,6 +1,6 @@
 """Levels of lamps that hold the targets of calculation surfaces with the least power, see `gi_core.frames.held_light`.
 
-A lamp gets at most the level asked for; lamps of one name share a level; sun and sky stay.
+A lamp gets at most the level asked for; sun, sky and lamps of no watts stay.
 """
 
 from __future__ import annotations

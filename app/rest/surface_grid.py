@@ -263,14 +263,16 @@ def _flat_parts(corners: np.ndarray, normals: np.ndarray, areas: np.ndarray) -> 
 
 
 def stands(model: Model, at: Transforms, points: np.ndarray, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Return whether the nearest surface below points (n, 3) [m], lifted along their normals, faces up, (n,) bool.
+    """Return whether the nearest surfaces below and above points (n, 3) [m] face them, (n,) bool.
 
-    Below a point inside a solid is a back, and below one outside a room is nothing.
+    Points are lifted along their normals. Below or above a point inside a solid is a back, and below one outside a room
+    is nothing.
     """
     o = points - model.origins[0]
     o = o + model.lifts_at(at, o, normals)[:, None] * normals
-    _, face = _below(model, at, o, up)
-    return (face >= 0) & _faces_up(model, at, np.maximum(face, 0), up)
+    (_, below), (_, above) = (_below(model, at, o, way) for way in (up, -up))
+    faced = [_faces_up(model, at, np.maximum(face, 0), way) for face, way in ((below, up), (above, -up))]
+    return (below >= 0) & faced[0] & ((above < 0) | faced[1])
 
 
 def _below(model: Model, at: Transforms, origins: np.ndarray, up: np.ndarray, static=False):

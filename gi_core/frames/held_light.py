@@ -172,8 +172,10 @@ class Held:
         factor = np.repeat(unit, 3) * per_area
         light, moved = self._light + factor * (added - taken), self._per_lamp(factor * (added + taken), asked)
         of_cut = unit * cut.flux / np.maximum(cut.photons, 1) / 3.0
-        one = self._per_lamp(np.repeat(of_cut, 3) * per_area, asked)  # by a cut photon: chance may have cut none
-        variance = one * (moved + one)
+        one = self._per_lamp(np.repeat(of_cut, 3) * per_area, asked)  # by a cut photon
+        for rows in self.rows:  # where chance cut none, there is noise as around
+            moved[rows] = np.maximum(moved[rows], moved[rows].mean(axis=0))
+        variance = one * moved
         if direct is not None:
             if self._direct is None:
                 lifts = b.model.lifts_at(b.model.static, self._places, self._normals)

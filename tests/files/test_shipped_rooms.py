@@ -6,6 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from app.rest.surface_grid import level_of
 from gi_core.files.load import load_scene
 from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import face_normals
@@ -15,7 +16,7 @@ from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 from gi_core.scene.pose import pose_at, to_world
 from gi_core.scene.types import PhotometricLight, PointLight
-from scenes import make_gallery, make_living_room, make_office, make_second_tree, make_showroom
+from scenes import make_classroom, make_gallery, make_living_room, make_office, make_second_tree, make_showroom
 from scenes import office_furniture as furniture
 from tests.support.photometry import table_flux
 
@@ -229,6 +230,56 @@ def test_office_mobiles_rest_on_the_floor_and_the_chair_touches_nothing(office):
 
 def test_office_is_light_enough_for_a_drag(office):
     assert len(Model(office).object_receivers.areas) <= 39_000
+
+
+@pytest.fixture(scope="module")
+def classroom():
+    return load_scene("classroom")
+
+
+def test_classroom_has_its_luminaires_below_their_housings(classroom):
+    """Eight in two rows and a washer, each with the opening and the watts of its file; sun and sky by day."""
+    lights = [light for light in classroom.lights if isinstance(light, PhotometricLight)]
+    places = [
+        (x, make_classroom.LUMINAIRE_Y, z) for z in make_classroom.LUMINAIRE_Z for x in make_classroom.LUMINAIRE_X
+    ]
+    np.testing.assert_allclose([light.position for light in lights], [*places, make_classroom.WASHER_AT])
+    assert {light.size for light in lights[:-1]} == {make_classroom.LUMINAIRE}
+    assert lights[-1].size == make_classroom.WASHER and lights[-1].watts == make_classroom.WASHER_WATTS
+    assert {light.watts for light in lights[:-1]} == {make_classroom.WATTS}
+    for light in lights:
+        assert luminance(light.flux) == pytest.approx(table_flux(light), rel=1e-3)
+    assert [light.name for light in classroom.lights][-2:] == ["sun", "sky"]
+
+
+def test_classroom_washer_is_aimed_at_the_board(classroom):
+    washer = next(light for light in classroom.lights if light.name == "board washer")
+    reach = (make_classroom.LEFT - washer.position[0]) / washer.direction[0]
+    aim = np.array(washer.position) + reach * np.array(washer.direction)
+    _, high, low = make_classroom.BOARD
+    assert low < aim[1] < low + high and aim[2] == 0
+
+
+def test_classroom_mobiles_touch_nothing(classroom):
+    """The cupboard stands on the floor; blinds hang before the windows' reveals."""
+    static = classroom.static.vertices
+    for mobile in classroom.mobiles:
+        v = mobile.mesh.vertices
+        local = static - mobile.pose.position
+        assert not ((local > v.min(axis=0)) & (local < v.max(axis=0))).all(axis=1).any(), mobile.name
+    cupboard, *blinds = classroom.mobiles
+    assert cupboard.mesh.vertices[:, 1].min() == pytest.approx(0, abs=1e-5) and cupboard.pose.position[1] == 0
+    for blind in blinds:
+        z = blind.mesh.vertices[:, 2] + blind.pose.position[2]
+        assert z.max() < make_classroom.FRONT and np.ptp(blind.mesh.vertices[:, 0]) > make_classroom.WIDE
+
+
+def test_classroom_floor_is_the_floor_of_its_surfaces(classroom):
+    """The terrace outside is no floor, and panes let daylight in."""
+    level = level_of(Model(classroom))
+    assert level.low[2] == pytest.approx(0, abs=1e-6) and level.area == pytest.approx(63, rel=0.05)
+    assert next(m for m in classroom.materials if m.name == "glass").pane is not None
+    assert [s.name for s in classroom.surfaces] == ["tables", "board", "glare"]
 
 
 def test_second_tree_has_a_tenth_of_the_triangles():
