@@ -27,7 +27,6 @@ from gi_core.files.formats.metallic_roughness import as_metal_rough
 from gi_core.scene.pose import least_turn, quaternion_of
 from gi_core.scene.types import Material, Mesh, Texture
 
-LINEAR = 9729
 CODES = {name: code for code, name in WRAPS.items()}
 UNLIT, TRANSMISSION, IOR = "KHR_materials_unlit", "KHR_materials_transmission", "KHR_materials_ior"
 UP = np.array([0.0, 1.0, 0.0])  # of a glTF file
@@ -249,7 +248,7 @@ class _Baking:
             data = io.BytesIO()
             Image.fromarray(np.ascontiguousarray(pixels)).save(data, "PNG")
             wraps = dict(zip(("wrapS", "wrapT"), (CODES[w] for w in texture.wrap), strict=True))
-            near = NEAREST if texture.nearest else LINEAR
+            near = NEAREST if texture.nearest else 9729  # GL_LINEAR
             self.samplers.append(wraps | {"magFilter": near, "minFilter": 9987})  # GL_LINEAR_MIPMAP_LINEAR
             self.textures.append({"source": self.out.image(data.getvalue()), "sampler": len(self.samplers) - 1})
             self.of_texture[texture] = len(self.textures) - 1

@@ -33,9 +33,6 @@ STATIC = "static part"
 UNLIT = "back of a one-sided surface: no light is computed"
 
 
-PIXELS = 1 << 20  # per picture height there: the texture is read at a point
-
-
 class Reading(NamedTuple):
     """Light at a point of a surface, as luminance of RGB. nan where unknown."""
 
@@ -104,7 +101,8 @@ def read_pin(pin: Pin, picker: Picker, lit: LitScene) -> Pinned:
     direction = position - camera.eye()
     hit = Hit(o, face, away, position)
     direction /= np.sqrt((direction * direction).sum())
-    return Pinned(pin, position, read(lit, hit, direction, camera, PIXELS))
+    # 2^20 pixels per picture height: the texture is read at a point
+    return Pinned(pin, position, read(lit, hit, direction, camera, 1 << 20))
 
 
 def read(lit: LitScene, hit: Hit, direction: np.ndarray, camera: Turntable, height: int) -> Reading:
