@@ -27,12 +27,16 @@ CLICK_PIXELS = 2.0  # shorter motions of the mouse are a click
 
 
 class View:
-    """`origin` and `size` [points] of the picture in the window; `camera`: None before the first scene."""
+    """`origin` and `size` [points] of the picture in the window; `camera`: None before the first scene.
+
+    folded: names of calculation surfaces without their points.
+    """
 
     def __init__(self) -> None:
         self.camera: Turntable | None = None
         self.origin = (0.0, 0.0)
         self.size = (1.0, 1.0)
+        self.folded: set[str] = set()
 
     @property
     def aspect(self) -> float:

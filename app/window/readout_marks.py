@@ -60,7 +60,7 @@ def marks(viewport: Viewport) -> Marks:
         corners = _seen(viewport, grid.corners)
         around = zip(corners, [*corners[1:], corners[0]], strict=True)
         shapes.lines.extend((a, b) for a, b in around if a is not None and b is not None)
-        if surface.name in viewport.folded:
+        if surface.name in view.folded:
             _mean(viewport, surface, lights.get(surface), grid, places, shapes)
         elif (light := lights.get(surface)) is not None:
             _points(viewport, light, places, shapes)

@@ -85,7 +85,6 @@ class Viewport:
         self.control = CameraControl(self.view)
         self.pointer = Pointer()
         self.pins = Pins()
-        self.folded: set[str] = set()  # names of surfaces whose points are not drawn
         self.mobile_drag = MobileDrag()
         self.lamps = LampHandles()
         self.scale_fit = ScaleFit()

@@ -54,7 +54,7 @@ def act(window: Window, name: str | Request) -> None:
         case Edit(field, value, first, last):
             window.session.edit(first, last, **{field: value})
         case FoldSurface(surface):
-            window.viewport.folded ^= {surface}
+            window.viewport.view.folded ^= {surface}
         case str():
             action = ACTIONS[name]
             if window.session.ready or not action.needs_scene:

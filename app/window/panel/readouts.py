@@ -123,7 +123,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
             edited = () if to is None else (to,)
             actions.add(Edit("surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :]), first, last))
 
-        imgui.set_next_item_open(surface.name not in viewport.folded)
+        imgui.set_next_item_open(surface.name not in viewport.view.folded)
         unfolded = imgui.tree_node_ex(f"{surface.name}###surface")
         if imgui.is_item_toggled_open():
             actions.add(FoldSurface(surface.name))
