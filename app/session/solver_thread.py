@@ -250,7 +250,7 @@ class SolverThread:
         if not self._wait(patience):
             return False
         # The solver keeps the old picture until the new one is as good.
-        self._worker.submit(functools.partial(self._solver.configure, **changes)).result()
+        self._worker.submit(lambda: self._solver.configure(**changes)).result()
         self._begin_refinement()
         self._timing, self.is_current = Timing(), False
         return True

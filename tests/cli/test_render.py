@@ -285,7 +285,7 @@ def test_ray_cast_isolines_are_those_of_the_opengl_picture():
     ours, theirs = (np.abs(with_lines - plain).max(axis=2) > 90 for with_lines, plain in pictures)
     assert min(ours.sum(), theirs.sum()) > 300
     for one, other in ((ours, theirs), (theirs, ours)):
-        assert (one & ~maximum_filter(other, 3)).sum() < 0.02 * one.sum()
+        assert (one & ~maximum_filter(other, 3)).sum() < 0.03 * one.sum()  # the window smooths edges
 
 
 def checkered_room(repeats: float = 6.0) -> Scene:

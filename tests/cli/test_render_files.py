@@ -222,7 +222,7 @@ def test_a_picture_has_the_windows_light_within_its_time(tmp_path, room_instead_
     monkeypatch.setattr("app.rest.scheduler.gather", functools.partial(gather, clock=ticking(0.01)))
     asked = [(SMALL, 0.0), (SMALL, 80.0), (replace(SMALL, light="photons"), 1.0)]
     entries = [Image.open(*render.render(s, tmp_path / "a.png", seconds=t)).text for s, t in asked]
-    assert [e["static_light"].partition(",")[0] for e in entries] == ["photons", "gathered", "photons"]
+    assert [e["static_light"].partition(",")[0] for e in entries] == ["photons", "whole paths", "photons"]
     assert entries[1]["light_at_poses"].startswith("gathered")
 
 

@@ -14,7 +14,7 @@ DOWN = [-(0.5**0.5), 0, 0, 0.5**0.5]  # the rotation of a node whose light shine
 
 
 def test_missing_file():
-    with pytest.raises(SceneError, match=r"no_such.toml: there is no such scene file; shipped scenes are cornell, "):
+    with pytest.raises(SceneError, match=r"no_such.toml: there is no such scene file; shipped scenes are classroom, "):
         load_scene("no_such.toml")
 
 

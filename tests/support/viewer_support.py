@@ -233,6 +233,7 @@ class CountingSolver:
         from gi_core.discs.stale_receivers import ControlFacts
         from gi_core.frames.frame import Changes
         from gi_core.frames.frame_budget import FrameBudget
+        from gi_core.gather.estimate import Source
         from gi_core.geometry.surfaces import flatten
 
         self.scene, self.clock, self.steps = scene, clock, steps
@@ -256,12 +257,15 @@ class CountingSolver:
             photons=0, paths=0, segments=0, subsets=(), timings={}, probe_irradiance={}, search_summary="",
             changes=Changes(0, 0, 0), control_facts=ControlFacts(0.0, 0, 0), store=SimpleNamespace(memory_full=False),
             fates={"emitted": np.zeros(3), "truncated": np.zeros(3)}, levels=np.ones((1, 3)), effective_photons=0,
-            gloss=None, gathered=False,
+            gloss=None, gathered=False, background=None, held=None,
         )  # fmt: skip
         self.levels = self.frame.levels
         self.light = "photons"
         static = SimpleNamespace(gathered=None, error=lambda levels: math.inf)
-        self.frame_light = SimpleNamespace(static=static, is_gathered=False, gathered_at=lambda at: None)
+        self.frame_light = SimpleNamespace(
+            static=static, is_gathered=False, gathered_at=lambda at: None, source=Source.PHOTONS, held=None
+        )
+        self.deviation = np.zeros(len(self.irradiance))
         self.paths_at_rest, self.scene_size = 0, 1.0
         self.at_rest = 0  # photons of the last picture
         self.budget = FrameBudget()

@@ -21,6 +21,7 @@ from app.settings import Settings
 from app.window import view_content
 from app.worker import Task
 from gi_core.base.pause import Interrupted, breaking_off
+from gi_core.gather.estimate import Source
 from gi_core.gather.reference import reference_irradiance
 from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import luminance, relative_error
@@ -198,7 +199,13 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
     assert np.isnan(E).any() and np.isfinite(E[known]).all()
     rest = SimpleNamespace(reference=live_error.picture, comparison=None, fine=None)
     snapshot = SimpleNamespace(
-        gathered=False, setting=solver.setting, photons=20_000, drawn=solver.drawn(solver.irradiance), rest=rest
+        gathered=False,
+        source=Source.PHOTONS,
+        deviation=None,
+        setting=solver.setting,
+        photons=20_000,
+        drawn=solver.drawn(solver.irradiance),
+        rest=rest,
     )
     light, meshes = SimpleNamespace(snapshot=snapshot, method=None), draw_meshes(solver.surfaces)
     for chosen in ({"compare": "reference"}, {"show": "error"}, {"reference": True}):
@@ -339,9 +346,9 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     rest(s, lambda: not s.refining)
     plain = view_content.shown(s)
     assert [side.label for side in plain.sides] == ["Tangent plane, 8,192 photons"] and not plain.named
-    s.light.snapshot = s.light.snapshot._replace(gathered=True)
+    s.light.snapshot = s.light.snapshot._replace(source=Source.WHOLE_PATHS)
     assert [side.label for side in view_content.shown(s).sides] == ["Gathered light, changed by 8,192 photons"]
-    s.light.snapshot = s.light.snapshot._replace(gathered=False)
+    s.light.snapshot = s.light.snapshot._replace(source=Source.PHOTONS)
     # In a drag nothing is gathered.
     s.begin_drag()
     s.move({"block": s.poses["block"]._replace(position=(0.4, 0.35, 0.5))})
