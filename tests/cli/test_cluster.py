@@ -89,7 +89,7 @@ def test_frames_are_the_same_files_though_a_process_is_killed(machines, a_scene,
         render.render(SMALL, tmp_path / name / "a.png", FRAMES, seconds=4.0, machines=team)
         found.append(files(tmp_path / name))
     assert one_is_killed and len(found[0]) == FRAMES and found[0] == found[1]
-    assert b"static_light\0whole paths" in found[0]["a.0001.png"]
+    assert b"static_light\0photons" not in found[0]["a.0001.png"]
 
 
 def test_reference_and_baked_light_are_the_same_files(machines, a_scene, one_is_killed, tmp_path, monkeypatch):
