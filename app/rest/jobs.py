@@ -213,6 +213,7 @@ class HoldJob(Job):
 
     def __init__(self, solver: Solver) -> None:
         super().__init__(solver)
+        self.fraction = 0.0  # of the levels' search
         self._measured: Measured | None = None
         self._result: tuple[HeldLevels, HeldResult] | None = None  # of the last frame
 
@@ -243,7 +244,8 @@ class HoldJob(Job):
         return measured_steps(self._solver.model, self._key, self._solver.seed)
 
     def take(self, result: tuple[float, Measured | None]) -> bool:
-        if ended := result[0] == 1:
+        self.fraction = result[0]
+        if ended := self.fraction == 1:
             self._measured = result[1]
             self._solver.hold(None if result[1] is None else result[1][0])
         return ended

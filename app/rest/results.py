@@ -95,6 +95,7 @@ class RestResults(NamedTuple):
     surfaces: tuple[SurfaceLight, ...] = ()  # those that are measured so far
     fine: FinePicture | None = None  # None: the picture has receivers alone
     held: HeldResult | None = None  # None: lamps hold no targets
+    finding: float = 0.0  # share of the search for levels that is done
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""

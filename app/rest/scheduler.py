@@ -59,9 +59,9 @@ class RestWork:
         turn = self._turn % len(jobs)
         return first_task((self.hold, self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
 
-    def next_fine(self) -> Task | None:
-        """Return the next task of fine points, None where none is due."""
-        return first_task((self.fine,), self._settings, self.given_up)
+    def next_urgent(self, settings: Settings) -> Task | None:
+        """Return the next task of levels or fine points, which wait for no photons; None where none is due."""
+        return first_task((self.hold, self.fine), settings, self.given_up)
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""
@@ -82,9 +82,10 @@ class RestWork:
         reference = e.picture if REFERENCE in self._settings.beside_estimate else None
         light = self.at_poses.light
         held = self.hold.result
+        surfaces = (*(held.lights if held else ()), *self.surfaces.lights)
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
         return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
-                           (*(held.lights if held else ()), *self.surfaces.lights), self.fine.light, held)  # fmt: skip
+                           surfaces, self.fine.light, held, self.hold.fraction)  # fmt: skip
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""

@@ -28,22 +28,24 @@ class Step(NamedTuple):
     progress: Progress | None  # None: all is refined
     snapshot: Snapshot | None  # None: the picture is as it was
     warnings: dict[str, str]
-    fine: TaskEnd
+    urgent: TaskEnd
 
 
 @dataclass(frozen=True)
 class Refine:
-    """Run the next step of the first frame, and of fine points: sunlight has teeth without them."""
+    """Run the next step of the first frame, and of levels or fine points: sunlight has teeth without them."""
 
     steps: Iterator[Progress]
+    rest: Settings | None  # None: no work at rest
     name: ClassVar[str] = "refining"
     busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Step:
-        progress, fine = next(self.steps, None), work.run(work.next_fine())
+        progress = next(self.steps, None)
+        urgent = work.run(None if self.rest is None else work.next_urgent(self.rest))
         if progress is None:
-            return Step(None, snapshot_of(solver, work) if fine.changed else None, warnings_of(solver), fine)
-        return Step(progress, snapshot_of(solver, work) if progress.picture or fine.changed else None, {}, fine)
+            return Step(None, snapshot_of(solver, work) if urgent.changed else None, warnings_of(solver), urgent)
+        return Step(progress, snapshot_of(solver, work) if progress.picture or urgent.changed else None, {}, urgent)
 
 
 class Moved(NamedTuple):

@@ -153,8 +153,8 @@ class SolverThread:
     def _take(self, result: Step | Moved | Rested | MethodView | bool, settles: bool) -> None:
         """Take over the result of a job."""
         match result:
-            case Step(progress, snapshot, warnings, fine):
-                self._log_failure(fine)
+            case Step(progress, snapshot, warnings, urgent):
+                self._log_failure(urgent)
                 self._refinement.progress = progress
                 if progress is None:
                     self._refinement.steps = None
@@ -165,6 +165,8 @@ class SolverThread:
                     if kind not in self._warned:
                         self._warned.add(kind)
                         self.log(text, WARNING)
+                if urgent.changed:  # levels are other light
+                    self._begin_refinement()
             case Moved(seconds, snapshot):
                 if settles:
                     self._show(snapshot._replace(timings=self.snapshot.timings))
@@ -280,7 +282,7 @@ class SolverThread:
         while (steps := self._refinement.steps) is not None and not self._waiting:
             self.settle()  # at once: the refinement step that estimates all photons lasts twice as long
             if self.is_idle and not self._begin_show():
-                self._begin(Refine(steps), self._waiting.breaks)
+                self._begin(Refine(steps, rest), self._waiting.breaks)
             if not self._wait(deadline - self.clock()):
                 return
         if self._waiting or not self._wait(deadline - self.clock()):

@@ -282,10 +282,12 @@ def test_ray_cast_isolines_are_those_of_the_opengl_picture():
         shot = Shot(solver, settings)
         for kind, picture in zip(pictures, (shot.take(), gl_picture(shot)), strict=True):
             kind.append(picture.astype(int))
-    ours, theirs = (np.abs(with_lines - plain).max(axis=2) > 90 for with_lines, plain in pictures)
-    assert min(ours.sum(), theirs.sum()) > 300
+    ours, theirs = (np.abs(with_lines - plain).max(axis=2) for with_lines, plain in pictures)
     for one, other in ((ours, theirs), (theirs, ours)):
-        assert (one & ~maximum_filter(other, 3)).sum() < 0.03 * one.sum()  # the window smooths edges
+        drawn = one > 90
+        assert drawn.sum() > 300
+        alone = drawn & (maximum_filter(other, 3) < 60)  # a line may be fainter in the other picture, not absent
+        assert alone.sum() < 0.01 * drawn.sum()  # measured: 5 of 1,777, 0 of 1,626
 
 
 def checkered_room(repeats: float = 6.0) -> Scene:

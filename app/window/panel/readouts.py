@@ -162,7 +162,8 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
 
 def _hold(s: Settings, session: Session, actions: set[Any]) -> None:
     """Draw the switch of targets that lamps hold, and what they take or miss."""
-    on, held = is_on(s, session.scene), session.light.snapshot.rest.held
+    on, rest = is_on(s, session.scene), session.light.snapshot.rest
+    held = rest.held
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
     changed, on = imgui.checkbox("Hold targets", on)
     ui.tip("Dims lamps to the fewest watts that hold the targets, in each frame: at most to the levels in Lamps.")
@@ -170,13 +171,13 @@ def _hold(s: Settings, session: Session, actions: set[Any]) -> None:
         actions.add(Edit("hold", on))
     if not on:
         return
-    state = "at rest" if held is None else "short" if held.missing else held.power
+    state = f"{100 * rest.finding:.0f} % found" if held is None else "short" if held.missing else held.power
     imgui.same_line(right - imgui.calc_text_size(state).x)
     if held is not None and held.missing:
         imgui.text_colored((*theme.ERROR, 1.0), state)
     else:
         imgui.text(state)
-    ui.tip("Levels are found at rest." if held is None else "\n".join(held.sentences))
+    ui.tip("Levels are found by paths at the points." if held is None else "\n".join(held.sentences))
     for line in () if held is None else held.missing:
         ui.wrapped(line, theme.ERROR)
 

@@ -1,6 +1,7 @@
 """Work at rest on a machine with nothing stored: it ends, it is stored, and a failed job ends nothing else."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from app.rest import live_error
 from app.rest.jobs import FineJob, Job, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
+from app.rest.scheduler import RestWork
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
@@ -15,6 +17,7 @@ from app.settings import Settings
 from app.window import view_content
 from gi_core.gather import static
 from gi_core.gather.reference import ReferenceState
+from gi_core.scene import CalculationSurface, PointLight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.lit_from_outside import l_room
@@ -102,6 +105,26 @@ def test_fine_points_come_before_all_photons(fails, monkeypatch):
     assert errors(session) == ["refining the picture has failed and stops until F5: out of luck"] * fails
 
 
+def test_levels_are_found_before_all_photons_are_there(monkeypatch):
+    """They wait for paths at their points alone; the search says how far it is."""
+    from app.rest import hold
+    from app.session.solver_jobs import Refine
+
+    monkeypatch.setattr(hold, "measured_steps", partial(hold.measured_steps, noise=0.2))
+    lamp = PointLight("bulb", (0.5, 0.5, 0.8), (10.0,) * 3)
+    surface = CalculationSurface("desk", "", (0.5, 0.5), (0.6, 0.6), 0.5, points=(2, 2), targets=(("mean", 1.0),))
+    solver = Solver(replace(UNLIT, lights=(lamp,)), photons=1_000_000, radius=0.06)
+    solver.configure(light="best")
+    steps, work = solver.solve_steps(), RestWork(solver, support.Clock())
+    shares = []
+    job = Refine(steps, Settings(light="best", hold=True, surfaces=(surface,)))
+    while work.results().held is None:
+        step = job.run(solver, work)
+        assert step.progress is not None and not step.urgent.problem, "photons are done, levels are not"
+        shares.append(work.results().finding)
+    assert shares == sorted(shares) and len(shares) > 2 and shares[-1] == 1.0
+
+
 JOBS = {
     "gathering the static light": "app.rest.jobs.StaticJob.step",
     "gathering the light at these poses": "app.rest.jobs.PoseJob.step",
@@ -167,9 +190,6 @@ def test_unusable_stored_file_counts_as_none(what, folder):
 @pytest.mark.slow
 def test_a_surface_is_measured_beside_all_other_work_and_again_at_other_poses():
     """Its light stays, marked as out of date, until that of the new poses is there; without a surface there is none."""
-
-    from app.rest.scheduler import RestWork
-    from gi_core.scene import CalculationSurface
 
     solver = Solver(SCENE, photons=3000, radius=0.06)
     solver.configure(light="best")
