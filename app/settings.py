@@ -422,8 +422,9 @@ def _place_of(settings: Settings, table: str, name: str, otherwise: str = "") ->
     from gi_core.scene import SceneError
 
     if document := settings.document:
+        file = Path(document)
         with suppress(SceneError):
-            if name in read_toml(Path(document), document, Boundary(Path(document).parent)).get(table, {}):
+            if name in read_toml(file, document, Boundary(file.parent, named=file)).get(table, {}):
                 return f"{document}: [{table}]"
     return otherwise
 

@@ -97,7 +97,7 @@ def _toml_of(path: str) -> dict[str, Any]:
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import read_toml
 
-    return read_toml(Path(path), path, Boundary(Path(path).parent))
+    return read_toml(Path(path), path, Boundary(Path(path).parent, named=Path(path)))
 
 
 def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Settings:

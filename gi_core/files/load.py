@@ -65,7 +65,7 @@ def load_scene(
     if max_edge is not None and not (isinstance(max_edge, Real) and max_edge == np.inf):  # inf: as it is
         max_edge = LENGTH.check(f"{where}: max_edge", max_edge)
     suffix = file.suffix.lower()
-    boundary = Boundary(file.parent, allow_outside)
+    boundary = Boundary(file.parent, allow_outside, file)
     if suffix == ".toml":
         described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
@@ -379,7 +379,7 @@ def _with_mobile(scene: Scene, source: Path | Shape, name: str | None, allow_out
         boundary, where = Boundary(Path()), source.where
         r = _made(source, source.max_edge, (), boundary)
     else:
-        boundary, where = Boundary(source.parent, allow_outside), str(source)
+        boundary, where = Boundary(source.parent, allow_outside, source), str(source)
         r = read_mesh_file(source, where, boundary)
     name = free_name((m.name for m in scene.mobiles), name or Path(where).stem)
     check_size(f"{where}: a mobile", r.mesh)

@@ -120,6 +120,38 @@ def test_a_file_may_change_between_question_and_reading(tmp_path, monkeypatch):
         boundary.read(tmp_path / "b.obj", "b.obj")
 
 
+@pytest.mark.skipif(os.open not in os.supports_dir_fd, reason="links need a privilege, and files no folder")
+@pytest.mark.parametrize("swapped", ["a.mtl", "b"])
+def test_a_link_that_takes_a_name_meanwhile_is_not_followed(swapped, inner, monkeypatch):
+    """Another process puts it in place of a file, or of a folder, once the path has been checked."""
+    for folder in (inner, inner.parent):
+        (folder / "b").mkdir()
+        for file in (folder / "a.mtl", folder / "b" / "a.mtl"):
+            file.write_text(folder.name)
+    path = inner / ("a.mtl" if swapped == "a.mtl" else "b/a.mtl")
+    boundary, resolve = Boundary(inner), os.path.realpath
+    assert boundary.read(path, "a").decode() == inner.name
+
+    def swap(of):
+        real = resolve(of)
+        (inner / swapped).rename(inner / "before")
+        (inner / swapped).symlink_to(inner.parent / swapped)
+        return real
+
+    monkeypatch.setattr(os.path, "realpath", swap)
+    with pytest.raises(OSError):
+        boundary.read(path, "a")
+    assert path.read_text() == inner.parent.name, "though it could be read"
+
+
+def test_the_file_that_the_user_names_may_be_a_link_elsewhere(inner):
+    (inner / "link.obj").symlink_to(inner.parent / "cube.obj")
+    (inner / "link.toml").symlink_to(write_scene(inner.parent, SCENE))
+    assert len(read_mesh_file(inner / "link.obj").mesh.faces) == 12
+    write_room(inner)  # files are named relative to the link
+    assert load_scene(inner / "link.toml").mobiles
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_or_a_device_is_not_read(tmp_path):
     """Reading one may never end."""

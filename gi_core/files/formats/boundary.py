@@ -35,14 +35,16 @@ LIMITS = {  # of one scene with all its files
 }
 MOST_IMAGE_PIXELS = 1 << 26  # of one image: 8192 x 8192
 MOST_KEY_PARTS = 64  # parts of a TOML key
+FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_PATH", 0)  # also of folders that may be entered, not listed
 MOST_AT_VERTEX = 10_000  # triangles: the rays of a fan of more meet the boxes of all
 
 
 class Boundary:
     """The folder of the file that the user named, and the amounts taken so far; `open` allows files anywhere."""
 
-    def __init__(self, folder: str | Path, open: bool = False) -> None:
-        self.folder, self.open = os.path.realpath(folder), open
+    def __init__(self, folder: str | Path, open: bool = False, named: Path | None = None) -> None:
+        """named: the user's own file, which may be a link to another folder."""
+        self.folder, self.open, self.named = os.path.realpath(folder), open, named
         self.taken: Counter[str] = Counter()
         self.files: list[str] = []  # read so far, absolute paths: the file that the user named first
         self.images: set[bytes] = set()  # digests of the images whose pixels are counted
@@ -68,7 +70,7 @@ class Boundary:
         """
         if not os.path.isfile(path):
             raise FileNotFoundError(errno.ENOENT, "there is no such file")
-        with open(path, "rb", opener=at_once) as file:
+        with open(path, "rb", opener=at_once if self.open or path == self.named else self._without_links) as file:
             state = os.fstat(file.fileno())
             if not stat.S_ISREG(state.st_mode):
                 raise FileNotFoundError(errno.ENOENT, "there is no such file")
@@ -81,6 +83,23 @@ class Boundary:
         if len(data) > state.st_size:
             raise SceneError(f"{where}: the file grows while it is read; wait until it is written, and open it again")
         return data
+
+    def _without_links(self, path: str, flags: int) -> int:
+        """Open what a path leads to now, below the folder; a link that takes its place meanwhile is not followed."""
+        real = Path(os.path.realpath(path))
+        if not real.is_relative_to(self.folder):
+            raise PermissionError(errno.EACCES, "it lies outside the folder of the scene")
+        if os.open not in os.supports_dir_fd:  # Windows, where links need a privilege
+            return at_once(str(real), flags)
+        *folders, name = real.relative_to(self.folder).parts
+        above = os.open(self.folder, FOLDER)
+        for of, name_flags in (*((f, FOLDER) for f in folders), (name, flags | os.O_NONBLOCK)):
+            try:
+                below = os.open(of, name_flags | os.O_NOFOLLOW, dir_fd=above)
+            finally:
+                os.close(above)
+            above = below
+        return above
 
     def take(self, where: str, what: str, amount: int = 1) -> None:
         """Add to the scene's amount of `what`, a key of LIMITS. Raises SceneError beyond the limit, adding nothing."""

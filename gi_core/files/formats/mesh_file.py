@@ -52,7 +52,7 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
     """
     path = Path(path)
     where = where or str(path)
-    boundary = boundary or Boundary(path.parent)
+    boundary = boundary or Boundary(path.parent, named=path)
     suffix = path.suffix.lower()
     if os.path.isdir(path):
         raise SceneError(f"{where}: a mesh is a file, this is a folder")

@@ -219,7 +219,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
 
     Raises SceneError for anything that is missing, misspelt or out of range.
     """
-    boundary = boundary or Boundary(path.parent)
+    boundary = boundary or Boundary(path.parent, named=path)
     root = Table(read_toml(path, where, boundary), where, ROOT)
     up = read_up(root)
     tables = [root.tables(key, key) for key in ("mobile", "light", "probe", "shape", "surface")]
