@@ -16,7 +16,7 @@ from app.settings import Settings
 from gi_core.base.vectors import frame_of
 from gi_core.lights.daylight import LUMENS_PER_WATT
 from gi_core.scene.pose import axis_angle, least_turn, rotation, three
-from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PointLight, Pose, Scene, SpotLight
+from gi_core.scene.types import Daylight, DirectionalLight, Light, PhotometricLight, PointLight, Pose, Scene, SpotLight
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit, Values
@@ -147,7 +147,23 @@ def _about(axis, degrees: float) -> np.ndarray:
     return rotation(Pose(quaternion=axis_angle(axis, degrees)))
 
 
+def north_angle(daylight: Daylight, up) -> float:
+    """Return the direction of north [degrees], clockwise from above from the second axis of `frame_of`; -180 to 180."""
+    east, north, _ = frame_of(up)
+    at = north if daylight.north is None else np.array(daylight.north)
+    return round(math.degrees(math.atan2(at @ east, at @ north)), 6) + 0.0
+
+
+def north_at(degrees: float, up) -> tuple[float, float, float]:
+    """Return the direction of north (3,) at an angle of north_angle()."""
+    east, north, _ = frame_of(up)
+    a = math.radians(degrees)
+    return rounded(math.cos(a) * north + math.sin(a) * east)
+
+
 BULB, SPOT, PANEL, SUN, SKY = "bulb", "spot", "panel", "sun", "overcast sky"
+DAYLIGHT = "sun and sky"
+NEW_DAYLIGHT = Daylight((51.5083, -0.1253), "2026-03-21", 12.0, 0.0, sky=12)  # London, clear
 NEW = (BULB, SPOT, PANEL, SUN, SKY)
 LUMENS = {BULB: 800.0, SPOT: 500.0, PANEL: 3600.0}  # of common LED lamps
 CONE = 15.0, 30.0  # degrees from the axis of a new spot

@@ -203,6 +203,8 @@ def _words(edits: Sequence[Edit], base: Sequence[Edit]) -> str:
             if any(isinstance(other, Light) and other.name == thing for other in edits):
                 continue
             thing = words_for(thing)
+        elif isinstance(edit, Daylight) and {"place", "date", "hour"} <= dict(edit.light).keys():
+            verb = "edited" if any(isinstance(other, Daylight) for other in base) else "added"
         things.setdefault(verb, []).append(thing)
     return "; ".join(f"{verb}: {', '.join(names)}" for verb, names in things.items())
 

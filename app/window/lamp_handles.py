@@ -68,12 +68,16 @@ class LampHandles:
         return mark[0] if mark is not None else None
 
     def adopt(self, session: Session, before: Session | None) -> None:
-        """Show the lamps of a session; before: the one before an edit. The light that it adds is then selected."""
+        """Show the lamps of a session; before: the one before an edit. The light that it adds is then selected.
+
+        Not those of daylight, which has a section of its own.
+        """
         self._asked, now = None, session.lights
         if before is not None:
             earlier = before.lights
             added = [light_id for light_id in now if light_id not in earlier]
-            self.selected = added[-1] if added else self.selected
+            same_day = session.scene.daylight == before.scene.daylight
+            self.selected = added[-1] if added and same_day else self.selected
         if self.selected is not None and self.selected not in now:
             names = session.model.emitters.lamps.names
             self.selected = LightId(self.selected.name) if self.selected.name in names else None

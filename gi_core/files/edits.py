@@ -25,10 +25,11 @@ from gi_core.files.formats.toml_fields import Table, as_table
 from gi_core.files.formats.toml_file import DAYLIGHT, Luminaires, changed_light, read_light
 from gi_core.files.load import inserted
 from gi_core.geometry.mesh_parts import join, part_of
-from gi_core.lights.daylight import daylit
+from gi_core.lights.daylight import SKY, SUN, daylit
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
+from gi_core.scene.types import Daylight as DaylightRecord
 from gi_core.scene.types import LightScene, Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_lamp, check_scene, lamps_of
 
@@ -98,7 +99,7 @@ class Light(NamedTuple):
 
 
 class Daylight(NamedTuple):
-    """Change the daylight: the given values replace its own."""
+    """Add daylight, or change it: the given values replace its own."""
 
     light: Values  # of the table [daylight]
     name: str = "daylight"
@@ -354,12 +355,11 @@ def _lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
 
 
 def _daylit(scene: Scene, values: Values) -> Scene:
-    """Return a scene at another place, date or hour. Raises SceneError."""
-    if scene.daylight is None:
-        raise SceneError(f"{scene.name}: there is no daylight to change; write a table [daylight] in the scene file")
-    own = {key: value for key, value in scene.daylight._asdict().items() if value is not None}
+    """Return a scene with daylight, or with its own at another place, date or hour. Raises SceneError."""
+    own = {} if scene.daylight is None else scene.daylight._asdict()
+    own = {key: value for key, value in own.items() if value is not None}
     table = Table(as_table(tuple({**own, **dict(values)}.items())), f"{scene.name}: [daylight]", DAYLIGHT)
-    return daylit(scene, scene.daylight._replace(**table.fields()), scene.name)
+    return daylit(scene, DaylightRecord(**table.fields()), scene.name)
 
 
 def _darkened(scene: Scene, name: str, number: int | None) -> Scene:
@@ -374,6 +374,8 @@ def _darkened(scene: Scene, name: str, number: int | None) -> Scene:
         materials = tuple(m._replace(emission=(0.0, 0.0, 0.0)) if m.name == name else m for m in scene.materials)
         lights = tuple(light for light in scene.lights if light.name != name)
         scene = replace(scene, lights=lights, materials=materials, static=_without_stand_in(scene, name))
+    if scene.daylight is not None and not {SUN, SKY} & {light.name for light in scene.lights}:
+        scene = replace(scene, daylight=None)
     lamps = lamps_of(scene)
     kept = (LightScene(s.name, tuple(level for level in s.levels if level.name in lamps)) for s in scene.light_scenes)
     return replace(scene, light_scenes=tuple(kept))

@@ -22,6 +22,7 @@ from gi_core.scene.pose import three
 from gi_core.scene.types import Daylight, DirectionalLight, Scene, SkyLight
 
 LUMENS_PER_WATT = 179.0  # of white light of equal energy
+SUN, SKY = "sun", "sky"  # names of the two lights
 NOTE = "daylight: "  # begins the note on a sun below the horizon
 
 
@@ -97,8 +98,8 @@ def lights_of(daylight: Daylight, up, units: str) -> tuple[DirectionalLight, Sky
     h, a = math.radians(sun.altitude), math.radians(sun.azimuth)
     to_sun = math.cos(h) * (math.cos(a) * north + math.sin(a) * east) + math.sin(h) * up
     E, E_sky = (E / (1 if units == "photometric" else LUMENS_PER_WATT) for E in clear_sky(sun, daylight.turbidity))
-    sky = SkyLight("sky", (E_sky / math.pi,) * 3, daylight.sky, three(to_sun))
-    return DirectionalLight("sun", three(-to_sun), (E,) * 3), sky
+    sky = SkyLight(SKY, (E_sky / math.pi,) * 3, daylight.sky, three(to_sun))
+    return DirectionalLight(SUN, three(-to_sun), (E,) * 3), sky
 
 
 def daylit(scene: Scene, daylight: Daylight, where: str) -> Scene:

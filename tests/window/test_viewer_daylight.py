@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from app.cli import saved_scene
+from app.session.cities import cities
+from app.session.lights import DAYLIGHT, NEW_DAYLIGHT, north_angle
 from app.settings import LampLevel
+from app.window.panel.lights import AddLamp
 from gi_core.files.edits import Daylight as ChangeDaylight
 from gi_core.files.edits import edited
 from gi_core.lights.daylight import daylit, sun_of
-from gi_core.scene.types import Daylight
+from gi_core.scene.types import Daylight, DirectionalLight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import in_window
+from tests.support.viewer_hand import in_window, keys
 from tests.window.test_viewer_edits import change
 
 MADRID = Daylight((40.4, -3.7), "2026-06-21", 14.0, 2.0)
@@ -71,3 +74,66 @@ def test_night_comes_and_goes_though_the_sun_is_dimmed(hand, viewer):
     assert "below the horizon" in viewer.session.scene.notes[-1]
     change(hand, viewer, lambda: viewer._do("undo"))
     assert np.array_equal(viewer.session.irradiance, dimmed)
+
+
+def room_with_a_sun():
+    """The room, whose file has a sun of its own."""
+    return dataclasses.replace(support.room(), lights=(DirectionalLight("sun", (0.2, -1.0, 0.1), (3.0,) * 3),))
+
+
+@in_window(scene=room_with_a_sun)
+def test_an_architect_asks_for_the_sun_at_9_in_madrid(hand, viewer, folder):
+    ctx = hand.ctx
+    ctx.set_ref("Panel")
+    for section in ("Objects", "Scene"):
+        ctx.item_close(f"**/{section}")
+    before = viewer.session.irradiance
+    change(hand, viewer, lambda: viewer._do(AddLamp(DAYLIGHT)))
+    assert viewer.session.scene.daylight == NEW_DAYLIGHT and "added: daylight" in viewer.log.last.text
+    assert [light.name for light in viewer.session.scene.lights] == ["sun", "sky"], "its sun replaces the file's"
+    added = viewer.session.settings.edits
+
+    ctx.item_close("**/Lamps")
+    ctx.yield_(2)
+    ctx.item_click("##City")
+    ctx.yield_(2)
+    ctx.key_chars("madr")
+
+    def enter():
+        ctx.key_press(keys().enter)
+
+    change(hand, viewer, enter)
+    change(hand, viewer, lambda: ctx.item_input_value("**/##Hour", 9.0))
+    day = viewer.session.scene.daylight
+    assert day == NEW_DAYLIGHT._replace(place=cities()["Europe/Madrid"], utc_offset=1.0, hour=9.0)
+    published = [18.6519, 106.2381]  # at 40.4, -3.7, see tests/cli/test_daylight.py
+    assert [sun_of(day).altitude, sun_of(day).azimuth] == pytest.approx(published, abs=0.03)
+    change(hand, viewer, lambda: ctx.item_input_value("**/##Date", "2026-06-21"))
+    assert viewer.session.scene.daylight.utc_offset == 2.0, "the clock of Madrid has summer time"
+    change(hand, viewer, lambda: ctx.item_input_value("**/##Clock", 5.5))
+    change(hand, viewer, lambda: ctx.item_input_value("**/##North angle", 30.0))
+    day = viewer.session.scene.daylight
+    assert day.utc_offset == 5.5 and north_angle(day, (0, 1, 0)) == pytest.approx(30.0)
+    assert viewer.session.scene.lights == daylit(support.room(), day, "room").lights
+
+    path = folder / "saved.toml"
+    saved_scene.write(path, viewer.session.settings)
+    assert saved_scene.read(str(path)).edits == viewer.session.settings.edits
+    for _ in range(5):
+        change(hand, viewer, lambda: viewer._do("undo"))
+    assert viewer.session.settings.edits == added
+    change(hand, viewer, lambda: viewer._do("undo"))
+    assert viewer.session.scene.daylight is None and np.array_equal(viewer.session.irradiance, before)
+
+
+@in_window(scene=sunny_room)
+def test_daylight_that_is_removed_can_be_added_again(hand, viewer):
+    from gi_core.files.edits import Darken
+
+    change(hand, viewer, lambda: viewer._do(AddLamp("bulb")))
+    change(hand, viewer, lambda: viewer.session.change_scene(Darken("sun")))
+    assert viewer.session.scene.daylight == MADRID, "its sky stays"
+    change(hand, viewer, lambda: viewer.session.change_scene(Darken("sky")))
+    assert viewer.session.scene.daylight is None
+    change(hand, viewer, lambda: viewer._do(AddLamp(DAYLIGHT)))
+    assert viewer.session.scene.daylight == NEW_DAYLIGHT

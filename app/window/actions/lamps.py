@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.session.lights import DROP, LightId, Room, in_place_of, new_light, panel_of_faces, photometric
+from app.session.lights import (
+    DAYLIGHT,
+    DROP,
+    NEW_DAYLIGHT,
+    LightId,
+    Room,
+    in_place_of,
+    new_light,
+    panel_of_faces,
+    photometric,
+)
 from app.session.log import WARNING
 from app.window import dialogs
 from app.window.panel.lights import FILE, AddLamp, ChangeLight
@@ -18,6 +28,7 @@ from app.window.parts import Window
 from app.window.viewport import BESIDE
 from gi_core.base.vectors import unit
 from gi_core.files.completion.pilot import ring
+from gi_core.lights.daylight import SKY, SUN
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.errors import utf8
 from gi_core.scene.pose import three
@@ -40,7 +51,19 @@ def add(window: Window, asked: AddLamp) -> None:
     if asked.kind == FILE:
         choose_file(window, None)
         return
+    if asked.kind == DAYLIGHT:
+        _add_daylight(window)
+        return
     _add(window, asked.kind, new_light(asked.kind, _room(window)))
+
+
+def _add_daylight(window: Window) -> None:
+    """Add sun and sky, in place of the lights of these names."""
+    from gi_core.files.edits import Darken, Daylight
+
+    replaced = [Darken(light.name, 1) for light in window.session.lights if light.name in (SUN, SKY)]
+    values = {key: value for key, value in NEW_DAYLIGHT._asdict().items() if value is not None}
+    window.session.change_scene(*replaced, Daylight(tuple(values.items())))
 
 
 def choose_file(window: Window, lamp: LightId | None) -> None:

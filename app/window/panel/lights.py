@@ -10,7 +10,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from imgui_bundle import imgui
 
 from app import values as readers
-from app.session.lights import BULB, PANEL, SKY, SPOT, SUN, Directed, LightId, aim_of, aimed, beam
+from app.session.cities import cities, name_of, utc_offset, zone_at
+from app.session.lights import (
+    BULB,
+    DAYLIGHT,
+    PANEL,
+    SKY,
+    SPOT,
+    SUN,
+    Directed,
+    LightId,
+    aim_of,
+    aimed,
+    beam,
+    north_angle,
+    north_at,
+)
 from app.session.session import Session
 from app.settings import Settings
 from app.window.panel import widgets as ui
@@ -23,6 +38,7 @@ from gi_core.scene.types import (
     OVERCAST_SKY,
     SUNLESS_SKIES,
     UNIFORM_SKY,
+    Daylight,
     DirectionalLight,
     Light,
     PhotometricLight,
@@ -40,6 +56,7 @@ KINDS = {
     BULB: "A point that shines equally in all directions.",
     SPOT: "A point that shines into a cone.",
     PANEL: "A rectangle of constant luminance, as a ceiling panel.",
+    DAYLIGHT: "Sun and sky by place, date and hour. Rooms need an opening.",
     SUN: "Parallel light.",
     SKY: "A dome above everything, uniform at first. Rooms need an opening.",
     FILE: "A luminaire by its maker's IES or EULUMDAT file (.ies, .ldt).",
@@ -106,7 +123,10 @@ def draw(window: Window, actions: set[Any]) -> None:
     if selected is not None and selected.name != OTHERS:
         ui.buttons(actions, DUPLICATE if selected in session.lights else REPLACE, REMOVE)
     imgui.set_next_item_width(-1)
-    kind = ui.one_of("Add lamp", "Add a lamp...", {kind: (kind.capitalize(), about) for kind, about in KINDS.items()})
+    kinds = {kind: (kind.capitalize(), about) for kind, about in KINDS.items()}
+    if session.daylight is not None:
+        del kinds[DAYLIGHT]
+    kind = ui.one_of("Add lamp", "Add a lamp...", kinds)
     if kind is not None:
         actions.add(AddLamp(kind))
     ui.tip("It hangs below the ceiling over the middle of the picture, or over the surface clicked last. Photometric "
@@ -140,7 +160,9 @@ def _kind(light: Light | None) -> str:
             return PANEL if light.intensity is COSINE else "photometric"
         case DirectionalLight():
             return SUN
-    return SKY
+        case SkyLight(sun=None):
+            return SKY
+    return "sky"
 
 
 def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> None:
@@ -193,11 +215,42 @@ def _sky_type(cie: int, types: Iterable[int]) -> int | None:
     return chosen
 
 
+_sought = [""]  # text in the list of cities
+
+
+def _city(day: Daylight) -> str | None:
+    """Draw a list of cities with a field that seeks one; return the zone of one that is chosen."""
+    if not cities():
+        return None
+    ui.label("City")
+    now, chosen = zone_at(day.place), None
+    if imgui.begin_combo("##City", name_of(now) if now else "Choose..."):
+        if imgui.is_window_appearing():
+            _sought[0] = ""
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(-1)
+        entered, _sought[0] = imgui.input_text_with_hint(
+            "##city", "Type a name", _sought[0], imgui.InputTextFlags_.enter_returns_true
+        )
+        fit = [zone for zone in cities() if _sought[0].lower() in name_of(zone).lower()]
+        if entered and fit:
+            chosen = fit[0]
+            imgui.close_current_popup()
+        for zone in fit:
+            chosen = zone if imgui.selectable(f"{name_of(zone)}##{zone}", zone == now)[0] else chosen
+        imgui.end_combo()
+    ui.tip("Sets place and clock, with summer time. Cities are those of the time zone database.")
+    return chosen
+
+
 def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
     """Draw place, date and hour of the daylight, and where its sun stands."""
     day = window.session.daylight
     if day is None:
         return s
+    if (zone := _city(day)) is not None:
+        place, offset = cities()[zone], utc_offset(zone, day.date, day.hour)
+        actions.add(ChangeLight(None, (("place", place), ("utc_offset", offset))))
     (latitude, longitude), *done = ui.fields("Place", day.place, 0.1, "%.2f°", ("latitude", "longitude"))
     ui.tip("Latitude and longitude [degrees], north and east positive.")
     place = min(max(latitude, -90.0), 90.0), min(max(longitude, -180.0), 180.0)
@@ -207,12 +260,22 @@ def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
     moved, number = ui.slider("Date", date.toordinal(), first, last, day.date, read=readers.day)
     done = [moved, imgui.is_item_activated(), False]
     ui.tip("Day of the year. Ctrl-click to type one, such as 2026-03-21.")
-    _changed(None, (("date", datetime.date.fromordinal(number).isoformat()),), done, actions)
+    on = datetime.date.fromordinal(number).isoformat()
+    clock = (("utc_offset", utc_offset(zone, on, day.hour)),) if (zone := zone_at(day.place)) else ()
+    _changed(None, (("date", on), *clock), done, actions)
     minutes = round(60 * day.hour)
     moved, hour = ui.slider("Hour", day.hour, 0.0, 24 - 1 / 60, f"{minutes // 60}:{minutes % 60:02}")
     done = [moved, imgui.is_item_activated(), False]
-    ui.tip(f"Time of the clock, UTC{day.utc_offset:+g}. Ctrl-click to type one: 9.5 is half past nine.")
+    ui.tip("Time of the clock. Ctrl-click to type one: 9.5 is half past nine.")
     _changed(None, (("hour", round(60 * hour) / 60),), done, actions)
+    moved, offset = ui.slider("Clock", day.utc_offset, -12.0, 15.0, f"UTC{day.utc_offset:+g}")
+    done = [moved, imgui.is_item_activated(), False]
+    ui.tip("Hours that the clock is ahead of UTC, summer time included. A city sets them.")
+    _changed(None, (("utc_offset", round(4 * offset) / 4),), done, actions)
+    up = window.session.scene.up
+    (turn,), *done = ui.fields("North", [north_angle(day, up)], 0.5, "%.1f°", ["angle"])
+    ui.tip("Direction of north, clockwise from above [degrees], from -z with y up, from y with z up.")
+    _changed(None, (("north", north_at(turn, up)),), done, actions)
     if (cie := _sky_type(day.sky, range(1, OVERCAST_SKY + 1))) is not None:
         actions.add(ChangeLight(None, (("sky", cie),)))
     sun = sun_of(day)

@@ -183,7 +183,7 @@ def test_edits(tmp_path):
     assert edited(scene, with_edit(turned, ChangeDaylight((("hour", 10.0),)))).lights == wanted.lights
     with pytest.raises(SceneError, match=r"\[daylight\]: hour must be a number >= 0 and < 24, got 24"):
         edited(scene, [ChangeDaylight((("hour", 24.0),))])
-    with pytest.raises(SceneError, match=r"there is no daylight to change; write a table \[daylight\]"):
+    with pytest.raises(SceneError, match=r"\[daylight\]: place is missing"):
         edited(scene_of(tmp_path, ROOM), edits)
 
 

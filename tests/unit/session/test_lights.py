@@ -18,6 +18,8 @@ from app.session.lights import (
     in_place_of,
     lights_after,
     new_light,
+    north_angle,
+    north_at,
     numbered,
     panel_of_faces,
     photometric,
@@ -25,10 +27,12 @@ from app.session.lights import (
     turned,
     words_for,
 )
+from gi_core.base.vectors import frame_of
 from gi_core.files.edits import Darken, Light, edited
 from gi_core.lights.emission import build_emitters
 from gi_core.lights.photometric import axes
 from gi_core.scene import Material, PointLight, SpotLight
+from gi_core.scene.types import Daylight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.photometry import luminaire
@@ -146,3 +150,13 @@ def test_a_panel_stands_for_faces_that_look_one_way():
         materials=(Material("cube", emission=(1.0, 1.0, 1.0)),),
     )
     assert panel_of_faces(cube, "cube", 1.0) is None and panel_of_faces(scene, "white", 1.0) is None
+
+
+@pytest.mark.parametrize("up", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_north_is_an_angle_clockwise(up):
+    east, north, _ = frame_of(up)
+    assert north_angle(Daylight((0.0, 0.0), "2026-03-21", 9.0, 0.0), up) == 0.0
+    assert north_at(0.0, up) == pytest.approx(north) and north_at(90.0, up) == pytest.approx(east)
+    for angle in (-150.0, 40.0):
+        turned = Daylight((0.0, 0.0), "2026-03-21", 9.0, 0.0, north=north_at(angle, up))
+        assert north_angle(turned, up) == pytest.approx(angle, abs=1e-5)
