@@ -237,6 +237,7 @@ class View:
         BUDGET, values.not_negative, "MS", f"time for light per frame in motion ({BUDGET:g})"
     )
     pins: tuple[Pin, ...] = unlisted((), kept="pins", **OF_SCENE)  # read-outs
+    asked: Pin | None = unlisted(None, of_scene=True)  # whose light is shown by its origins
     cameras: tuple[tuple[str, tuple[float, ...]], ...] = unlisted((), kept="cameras", **OF_SCENE)  # by name
     surfaces: tuple[CalculationSurface, ...] | None = option(  # None: those of the scene file
         None, values.surface, "KEYS",

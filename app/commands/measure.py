@@ -17,6 +17,7 @@ from app.settings import Settings, UsageError, make_solver, open_scene
 if TYPE_CHECKING:
     from app.rest.calculation_surface import SurfaceLight
     from app.rest.surface_grid import Level
+    from app.session.readouts import Row
     from gi_core.solver import Solver
 
 
@@ -27,18 +28,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.surface(add)
     add("--error", type=values.percent, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
+    add("--shares", action="store_true", help="light of probes and pins by lamp, last surface and bounces")
     add("--csv", type=Path, metavar="FILE.csv", help="write the table with all points")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    say(measure(settings_of(arguments), arguments.error / 100, arguments.csv))
+    say(measure(settings_of(arguments), arguments.error / 100, arguments.csv, arguments.shares))
     return OK
 
 
-def measure(settings: Settings, error: float, file: Path | None = None) -> list[str]:
+def measure(settings: Settings, error: float, file: Path | None = None, shares: bool = False) -> list[str]:
     """Path trace the light on calculation surfaces, at probes and at pins; return the tables, write them as CSV.
 
-    error: relative l1 noise at the end. Raises SceneError, UsageError, OSError.
+    error: relative l1 noise at the end; shares: also the origins of the light at points. Raises SceneError,
+    UsageError, OSError.
     """
     from app.session.readouts import csv_text, text_lines
     from gi_core.lights.power import power_of
@@ -54,11 +57,11 @@ def measure(settings: Settings, error: float, file: Path | None = None) -> list[
         solver = make_solver(scene, settings)
         units = UNITS[scene.units]
         held, level, lights = measured(solver, settings, error, bar)
-        rows = _points(settings, solver, error)
+        rows, origins = _points(settings, solver, error, shares)
     if file is not None:
         write_whole(file, csv_text(rows, lights, units))
     power = power_of(solver.model.emitters, scene, solver.levels, settings.watts, level.area)
-    return [*held, *[""][: len(held)], *text_lines(rows, lights, level, units, power)]
+    return [*held, *[""][: len(held)], *text_lines(rows, lights, level, units, power), *origins]
 
 
 def measured(
@@ -83,26 +86,30 @@ def measured(
     return held.sentences if held else (), level, [light_of[s] for s in surfaces]
 
 
-def _points(settings: Settings, solver, error: float) -> list:
-    """Return the light at the scene's probes and at the pins of a saved scene."""
+def _points(settings: Settings, solver: Solver, error: float, shares: bool) -> tuple[list[Row], list[str]]:
+    """Return the light at the scene's probes and at the pins of a saved scene; shares: and lines about its origins."""
     import numpy as np
 
     from app.rest.calculation_surface import light_steps, point_rounds
-    from app.session.readouts import Row
-    from gi_core.scene.pose import to_world, to_world_directions
+    from app.rest.jobs import placed
+    from app.session.readouts import Row, share_lines
+    from gi_core.gather.origins import origin_steps
+    from gi_core.scene.types import UNITS
 
-    places = [("probe", p.name, p.position, p.normal) for p in solver.scene.probes]
     for pin in settings.pins:
-        position, normal = np.array([pin.position]), np.array([pin.normal])
-        if pin.object:
-            if pin.object not in solver.poses:
-                raise UsageError(f'the pin "{pin.name}" lies on "{pin.object}", which this scene does not have')
-            pose = solver.poses[pin.object]
-            position, normal = to_world(pose, position), to_world_directions(pose, normal)
-        places.append(("pin", pin.name, tuple(position[0]), tuple(normal[0])))
-    if not places:
-        return []
-    points, normals = (np.array([place[k] for place in places], np.float64) for k in (2, 3))
+        if pin.object and pin.object not in solver.poses:
+            raise UsageError(f'the pin "{pin.name}" lies on "{pin.object}", which this scene does not have')
+    probes = [values.Pin(*probe) for probe in solver.scene.probes]
+    pins, kinds = [*probes, *settings.pins], ["probe"] * len(probes) + ["pin"] * len(settings.pins)
+    if not pins:
+        return [], []
+    points, normals = placed(pins, solver.poses)
     rounds = point_rounds(solver.model, points, normals, solver.poses, solver.levels, solver.seed)
     *_, (E, errors, _) = light_steps(rounds, error)
-    return [Row(*place[:3], float(e), float(s)) for place, e, s in zip(places, E, errors, strict=True)]
+    of = zip(kinds, pins, points.tolist(), E.tolist(), errors.tolist(), strict=True)
+    rows = [Row(kind, pin.name, (x, y, z), light, noise) for kind, pin, (x, y, z), light, noise in of]
+    lines = []
+    for row, point, normal in zip(rows if shares else (), points, normals, strict=False):
+        *_, origins = origin_steps(solver.model, point, np.array(normal), solver.poses, solver.levels, solver.seed)
+        lines += share_lines(row, origins, UNITS[solver.scene.units])
+    return rows, lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, meshes_of
 from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
-from app.rest.results import Comparison, FinePicture, GatherProgress
-from app.settings import REFERENCE, Settings
+from app.rest.results import Asked, Comparison, FinePicture, GatherProgress
+from app.settings import REFERENCE, Pin, Settings
 from app.worker import Task
 from gi_core.base.pause import Progress, pause, steps
+from gi_core.scene.pose import to_world, to_world_directions
 from gi_core.scene.validate import parts_of
 
 if TYPE_CHECKING:
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from app.rest.surface_grid import Level
     from gi_core.display.fine_points import FinePoints
     from gi_core.frames.held_light import HeldLevels
+    from gi_core.gather.origins import Origins
     from gi_core.gather.pose_gather import PoseGather
+    from gi_core.scene import Pose
     from gi_core.scene.types import CalculationSurface
     from gi_core.solver import Solver
 
@@ -301,6 +304,54 @@ class SurfacesJob(Job):
     def drop(self) -> None:
         super().drop()
         self._lights = {}
+
+
+class AskedJob(Job):
+    """Finds where the light at the asked pin comes from; see `gi_core.gather.origins`."""
+
+    name = "asking a pin"
+
+    def __init__(self, solver: Solver) -> None:
+        super().__init__(solver)
+        self._answer: tuple[Origins, tuple] | None = None  # and the key that it is of
+
+    @property
+    def answer(self) -> Asked | None:
+        """The light at the pin, of this state or of an earlier one."""
+        if self._answer is None or self._key is None or self._answer[1][0] != self._key[0]:
+            return None
+        origins, of = self._answer
+        return Asked(self._key[0], origins, of[1:] == state_of(self._solver))
+
+    def key(self, settings: Settings) -> tuple | None:
+        pin, s = settings.asked, self._solver
+        is_placed = pin is not None and pin in settings.pins and (not pin.object or pin.object in s.poses)
+        return (pin, *state_of(s)) if is_placed else None
+
+    def begin(self) -> Iterator:
+        from gi_core.gather.origins import origin_steps
+
+        s = self._solver
+        (point,), (normal,) = placed([self._key[0]], s.poses)
+        return origin_steps(s.model, point, normal, s.poses, s.levels, s.seed)
+
+    def take(self, result: Origins) -> bool:
+        self._answer = result, self._key
+        return False
+
+    def drop(self) -> None:
+        super().drop()
+        self._answer = None
+
+
+def placed(pins: Sequence[Pin], poses: Mapping[str, Pose]) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions [m] and normals of pins in the world, (n, 3) each; their objects have poses."""
+    points, normals = (np.array([pin[k] for pin in pins], np.float64).reshape(-1, 3) for k in (1, 2))
+    for k, pin in enumerate(pins):
+        if pin.object:
+            points[k : k + 1] = to_world(poses[pin.object], points[k : k + 1])
+            normals[k : k + 1] = to_world_directions(poses[pin.object], normals[k : k + 1])
+    return points, normals
 
 
 class ComparisonJob(Job):

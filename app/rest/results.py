@@ -11,9 +11,11 @@ if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
     from app.rest.calculation_surface import SurfaceLight
     from app.rest.hold import HeldResult
+    from app.settings import Pin
     from gi_core.display.dilation import Drawn
     from gi_core.display.fine_points import FineLight
     from gi_core.estimators.base import Setting
+    from gi_core.gather.origins import Origins
 
 
 class GatherProgress(NamedTuple):
@@ -83,6 +85,14 @@ class FinePicture(NamedTuple):
     mesh: DrawMesh  # of the static part, with these points
 
 
+class Asked(NamedTuple):
+    """The light at a pin by its origins."""
+
+    pin: Pin
+    origins: Origins
+    is_current: bool  # False: the light has changed since
+
+
 class RestResults(NamedTuple):
     """Results for the light of one snapshot."""
 
@@ -96,6 +106,7 @@ class RestResults(NamedTuple):
     fine: FinePicture | None = None  # None: the picture has receivers alone
     held: HeldResult | None = None  # None: lamps hold no targets
     finding: float = 0.0  # share of the search for levels that is done
+    asked: Asked | None = None  # None: no pin is asked, or nothing is known yet
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""

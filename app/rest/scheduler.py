@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from app import settings as defaults
 from app.cli.progress import time_left
-from app.rest.jobs import FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
+from app.rest.jobs import AskedJob, FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
 from app.settings import REFERENCE, Settings
@@ -37,7 +37,7 @@ class RestWork:
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
         self.at_poses, self.surfaces, self.fine = PoseJob(solver), SurfacesJob(solver), FineJob(solver)
-        self.hold = HoldJob(solver)
+        self.hold, self.asked = HoldJob(solver), AskedJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
         self._turn = 0
@@ -54,14 +54,14 @@ class RestWork:
         gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
         # Surfaces have two turns: the user waits for their numbers.
         jobs = *gathering, self.surfaces, self.live_error, self.surfaces
-        # Levels change all other light at rest: they come first.
+        # Levels change all other light at rest: they come first. An asked pin takes a second, and the user waits.
         self._turn += 1
         turn = self._turn % len(jobs)
-        return first_task((self.hold, self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
+        return first_task((self.hold, self.asked, self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
 
     def next_urgent(self, settings: Settings) -> Task | None:
-        """Return the next task of levels or fine points, which wait for no photons; None where none is due."""
-        return first_task((self.hold, self.fine), settings, self.given_up)
+        """Return the next task of levels, an asked pin or fine points: no photons matter; None where none is due."""
+        return first_task((self.hold, self.asked, self.fine), settings, self.given_up)
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""
@@ -85,14 +85,14 @@ class RestWork:
         surfaces = (*(held.lights if held else ()), *self.surfaces.lights)
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
         return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
-                           surfaces, self.fine.light, held, self.hold.fraction)  # fmt: skip
+                           surfaces, self.fine.light, held, self.hold.fraction, self.asked.answer)  # fmt: skip
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
         e = self.live_error
-        for job in (self.gathering, self.at_poses, self.fine, self.hold, self.surfaces, e, e.comparison):
+        for job in (self.gathering, self.at_poses, self.fine, self.hold, self.asked, self.surfaces, e, e.comparison):
             job.drop()
 
 

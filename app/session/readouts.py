@@ -15,6 +15,7 @@ from gi_core.scene.types import DAYLIGHT_FACTOR, ILLUMINANCE, UGR
 if TYPE_CHECKING:
     from app.rest.calculation_surface import SurfaceLight
     from app.rest.surface_grid import Level
+    from gi_core.gather.origins import Origins, Share
     from gi_core.lights.power import Power
     from gi_core.scene.types import CalculationSurface, Units
 
@@ -84,6 +85,21 @@ def text_lines(
     for r in rows:
         lines.append(f'{r.kind} "{r.name}"'.ljust(30) + f" {shown(r.irradiance, r.error, units.per_area)}")
     return lines
+
+
+def share_lines(row: Row, origins: Origins, units: Units) -> list[str]:
+    """Return the light at a point by its origins, as lines of text."""
+    from gi_core.gather.origins import GROUPS
+
+    lines = ["", f'{row.kind} "{row.name}"'.ljust(30) + f" {shown(*origins.total, units.per_area)}"]
+    for group in GROUPS if origins.total[0] > 0 else ():
+        lines += [f"   by {group}", *(f"      {s.name:30} {percent(s)}" for s in origins.shares(group, 12))]
+    return lines
+
+
+def percent(share: Share) -> str:
+    """Return a share with its standard error."""
+    return f"{100 * share.share:.1f} ± {100 * share.error:.1f} %"
 
 
 def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:

@@ -29,6 +29,7 @@ class Step(NamedTuple):
     snapshot: Snapshot | None  # None: the picture is as it was
     warnings: dict[str, str]
     urgent: TaskEnd
+    rest: RestResults | None  # None: as they were
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,10 @@ class Refine:
     def run(self, solver: Solver, work: RestWork) -> Step:
         progress = next(self.steps, None)
         urgent = work.run(None if self.rest is None else work.next_urgent(self.rest))
+        rest, changed = work.results() if urgent.name else None, urgent.changed
         if progress is None:
-            return Step(None, snapshot_of(solver, work) if urgent.changed else None, warnings_of(solver), urgent)
-        return Step(progress, snapshot_of(solver, work) if progress.picture or urgent.changed else None, {}, urgent)
+            return Step(None, snapshot_of(solver, work) if changed else None, warnings_of(solver), urgent, rest)
+        return Step(progress, snapshot_of(solver, work) if progress.picture or changed else None, {}, urgent, rest)
 
 
 class Moved(NamedTuple):

@@ -153,13 +153,15 @@ class SolverThread:
     def _take(self, result: Step | Moved | Rested | MethodView | bool, settles: bool) -> None:
         """Take over the result of a job."""
         match result:
-            case Step(progress, snapshot, warnings, urgent):
+            case Step(progress, snapshot, warnings, urgent, rest):
                 self._log_failure(urgent)
                 self._refinement.progress = progress
                 if progress is None:
                     self._refinement.steps = None
                 if snapshot is not None:
                     self._show(snapshot)
+                elif rest is not None:
+                    self.snapshot = self.snapshot._replace(rest=rest)
                 self.is_current |= snapshot is not None or progress is None
                 for kind, text in warnings.items():
                     if kind not in self._warned:

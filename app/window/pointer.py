@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -86,6 +87,14 @@ class Pins:
         if pins:
             k = len(pins) - 1 if under is None else under
             session.edit(pins=pins[:k] + pins[k + 1 :])
+
+    def ask(self, session: Session, view: View) -> bool:
+        """Ask the pin under the cursor for the origins of its light, or no longer; return False without one."""
+        k, s = self._under_cursor(view), session.settings
+        if k is None or k >= len(s.pins):
+            return False
+        session.want(replace(s, asked=None if s.asked == s.pins[k] else s.pins[k]))
+        return True
 
     def places(self, view: View) -> list[tuple[float, float] | None]:
         """Return where the pins are in the window; None behind the eye."""

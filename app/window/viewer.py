@@ -25,7 +25,7 @@ from app.session.reload import Reload
 from app.session.session import LIGHT_TIME, Session
 from app.session.snapshot import MovingMedian
 from app.settings import Settings, UsageError
-from app.window import menus, method_marks, overlay, panel, readout_marks, window
+from app.window import menus, method_marks, overlay, panel, readout_marks, spot_card, window
 from app.window.actions import Request, act, views
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
@@ -254,6 +254,7 @@ class Viewer:
         if self._ready:
             self.viewport.lamps.draw(self.session, self.viewport.view)
             readout_marks.draw(self.viewport)
+            spot_card.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
         if self._ready and self.session.settings.cells:
             self.painter.ray_cells.draw(self.viewport)

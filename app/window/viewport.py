@@ -215,6 +215,8 @@ class Viewport:
                 self.pin()
             elif self.lamps.press(self.session, self.view, drag.mode_of(shift, io.key_alt, io.key_ctrl)):
                 self.select_lamp(self.lamps.selected)
+            elif self.pins.ask(self.session, self.view):
+                pass
             elif on_mobile:
                 self._begin_drag(drag.mode_of(shift, io.key_alt, io.key_ctrl))
             else:

@@ -37,6 +37,17 @@ BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Em
 SCATTER_PART, SCATTER_U, SCATTER_V = range(5, 8)
 
 
+class ByBounce(NamedTuple):
+    """Light of paths apart by the number of its bounces, and the face that each path meets first; added to."""
+
+    light: np.ndarray  # (B, rows, 3 G) float64 [W/m2]: straight from lamps, bounced once, ..., B - 1 times or more
+    face: np.ndarray  # (rows,) int32, global; -1: none
+
+    def part(self, rows: slice) -> ByBounce:
+        """Return a view of some rows."""
+        return ByBounce(self.light[:, rows], self.face[rows])
+
+
 class PathTracer(NamedTuple):
     """What paths have in common."""
 
@@ -48,14 +59,19 @@ class PathTracer(NamedTuple):
     ending: InKnownLight = WHOLE  # not WHOLE: lights are of one lamp
     bounced: bool = False  # light straight from lamps to the starts is left out
 
-    def follow(self, ends: PathEnds, total: np.ndarray, first: np.ndarray | None = None) -> None:
+    def follow(
+        self, ends: PathEnds, total: np.ndarray, first: np.ndarray | None = None, apart: ByBounce | None = None
+    ) -> None:
         """Trace a batch of paths to their ends, adding to total (rows, 3 G) [W/m2]; overwrites `ends`.
 
         first (n, 3) float32 unit: directions of the first rays, whose starts are not joined with lights; None: sample.
+        apart: of a batch with a row per path; added to in place of total.
         """
         model, vertex, n = self.model, 0, len(ends.path)
         rays = room_for_shadows(n)
         while n:
+            if apart is not None:
+                total = apart.light[min(vertex, len(apart.light) - 1)]
             origin, direction = rays.origin[:n], rays.direction[:n]
             if first is None or vertex:
                 if vertex or not self.bounced:
@@ -64,6 +80,8 @@ class PathTracer(NamedTuple):
             else:
                 origin[:], direction[:] = ends.position + ends.lift[:, None] * ends.normal, first
             hits = self.hits(vertex, ends, origin, direction)
+            if apart is not None and not vertex:
+                apart.face[:] = hits[1]
             arrivals = PathHits(ends, self.seed, self.m, vertex, direction, *hits)
             area = self.lights.area
             if self.bounced and not vertex:
@@ -103,12 +121,13 @@ class PathTracer(NamedTuple):
 
 
 def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0,
-           ending: InKnownLight = WHOLE, lift: np.ndarray | None = None):  # fmt: skip
+           ending: InKnownLight = WHOLE, lift: np.ndarray | None = None,
+           apart: ByBounce | None = None):  # fmt: skip
     """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
     path (n,) int64: path numbers, in sets of 2^m (stratified()) that begin at one point. position [m] and normal (n, 3)
-    float64 of the starts; lift: see starts(). `light_sampling` False finds emissive faces by hits only. An estimate
-    depends on its own path alone; the mean of a set has no noise of delta lights at its start.
+    float64 of the starts; lift: see starts(); apart: see follow(). `light_sampling` False finds emissive faces by hits
+    only. An estimate depends on its own path alone; the mean of a set has no noise of delta lights at its start.
     """
     total = np.zeros((len(path), lights.channels))
     if not light_sampling:
@@ -121,7 +140,7 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
             s = slice(first, min(first + BLOCK, b))
             off = None if lift is None else lift[s].copy()
             ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(), off)
-            tracer.follow(ends, total[s])
+            tracer.follow(ends, total[s], apart=None if apart is None else apart.part(s))
 
     # 1 << 10 paths per thread: steps of 10 ms hold some 5,000 paths per core
     run_ranges(work, len(path), model.threads, 1 << 10)

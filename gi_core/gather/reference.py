@@ -25,7 +25,7 @@ from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
 from gi_core.base.pause import STEP, Pace
 from gi_core.base.random_numbers import Stream, seed_of
-from gi_core.gather.path_tracer import gather
+from gi_core.gather.path_tracer import ByBounce, gather
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.lights.light_sampling import Lights
@@ -63,16 +63,20 @@ class Gatherer:
         self.positions = positions - self.model.origins[0]
         self._lift = self.model.lifts_at(self._at, self.positions, self._normals)
 
-    def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
+    def paths(
+        self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0, apart: ByBounce | None = None
+    ) -> np.ndarray:
         """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].
 
         per_lamp: light per lamp follows, in 3 G more columns.
-        Paths come in sets of 2^m, see random_numbers.py; stream: a `Stream` of independent paths.
+        Paths come in sets of 2^m, see random_numbers.py; stream: a `Stream` of independent paths. apart
+        (rows x count): takes the light in place of the estimates.
         """
         path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
         *start, lift = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals, self._lift))
         seed = seed_of(stream, self._seed)
-        values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m, lift=lift)
+        of = self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m
+        values = gather(*of, lift=lift, apart=apart)
         if self.per_lamp:
             values = np.concatenate([sum_of_lamps(values), values], axis=1)
         values = values.reshape(len(rows), count, -1)

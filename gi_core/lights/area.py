@@ -95,7 +95,7 @@ def area_lights(
 
 
 def area_at_levels(area: AreaLights, levels: np.ndarray) -> AreaLights:
-    """Return area lights as one lamp, at levels (G, 3) of the lamps; faces are chosen in proportion to flux again."""
+    """Return area lights at levels (G, 3) of the lamps; faces are chosen in proportion to flux again."""
     radiance = area.radiance * levels[area.lamp]
     largest = radiance.max(axis=1, initial=0)
     size = np.divide(np.diff(area.cdf, prepend=0.0), area.density, out=np.zeros(len(largest)), where=area.density > 0)
@@ -109,7 +109,7 @@ def area_at_levels(area: AreaLights, levels: np.ndarray) -> AreaLights:
     place[lit] = np.arange(len(lit))
     return AreaLights(
         area.corners[lit], area.normal[lit], radiance[lit], cdf, share / size, place[area.of_face],
-        np.zeros(len(lit), np.int64), area.table[lit], area.c0[lit], area.tables,
+        area.lamp[lit], area.table[lit], area.c0[lit], area.tables,
     )  # fmt: skip
 
 

@@ -64,13 +64,21 @@ def lights_of(scene: Scene, surfaces: Surfaces, lamps: Lamps) -> Lights:
     return Lights(area, delta_lights(scene, of_light), sky, lamps.count)
 
 
+def lamps_at(lights: Lights, levels: np.ndarray) -> Lights:
+    """Return the lights of each lamp at levels (G, 3) of the lamps; faces are chosen in proportion to flux again."""
+    delta, sky = lights.delta, lights.sky
+    delta = delta._replace(value=delta.value * levels[delta.lamp])
+    sky = sky._replace(radiance=sky.radiance * levels[sky.lamp])
+    return lights._replace(area=area_at_levels(lights.area, levels), delta=delta, sky=sky)
+
+
 def at_levels(lights: Lights, levels: np.ndarray) -> Lights:
     """Return all lights as one lamp, at levels (G, 3) of the lamps; faces are chosen in proportion to flux again."""
     if lights.lamps == 1 and (levels == 1).all():
         return lights
-    area, delta, sky = area_at_levels(lights.area, levels), lights.delta, lights.sky
-    delta = delta._replace(value=delta.value * levels[delta.lamp], lamp=np.zeros_like(delta.lamp))
-    return Lights(area, delta, sky._replace(radiance=sky.radiance * levels[sky.lamp], lamp=0), 1)
+    of = lamps_at(lights, levels)
+    area = of.area._replace(lamp=np.zeros_like(of.area.lamp))
+    return Lights(area, of.delta._replace(lamp=np.zeros_like(of.delta.lamp)), of.sky._replace(lamp=0), 1)
 
 
 def delta_lights(scene: Scene, lamp: np.ndarray | None = None) -> DeltaLights:

@@ -56,6 +56,11 @@ def test_measure_reads_the_pins_and_the_plane_of_a_saved_scene(capsys, tmp_path,
     assert cli.main(["measure", "a.toml", "--error", "5"]) == 0
     out = capsys.readouterr().out
     assert "0.5 m above the floor, 1 x 1 points" in out and 'pin "lid"' in out
+    assert "by lamp" not in out and cli.main(["measure", "a.toml", "--error", "5", "--shares"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    floor = lines.index("   by lamp")  # of the first probe; the cube is in the dark
+    assert lines[floor - 1].startswith('probe "floor"') and lines[-1].split() == ["pin", '"lid"', "0", "W/m²"]
+    assert lines[floor + 1].split() == ["furnace", "100.0", "±", "0.0", "%"]
     (tmp_path / "a.toml").write_text(f'scene = "furnace"\n{plane}{pin.replace("cube", "chair")}')
     assert cli.main(["measure", "a.toml"]) == 2
     assert (

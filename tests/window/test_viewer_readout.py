@@ -11,7 +11,8 @@ from PIL import Image
 from app.cli import saved_scene
 from app.session.log import Log
 from app.values import LampLevel
-from app.window import overlay, view_content
+from app.window import overlay, spot_card, view_content
+from gi_core.gather.origins import BOUNCES
 from gi_core.scene import CalculationSurface, Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
 from tests.support import viewer_support as support
@@ -464,3 +465,42 @@ def test_a_surface_lies_on_a_clicked_material_and_its_rows_stay_where_they_are(h
     hand.wait(lambda: session.light.snapshot.rest.surfaces and session.light.snapshot.rest.surfaces[0].fraction == 1)
     hand.ctx.yield_(3)
     assert hand.ctx.item_info("**/On the selection").rect_full.min.y == before
+
+
+@in_window(scene=lamp_over_floor, light="best")
+def test_a_click_on_a_pin_asks_where_its_light_comes_from(hand, viewer, monkeypatch):
+    """Below the lamp all but a little is straight from it; the tile moves, and its pin with it."""
+    drawn, line = [], spot_card._line
+    monkeypatch.setattr(spot_card, "_line", lambda text, *given: (drawn.append(text), line(text, *given)))
+    tile = (1.4, 1.2, 0.01)
+    hand.move(hand.at(tile))
+    hand.press(keys().i)
+    hand.wait(lambda: len(viewer.viewport.pins.shown) == 1)
+    (pin,) = viewer.session.settings.pins
+    hand.ctx.mouse_click(0)
+    hand.wait(lambda: viewer.session.light.snapshot.rest.asked is not None)
+    assert viewer.session.settings.asked == pin and viewer.viewport.mobile_drag.grab is None
+    hand.wait(lambda: viewer.session.light.all_done)
+    asked = viewer.session.light.snapshot.rest.asked
+    E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.01, math.hypot(1.4, 1.2))
+    straight = asked.origins.shares(BOUNCES)[0]
+    assert asked.is_current and asked.origins.fraction == 1 and asked.pin == pin
+    assert straight.share * asked.origins.total[0] == pytest.approx(E, rel=0.02) and straight.share > 0.9
+    drawn.clear()
+    hand.ctx.yield_(2)
+    assert drawn[0].startswith("pin 1: ") and drawn[1] == "by lamp" and drawn[2].name == "lamp"
+
+    viewer.session.begin_drag()
+    viewer.session.move({"tile": Pose((0.5, 0.0, 0.01))})
+    hand.ctx.yield_(2)
+    assert not viewer.session.light.snapshot.rest.asked.is_current
+    viewer.session.end_drag()
+    hand.wait(lambda: (now := viewer.session.light.snapshot.rest.asked) is not None and now.is_current)
+    hand.wait(lambda: viewer.session.light.all_done)
+    E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.01, 0.5)
+    assert viewer.session.light.snapshot.rest.asked.origins.total[0] == pytest.approx(E, rel=0.02)
+    hand.move(hand.at((0.5, 0.0, 0.01)))
+    hand.ctx.mouse_click(0)
+    hand.wait(lambda: viewer.session.settings.asked is None)
+    hand.wait(lambda: viewer.session.light.snapshot.rest.asked is None)
+    assert not viewer.files.has_changed(viewer.session) or viewer.session.settings.pins, "a question is not saved"

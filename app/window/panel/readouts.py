@@ -70,7 +70,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     about = "Write probes, pins, and all points of the surfaces into a table."
     has_numbers = bool(snapshot.probes or s.pins or snapshot.rest.surfaces)
     ui.buttons(actions, ui.Button("export", "Export as CSV...", about, has_numbers))
-    ui.wrapped("Point at a surface: the status line shows its light.")
+    ui.wrapped("Point at a surface: the status line shows its light. Click a pin's dot: where its light comes from.")
     return s
 
 

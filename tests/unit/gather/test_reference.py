@@ -240,7 +240,7 @@ def test_a_step_at_rest_takes_all_threads(monkeypatch):
     gatherer = Gatherer(model.scene, *ALONG_X, seed=0, model=model)
     traced = path_tracer.PathTracer.follow
 
-    def follow(*arguments):
+    def follow(*arguments, **_):
         taken.add(threading.get_ident())
         time.sleep(0.05)  # so that no thread can take two parts
         return traced(*arguments)
