@@ -23,7 +23,8 @@ A few photons measure the change E - G with much noise. Its variance, in flux an
 for T removed from B, A added by new suffixes, q the flux per photon. Photons are independent; that of the removed share
 follows Laplace's rule, so one of one removed photon is no evidence of full shadow, but eight of eight are. In
 proportion to this noise, changes are averaged over receivers around (`denoise.smooth`), so edges of shadows stay.
-The noise itself is averaged first: where chance cut no photon, v is 0, which is no evidence of no change.
+The noise itself is averaged first, and counts where it is larger: where chance cut no photon, v is 0, which is no
+evidence of no change. Where it cut the only photon of a dark receiver, neighbours' noise is none of full shadow.
 Then a change d is shrunk by the variance v that is left, with the factor
 
     1 - CORRELATED v / d^2, at least 0
@@ -259,7 +260,8 @@ def frame_irradiance(
 
     run_ranges(measure, len(chunks), threads, CHUNK_GRAIN)
     is_mean = change[:, VARIANCE] >= 0.0
-    change[is_mean, VARIANCE] = averaged(near, change[:, VARIANCE], is_mean, threads)[is_mean]
+    noise = change[:, VARIANCE]
+    noise[:] = np.where(is_mean, np.maximum(noise, averaged(near, noise, is_mean, threads)), noise)
     smooth(change, REACH, near, threads)
     run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
     return ControlledLight(out, unbiased)

@@ -256,6 +256,17 @@ def test_receivers_of_few_photons_change_alike():
     assert (cut == 0).mean() > 0.3 and E.std() < 0.06 and abs(E.mean() - 5 / 6) < 0.02
 
 
+def test_the_only_photon_of_a_receiver_may_be_cut():
+    """Among receivers of a hundred photons that no mobile blocks; it had become a black speck."""
+    n = 64
+    background = np.full((n, 3), 100_000)
+    background[20] = 1000
+    sums = background.copy()
+    sums[20] = 0
+    E = changed_light(background, sums, np.zeros((n, 1), np.int64), strip(n))
+    assert E[20].min() > 0.9 and np.abs(np.delete(E, 20, axis=0) - 1).max() < 0.1
+
+
 def test_another_source_is_refused():
     solver = Solver(SCENE, photons=0)
     with pytest.raises(SceneError, match="light must be one of best, photons, got 'some'"):
