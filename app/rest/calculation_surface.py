@@ -22,7 +22,7 @@ from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.lights.power import is_electric
 from gi_core.lights.sky import overcast
-from gi_core.scene.types import DAYLIGHT_FACTOR, UGR, CalculationSurface
+from gi_core.scene.types import CYLINDRICAL, DAYLIGHT_FACTOR, UGR, CalculationSurface
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,8 +54,8 @@ def surfaces_of(settings: Settings, scene: Scene) -> tuple[CalculationSurface, .
 class SurfaceLight(NamedTuple):
     """Irradiance at the points of a surface, as luminance of RGB [W/m2], or [lx] in a photometric scene; or factors.
 
-    A daylight factor [%] is the share of the light that the CIE's overcast sky brings to open ground. UGR is that of
-    eyes that look along the first side.
+    Cylindrical illuminance is the mean over all vertical planes. A daylight factor [%] is the share of the light that
+    the CIE's overcast sky brings to open ground. UGR is that of eyes that look along the first side.
     """
 
     surface: CalculationSurface
@@ -161,7 +161,8 @@ def surface_steps(
         factor = 100.0  # percent
     if surface.quantity == UGR:
         of_eyes = glare(model, levels, grid.positions[free], grid.sides[0], level.axes.up, poses, seed)
-    rounds = point_rounds(model, grid.positions[free], view[free], poses, levels, seed, lights)
+    about = level.axes.up if surface.quantity == CYLINDRICAL else None
+    rounds = point_rounds(model, grid.positions[free], view[free], poses, levels, seed, lights, about)
     for E, error, fraction in light_steps(rounds, noise):
         values, errors = values.copy(), errors.copy()
         values[free], errors[free] = factor * E, factor * error
@@ -189,12 +190,12 @@ def all_steps(
 
 def point_rounds(
     model: Model, positions: np.ndarray, normals: np.ndarray, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
-    lights: Lights | None = None,
+    lights: Lights | None = None, about: np.ndarray | None = None,
 ) -> ReferenceRounds:  # fmt: skip
-    """Return rounds of paths at points (n, 3) [m] with normals (n, 3), which count alike; lights: see there."""
+    """Return rounds of paths at points (n, 3) [m] with normals (n, 3), which count alike; lights, about: see there."""
     weights = np.ones(len(positions))
     return ReferenceRounds(
-        model.scene, positions, normals, seed, weights, poses, model=model, levels=levels, lights=lights
+        model.scene, positions, normals, seed, weights, poses, model=model, levels=levels, lights=lights, about=about
     )
 
 

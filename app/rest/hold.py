@@ -17,7 +17,7 @@ from gi_core.gather.glare import glare
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance
 from gi_core.lights.power import full_watts, is_electric
-from gi_core.scene.types import DAYLIGHT_FACTOR, UGR, UNITS, CalculationSurface
+from gi_core.scene.types import ILLUMINANCE, UGR, UNITS, CalculationSurface
 from gi_core.scene.validate import parts_of
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def inputs_of(settings: Settings, scene: Scene, moving: bool) -> Inputs | None:
         return None
     places = set(parts_of(scene)) - ({m.name for m in scene.mobiles} if moving else set())
     surfaces = (
-        s for s in surfaces_of(settings, scene) if s.quantity != DAYLIGHT_FACTOR and (not s.on or s.on in places)
+        s for s in surfaces_of(settings, scene) if s.quantity in (ILLUMINANCE, UGR) and (not s.on or s.on in places)
     )
     factor = settings.maintenance_factor or scene.maintenance_factor
     return Inputs(tuple(s for s in surfaces if s.targets), factor, settings.watts)

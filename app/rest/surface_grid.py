@@ -18,7 +18,7 @@ from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.reference import Gatherer
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
-from gi_core.scene.types import MOST_GRID_POINTS, UGR, CalculationSurface
+from gi_core.scene.types import CYLINDRICAL, MOST_GRID_POINTS, UGR, CalculationSurface
 from gi_core.scene.validate import check_surface
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def in_room(surface: CalculationSurface, level: Level) -> CalculationSurface:
     height = surface.height
     if height is None:
         # a plane above 0.9 of the scene's height lies at half the height
-        usual = 1.2 if surface.quantity == UGR else 0.75  # m: eyes of people who sit, desks
+        usual = 1.2 if surface.quantity in (CYLINDRICAL, UGR) else 0.75  # m: eyes of people who sit, desks
         height = usual if top * 0.9 >= usual else round(top / 2, decimals)
     return surface._replace(position=position, size=size, margin=margin or 0.0, height=height)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gi_core.scene.types import DAYLIGHT_FACTOR, ILLUMINANCE, UGR
+from gi_core.scene.types import CYLINDRICAL, DAYLIGHT_FACTOR, ILLUMINANCE, UGR
 
 if TYPE_CHECKING:
     from app.rest.calculation_surface import SurfaceLight
@@ -117,7 +117,8 @@ def per_100_lux(power: Power, light: SurfaceLight, units: Units) -> str:
 
 def unit_of(surface: CalculationSurface, units: Units) -> str:
     """Return the unit of the values of a surface."""
-    return {ILLUMINANCE: units.per_area, DAYLIGHT_FACTOR: "%", UGR: ""}[surface.quantity]
+    lit = units.per_area
+    return {ILLUMINANCE: lit, CYLINDRICAL: lit, DAYLIGHT_FACTOR: "%", UGR: ""}[surface.quantity]
 
 
 def described(light: SurfaceLight, level: Level) -> str:

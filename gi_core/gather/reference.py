@@ -15,6 +15,7 @@ independent of their values, and means are unbiased. The paths of a point in one
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
 from gi_core.base.pause import STEP, Pace
 from gi_core.base.random_numbers import Stream, seed_of
+from gi_core.base.vectors import frame_of
 from gi_core.gather.path_tracer import ByBounce, gather
 from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
 from gi_core.lights.lamps import sum_of_lamps
@@ -33,6 +35,7 @@ from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
+TURN = 8  # a dimension after those of path_tracer.py
 PATHS_PER_POINT = 1 << 32  # path k of point i has number i * PATHS_PER_POINT + k, for any number of paths
 
 
@@ -41,7 +44,7 @@ class Gatherer:
 
     def __init__(
         self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True,
-        levels=None, per_lamp=False, lights=None,
+        levels=None, per_lamp=False, lights=None, about=None,
     ):  # fmt: skip
         """Arguments and errors are those of ReferenceRounds."""
         positions, normals = _checked(positions, normals)
@@ -62,6 +65,9 @@ class Gatherer:
         self._normals = normals / np.where(length > 0, length, 1)[:, None]
         self.positions = positions - self.model.origins[0]
         self._lift = self.model.lifts_at(self._at, self.positions, self._normals)
+        self._about = None if about is None else frame_of(about)[:2]
+        if about is not None:
+            self.positions = self.positions + self._lift[:, None] * self._normals
 
     def paths(
         self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0, apart: ByBounce | None = None
@@ -75,6 +81,9 @@ class Gatherer:
         path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
         *start, lift = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals, self._lift))
         seed = seed_of(stream, self._seed)
+        if self._about is not None:
+            _spread(seed, path, m, *self._about, start[1])
+            m = 0  # the starts of a set differ: lights straight from there are joined per path
         of = self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m
         values = gather(*of, lift=lift, apart=apart)
         if self.per_lamp:
@@ -83,6 +92,16 @@ class Gatherer:
         if len(self.lit) < len(self.positions):
             values[~np.isin(rows, self.lit)] = 0.0
         return values
+
+
+@kernel
+def _spread(seed, path, m, east, north, normals):
+    """Write normals (n, 3) of paths, uniform round the axis across `east` and `north` (3,), of a set evenly spaced."""
+    for k in range(len(path)):
+        place = (path[k] & ((1 << m) - 1)) / (1 << m)
+        turn = 2.0 * math.pi * (place + random_numbers.independent(seed, path[k] >> m, 0, TURN))
+        for c in range(3):
+            normals[k, c] = math.cos(turn) * east[c] + math.sin(turn) * north[c]
 
 
 def _checked(positions, normals) -> tuple[np.ndarray, np.ndarray]:
@@ -279,18 +298,20 @@ class ReferenceRounds(Rounds):
         state: ReferenceState | None = None, mobiles: bool = True, rounds: int = ROUNDS,
         levels: np.ndarray | None = None, per_lamp: bool = False,
         smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray, lights: Lights | None = None,
+        about: np.ndarray | None = None,
     ):  # fmt: skip
         """Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
 
         weights (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.
         state: continue from a copy of it, with the same bits as without a break. rounds: rounds of independent paths
         until AIM; more rounds give earlier results, fewer are better stratified. per_lamp: light of G > 1 lamps follows
-        that of all, in 3 G more channels, at the levels of the scene file. lights: in place of the
-        model's at `levels`. Raises SceneError for a bad pose,
-        ValueError for bad points, weights, or a state of other points.
+        that of all, in 3 G more channels, at the levels of the scene file. lights: in place of the model's at `levels`.
+        about (3,): cylindrical irradiance instead, the mean over all normals across this axis; rays start off the
+        surfaces of `normals`. Raises SceneError for a bad pose, ValueError for bad points, weights, or a state of other
+        points.
         """
         gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles, levels, per_lamp,
-                            lights)  # fmt: skip
+                            lights, about)  # fmt: skip
         n = len(gatherer.positions)
         if weights is not None:
             weights = np.asarray(weights, np.float64)

@@ -271,7 +271,9 @@ class CalculationSurface(NamedTuple):
 
 
 MOST_GRID_POINTS = 100  # along a side of a surface
-ILLUMINANCE, DAYLIGHT_FACTOR, UGR = QUANTITIES = "illuminance", "daylight factor", "UGR"
+ILLUMINANCE, CYLINDRICAL, DAYLIGHT_FACTOR, UGR = QUANTITIES = (
+    "illuminance", "cylindrical illuminance", "daylight factor", "UGR"
+)  # fmt: skip
 TARGETS = "mean", "minimum", "maximum", "U0", "Ud"  # numbers of a surface
 
 

@@ -196,6 +196,7 @@ def _place(surface: CalculationSurface, session: Session, edit: Callable) -> Non
     if (quantity := ui.one_of("quantity", surface.quantity, names, surface.quantity)) is not None:
         edit(surface._replace(quantity=quantity))
     ui.tip(
+        "Cylindrical illuminance: mean over all vertical planes. "
         "Daylight factor: share of the light that the CIE's overcast sky brings to open ground [%]. "
         "UGR: glare of luminaires, for eyes that look along the first side; turn it to look elsewhere."
     )

@@ -231,7 +231,13 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
         place = {"position": g.reals(2), "size": g.reals(2, 0.5, 2.0), "tilt": g.real(0.0, 180.0), "turn": g.real()}
         may = g.pick(place, {"on": "stool 0"}) | {"height": g.real(), "margin": 0.1, "points": [3, 4]}
         table = _some(
-            g, {"name": "desk"}, may | {"targets": {"mean": g.real(1.0, 500.0)}, "quantity": "daylight factor"}
+            g,
+            {"name": "desk"},
+            may
+            | {
+                "targets": {"mean": g.real(1.0, 500.0)},
+                "quantity": g.pick("daylight factor", "cylindrical illuminance"),
+            },
         )
         parts.append(_toml_table(g, "surface", table, many=True))
     if g.chance(0.3):

@@ -25,7 +25,7 @@ from app.rest.surface_grid import BORDER, axes_of, box_along, grid_of, in_room, 
 from app.session.readouts import Row, csv_text, shown, text_lines
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, Material, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
-from gi_core.scene.types import MOST_GRID_POINTS, PHOTOMETRIC
+from gi_core.scene.types import CYLINDRICAL, MOST_GRID_POINTS, PHOTOMETRIC
 from tests.support import closed_form
 from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, sphere
 
@@ -344,6 +344,40 @@ def test_a_tilted_surface_under_a_lamp_by_hand(tilt, turn):
     assert light.grid.size == pytest.approx([0.5, 0.8]) and light.grid.shape == (3, 4)
     counted = np.isfinite(light.values)
     assert light.values[counted] == pytest.approx(E[counted], rel=1e-4) and counted.sum() >= (E > 0).sum()
+
+
+SEAT = CalculationSurface("seats", "", (0.6, -0.3), (0.5, 0.8), turn=20.0, points=(3, 4), quantity=CYLINDRICAL)
+SKY, BULB = SkyLight("sky", (2.0,) * 3), PointLight("bulb", (0, 0, LAMP), (4 * math.pi * INTENSITY,) * 3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 60.0])
+def test_cylindrical_illuminance_by_hand(tilt):
+    """The integral of L sin over all directions, over pi: pi L / 2 of a uniform sky, I sin / (pi d^2) of a lamp."""
+    for light in (SKY, BULB):
+        scene, seats = replace(downlight(), lights=(light,)), SEAT._replace(tilt=tilt)
+        result, _ = measured(scene, seats, (-2, -1.5, 0), (2, 1.5, 2.75))
+        way = np.array([0, 0, LAMP]) - result.grid.positions
+        d, level = np.sqrt((way * way).sum(axis=1)), np.hypot(way[:, 0], way[:, 1])
+        E = np.full(12, math.pi * 2.0 / 2) if light is SKY else INTENSITY * level / (math.pi * d**3)
+        off = (result.values - E) / np.maximum(result.errors, 1e-4 * E)
+        assert result.grid.positions[:, 2].mean() == pytest.approx(1.2), "eyes of people who sit"
+        assert np.abs(off).max() < 5 and abs(off.mean()) < 4 / math.sqrt(12) and (result.errors < 0.05 * E).all()
+
+
+def test_the_furnace_is_the_same_to_a_cylinder():
+    plane = rectangle((0.1, 0.1), (0.9, 0.9), 0.5, (4, 4))._replace(quantity=CYLINDRICAL)
+    light, _ = measured(furnace_scene(1.0, 0.5, divisions=2), plane, (0, 0, 0), (1, 1, 1), 1, 0.03)
+    off = (light.values - closed_form.furnace(1.0, 0.5)) / light.errors
+    assert np.abs(off).max() < 5 and abs(off.mean()) < 4 / math.sqrt(16)
+    assert "cylindrical illuminance [lx]" in csv_text([], [light], PHOTOMETRIC)
+    assert text_lines([], [light], level_of(Model(downlight())), PHOTOMETRIC)[1].endswith(" lx")
+
+
+def test_a_cylinder_on_a_floor_gets_the_light_above_it():
+    """On the floor itself no path starts below it: half of the sky's light, not half of that."""
+    scene = replace(downlight(), lights=(SKY,))
+    low, _ = measured(scene, SEAT._replace(height=0.0), (-2, -1.5, 0), (2, 1.5, 2.75))
+    assert low.values == pytest.approx(np.full(12, math.pi), rel=0.1)
 
 
 def test_a_surface_on_a_mobile_moves_and_turns_with_it():
