@@ -22,12 +22,12 @@ from app.rest.results import MeasuredPoint, ReferencePicture, Report
 from app.settings import REFERENCE, Settings
 from app.worker import Task
 from gi_core.geometry.error import (
+    CLEAR,
     CLOUD_REACH,
     bias_left,
     local_deviation,
     luminance,
     noise_from_subset,
-    relative_error,
     subset_to_compare,
 )
 
@@ -126,6 +126,10 @@ class ReferenceJob:
     def deviation(self) -> np.ndarray:
         """Standard error (n,) [W/m2] of the luminance."""
         return luminance(self._gathered.state.standard_error)
+
+    def error(self, E: np.ndarray) -> float:
+        """Return the relative l1 error of irradiance E (R, 3) [W/m2] without the noise of the reference."""
+        return self._gathered.state.error(E[self.rows], self.weights)
 
     @property
     def seen(self) -> float:
@@ -252,17 +256,18 @@ class LiveError(Job):
 
     def _report(self, reference: ReferenceJob) -> None:
         m, E, w = self._measured, self._light[reference.rows], reference.weights
-        total = relative_error(E, reference.irradiance, w).l1
+        measured = reference.error(self._light)
+        total = measured if reference.noise <= max(FINAL_NOISE, CLEAR * measured) else math.nan
         noise = float("nan")
         if m.subset:
             at = self._solver.model.transforms(self._solver.poses)
             deviation = self._solver.frame_light.deviation(at, self._solver.frame.background)[reference.rows]
             noise = noise_from_subset(E, m.fewer[reference.rows], m.photons, m.subset, w, deviation)
-        done = not reference.noise > max(FINAL_NOISE, NOISE_OF_ERROR * total)
+        done = not reference.noise > max(FINAL_NOISE, NOISE_OF_ERROR * measured)
         if done:
             reference.keep()
         of = int((self._areas > 0).sum())
-        bias = bias_left(total, noise, reference.noise)
+        bias = bias_left(total, noise)
         clouds = self.report.clouds if self.report else (math.nan, math.nan)
         if done or reference.rounds.bit_count() == 1:  # measuring them takes 20 to 80 ms
             r = self._solver.receivers

@@ -29,7 +29,7 @@ class GatherProgress(NamedTuple):
 class Report(NamedTuple):
     """Error of the light, relative l1; nan: unknown."""
 
-    total: float
+    total: float  # without the reference's noise; nan while that hides it
     noise: float
     bias: float
     clouds: tuple[float, float]  # local deviation, median and 90th percentile

@@ -51,7 +51,7 @@ class Picture(NamedTuple):
             "mobile_light": paths if snapshot.paths else photons,
             "light_at_poses": f"gathered, noise {100 * rest.at_poses.error:.2g} %" if settled else "-",
             "irradiance": hashlib.sha256(snapshot.irradiance.tobytes()).hexdigest()[:16],
-            "error": f"{100 * rest.report.total:.2g} %" if rest.report else "not measured",
+            "error": f"{100 * rest.report.total:.2g} %" if rest.report and rest.report.total >= 0 else "not measured",
             "exposure": f"{s.exposure:.4f} EV",
             "white_balance": s.white_balance,
             "tone_map": s.tone_map,

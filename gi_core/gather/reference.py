@@ -28,7 +28,7 @@ from gi_core.base.pause import STEP, Pace
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.vectors import frame_of
 from gi_core.gather.path_tracer import ByBounce, gather
-from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
+from gi_core.geometry.error import error_less_noise, luminance, relative_noise, small_sample_bias
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import least_set
@@ -178,6 +178,12 @@ class ReferenceState(NamedTuple):
             return float("inf")
         error = self.standard_error[:, :3] / small_sample_bias(self.sets[:, None])
         return relative_noise(luminance(error), self.mean[:, :3], weights, rows)
+
+    def error(self, E: np.ndarray, weights: np.ndarray) -> float:
+        """Return the relative l1 error of E (n, 3) [W/m2] without the noise of this, at points of two sets or more."""
+        at = np.flatnonzero(self.sets > 1)
+        deviation = luminance(self.standard_error[at, :3]) / small_sample_bias(self.sets[at])
+        return error_less_noise(E[at], self.mean[at, :3], deviation, weights[at])
 
 
 def may_be_light(values: np.ndarray) -> bool:

@@ -27,7 +27,7 @@ from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.radiosity import Radiosity
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
-from gi_core.geometry.error import luminance, relative_noise, small_sample_bias
+from gi_core.geometry.error import CLEAR, luminance, relative_noise
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT
@@ -88,9 +88,7 @@ ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation th
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 STATIC_ROUNDS = 32  # until 1 % noise; the first noise is known after two
 FIRST_PHASE = 0.15  # of the time, roughly
-SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1 ...
-CLEAR = 1.0  # ... by paths of so many times its noise: their squares are subtracted
-GROUPS = 8  # of receivers whose paths are alike in noise
+SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1
 
 
 class ErrorSample(NamedTuple):
@@ -106,21 +104,8 @@ class ErrorSample(NamedTuple):
         return ReferenceSample(self.rows, self.times, s.mean, s.noise(self.times), 1.0)
 
     def error(self, E: np.ndarray) -> float:
-        """Return the relative l1 error of irradiance E (R, 3) without the sample's noise; 0 before two rounds.
-
-        Squares of noise are subtracted in GROUPS of like noise. If subtracted from all at once, noise of few receivers
-        would hide little of the error of the others, and twice the error would be left.
-        """
-        s, w = self.state, self.times
-        if s.rounds < 2:
-            return 0.0
-        truth = luminance(s.mean[:, :3])
-        off = w * np.abs(luminance(E[self.rows]) - truth)
-        deviation = w * luminance(s.standard_error[:, :3]) / small_sample_bias(s.sets)
-        groups = np.array_split(np.argsort(deviation / w), GROUPS)
-        squares = [off[g].sum() ** 2 - 2 / math.pi * deviation[g].sum() ** 2 for g in groups]
-        light = float((w * truth).sum())
-        return float(np.sqrt(np.maximum(squares, 0.0)).sum()) / light if light > 0 else 0.0
+        """Return the relative l1 error of irradiance E (R, 3) without the sample's noise; 0 before two rounds."""
+        return self.state.error(E[self.rows], self.times)
 
 
 class Kept(NamedTuple):
@@ -157,7 +142,6 @@ class StaticGather:
         self._near = model.adjacency
         self.state, self.noise = state, float("inf")
         self.estimate: Estimate | None = None
-        self._is_rough = False  # its error is that of early light
         self._first_phase = self._fraction = 0.0  # fractions done
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
@@ -229,7 +213,7 @@ class StaticGather:
             sound &= bool(((sample.rows >= 0) & (sample.rows < n)).all())
         if not sound:
             return False
-        self.estimate, self.state, self._sample, self._is_rough = light, state, sample, sample is None
+        self.estimate, self.state, self._sample = light, state, sample
         self.noise, self._first_phase, self._fraction, self._left = numbers.tolist()
         if len(weights):
             self._weigh(weights)
@@ -285,7 +269,6 @@ class StaticGather:
             self._weigh_by(photons)
             self._iterate_bounces(photons, new, early)
             if early == math.inf:
-                self._measure_early(new)
                 self._whole_paths(new)
 
     def _iterate_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None], early: float) -> None:
@@ -306,27 +289,21 @@ class StaticGather:
                 guide = theirs.irradiance if theirs.noise < f.noise else None
                 light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 pause()
-                self._is_rough = early < math.inf or self.is_measured
-                error = self._as_rough if self._is_rough else self._measure
-                self._take_over(new, Source.RADIOSITY, *light, error, guide)
+                # A picture comes before its measured error.
+                at_once = self._supposed if early < math.inf else self._measure
+                self._take_over(new, Source.RADIOSITY, *light, at_once, guide)
+                due = early < math.inf and (f.paths >= 100 or f.noise <= LOW * ENOUGH)
+                if due and (shown := self.estimate).source is Source.RADIOSITY:
+                    self.estimate = shown._replace(error=self._measure(shown.irradiance, shown.noise))
+                    new()
             # Fewer paths may miss bright places, so that noise looks like bias.
-            measured = self._sample is not None and f.paths >= 100
-            biased = measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise
+            biased = f.paths >= 100 and self.error_of(f.mean) > math.sqrt(2) * f.noise
         if early >= ALL_PATHS or f.noise <= LOW * ENOUGH:
             f.end()
 
-    def _as_rough(self, E: np.ndarray, noise: float) -> float:
-        """Return the error of light, as far as it is known without more paths at the sample."""
-        # Denoising halves the noise; interpolation adds 1 %.
-        return max(math.hypot(0.5 * self._radiosity.noise, 0.01), self.error_of(E))
-
-    def _measure_early(self, new: Callable[[], None]) -> None:
-        """Measure the error of early light, where it still has a rough one."""
-        light = self.estimate
-        if self._is_rough and light is not None and light.source is Source.RADIOSITY:
-            self.estimate = light._replace(error=self._measure(light.irradiance, light.noise))
-            self._is_rough = False
-            new()
+    def _supposed(self, E: np.ndarray, noise: float) -> float:
+        """Return the error of radiosity as far as it is known without more paths at the sample."""
+        return max(math.hypot(noise, 0.01), self.error_of(E))  # interpolation adds 1 %
 
     def _measure(self, E: np.ndarray, noise: float) -> float:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample."""

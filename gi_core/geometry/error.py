@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear RGB
+GROUPS = 8  # of receivers whose truth is alike in noise
+CLEAR = 1.4  # an error is known once the noise of its truth is at most so many times as large
 CLOUD_REACH, PLACES = 0.1, 500  # clouds are looked for within so much of the scene's size around so many places
 DARK = 0.02  # of mean irradiance: the least that a signed error is relative to
 
@@ -113,6 +115,21 @@ def local_deviation(
             spread = share @ (ratio[near] - share @ ratio[near]) ** 2 / (1 - share @ share)
             out.append(math.sqrt(max(spread - share @ squares[near], 0.0)))
     return tuple(np.quantile(out, [0.5, 0.9]).tolist()) if out else (math.nan, math.nan)
+
+
+def error_less_noise(E: np.ndarray, T: np.ndarray, deviation: np.ndarray, weights: np.ndarray) -> float:
+    """Return the relative l1 error of irradiance E (n, 3) against noisy T (n, 3) without the noise of T.
+
+    deviation (n,): mean standard error of T's luminance, without bias by few samples; weights (n,): areas. Squares of
+    noise are subtracted in GROUPS of like noise. If subtracted from all at once, noise of few receivers would hide
+    little of the error of the others, and twice the error would be left. 0 where T is black.
+    """
+    truth = luminance(T)
+    off, noise = weights * np.abs(luminance(E) - truth), weights * deviation
+    groups = np.array_split(np.argsort(deviation), GROUPS)
+    squares = [off[g].sum() ** 2 - 2 / math.pi * noise[g].sum() ** 2 for g in groups]
+    light = float((weights * truth).sum())
+    return float(np.sqrt(np.maximum(squares, 0.0)).sum()) / light if light > 0 else 0.0
 
 
 def bias_left(total: float, *noises: float) -> float:

@@ -90,6 +90,22 @@ def test_live_error_equals_that_against_another_reference(solver):
     assert "tangent plane\n20,000 photons\nradius 0.06 m" in point.label and "control" in point.label
 
 
+def test_noise_of_the_reference_is_no_error_of_the_light(solver, monkeypatch):
+    """From the first number on; before, the noise hides the error."""
+    monkeypatch.setattr(module, "NOISE_OF_ERROR", 0.4)
+    twin, places = solver.twin(), evaluation_points(solver.surfaces, solver.receivers)
+    E, _ = reference_irradiance(solver.scene, *places, 1024, 7, model=solver.model)
+    off = 1 + 0.013 * np.random.default_rng(1).standard_normal((len(E), 1))
+    twin.frame = twin.frame._replace(irradiance=off * E)
+    live_error, seen = LiveError(twin, time.perf_counter), []
+    while (task := first_task((live_error,), NUMBERS)) is not None:
+        task.run()
+        seen += [live_error.report] if live_error.report is not None else []
+    known = [r for r in seen if r.total == r.total]
+    assert known[0].reference_noise > known[-1].total > 2 * known[-1].reference_noise
+    assert all(r.total == pytest.approx(known[-1].total, rel=0.25) for r in known)
+
+
 @pytest.mark.parametrize("light, compare", [("photons", ""), ("photons", "impact_count"), ("best", "")])
 def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, compare):
     """Timed frames, those of a comparison, new gathered light: the job ends at once and goes on at the next rest."""
@@ -144,7 +160,7 @@ def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
     other._references = live_error._references
     finish(other)
     assert other.reference(twin.poses, False) is reference and reference.rounds >= rounds, "nothing is gathered again"
-    expected = relative_error(twin.irradiance[reference.rows], reference.irradiance, reference.weights).l1
+    expected = reference.error(twin.irradiance)
     assert other.report.total == expected != live_error.report.total
     points = MeasuredPoints()
     for e in (live_error, other, live_error):

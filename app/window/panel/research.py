@@ -230,8 +230,7 @@ def error(s: Settings, window: Window, actions: set[str]) -> Settings:
     ui.number(
         "   bias",
         _percent(r and r.bias, "at least "),
-        "Error that more photons do not remove, such as blur over the radius: a lower bound.\n"
-        "bias² = total² - noise² - reference noise².",
+        "Error that more photons do not remove, such as blur over the radius: a lower bound.\nbias² = total² - noise².",
     )
     ui.number(
         "Clouds",

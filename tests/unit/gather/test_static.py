@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.base.pause import steps
+from gi_core.files.load import load_scene
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather import radiosity, reference, static
 from gi_core.gather.denoise import denoise
@@ -18,6 +19,7 @@ from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import PointLight, Pose, Scene, SpotLight
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, box_mobile, coloured_room, grey, plane_scene
+from tests.support.toml_rooms import room_file, table
 
 SCENE = coloured_room((box_mobile(size=0.1),))
 POSE = Pose((0.55, 0.5, 0.35))
@@ -258,3 +260,18 @@ def test_light_that_few_paths_find_has_its_noise_stated(monkeypatch):
     stated = g._noise_of_paths(g.state) * (g.weights @ g.state.mean[:, 1]) / (indirect @ g.state.mean[:, 1])
     true = relative_error(g.state.mean[:, :3], by_photons.irradiance, indirect).l1
     assert true < 0.7 and 0.7 * true < stated < 1.4 * true
+
+
+def test_the_bias_of_coarse_faces_is_stated_before_all_photons_are_there(tmp_path):
+    """Two triangles per wall: radiosity is half as bright again as the truth, and stated an error of 1 %."""
+    scene = load_scene(
+        room_file(tmp_path, [4, 5, 2.7], table("light", name="a", position=[0, 0, 2], type="point", flux=[9e3] * 3))
+    )
+    solver = Solver(scene, photons=1 << 19, light="best")
+    for _ in solver.solve_steps():
+        pass
+    g, areas = solver.frame_light.static.gathered, solver.receivers.areas
+    truth, _ = reference_irradiance(scene, *solver.model.evaluation_points, 4096, 5, model=solver.model)
+    of_radiosity, shown = (relative_error(E, truth, areas).l1 for E in (g.estimate.irradiance, solver.irradiance))
+    assert g.estimate.source is Source.RADIOSITY and of_radiosity > 0.2
+    assert g.estimate.error == pytest.approx(of_radiosity, rel=0.2) and shown < 0.1
