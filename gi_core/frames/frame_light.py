@@ -233,7 +233,8 @@ class FrameLight:
                 return None
             E = self.static.irradiance(shown, setting.levels)
             if latest is None or latest[0] is not E:  # a fifth of a step's time
-                latest = E, self.static.best.deviation_at(setting.levels)
+                best = self.static.best
+                latest = E, best.understated * best.deviation_at(setting.levels)
             return latest
 
         light = self.static_irradiance(shown, photons)

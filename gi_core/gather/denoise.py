@@ -36,14 +36,13 @@ class Denoised(NamedTuple):
     """Denoised irradiance."""
 
     irradiance: np.ndarray  # (n, 3) float64 [W/m2], or more channels
-    squares: np.ndarray  # (n,) float64, squared standard error of the luminance before ...
-    risk: np.ndarray  # (n,) float64, ... and the estimated squared error after; rough for a single receiver
+    sigma: np.ndarray  # (n,) float64, standard error of the luminance before ...
+    left: np.ndarray  # (n,) float64, ... and the share of it that remains, up to 1
 
     def share(self, weights: np.ndarray) -> float:
-        """Return the share of the error (l2, by weights (n,)) that remains, up to 1."""
-        noise = float(weights @ self.squares)
-        # two passes average a receiver with two rings, some 19; a risk may be negative
-        return math.sqrt(min(max(float(weights @ self.risk) / noise, 1 / 19), 1.0)) if noise > 0 else 1.0
+        """Return the share of the error (l1, by weights (n,)) that remains, up to 1."""
+        noise = float(weights @ self.sigma)
+        return float(weights @ (self.left * self.sigma)) / noise if noise > 0 else 1.0
 
 
 def denoise(
@@ -81,15 +80,21 @@ def denoise(
         lights.append(at_reach(mean, reach))
         answer = luminance(at_reach(more, reach) - lights[k]) / LITTLE
         saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
-    best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
-    if alike is None:
-        pooled = saved
-        # risks are pooled by 40 means over neighbours: one receiver's estimate is as large as the risk itself
+
+    def pooled(values: np.ndarray) -> np.ndarray:
+        # 40 means over neighbours: one receiver's estimate is as large as the risk itself
         for _ in range(40):
-            pooled = averaged(near, pooled, lit, threads)
+            values = averaged(near, values, lit, threads)
             pause()
-        best = pooled.argmax(axis=1)
-    risk = sigma**2 - np.take_along_axis(saved, best[:, None], axis=1)[:, 0]
+        return values
+
+    best = pooled(saved).argmax(axis=1) if alike is None else np.full(len(mean), (alike @ saved).argmax())
+    # Relative to the variance there: a few bright receivers would decide for all others.
+    around = averaged(near, sigma**2, lit, threads)
+    saved = np.take_along_axis(saved, best[:, None], axis=1)[:, 0]
+    saved = pooled(np.divide(saved, around, out=np.zeros_like(around), where=around > 0)[:, None])[:, 0]
+    # two passes average a receiver with two rings, some 19; a risk may be negative
+    left = np.sqrt(np.clip(1 - saved, 1 / 19, 1.0))
     if per_lamp is not None:
         lights = [per_lamp]
         for reach in reaches:
@@ -97,7 +102,7 @@ def denoise(
             lights.append(light[:, VARIANCE + 1 :])
             pause()
     out = _chosen(lights, best)
-    return Denoised(out, sigma**2, risk)
+    return Denoised(out, sigma, left)
 
 
 def _chosen(lights: list[np.ndarray], best: np.ndarray) -> np.ndarray:

@@ -47,7 +47,7 @@ LAST_ROUND = 47  # rounds until the last result: twice those that noise is sized
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
 
-Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, standard error (n,) of its luminance [W/m2]
+Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, error (n,) of its luminance [W/m2]
 
 
 class PoseGather:
@@ -128,16 +128,18 @@ class PoseGather:
 
     def _result(self, static: Static | None) -> None:
         p, s, near = self._points, self._rounds.state, self._paths.near
-        error = s.standard_error / small_sample_bias(s.sets)[:, None]
-        mean, error = combined(s.mean, error, self._paths.mobile, self.rows, static, near, p.model.threads)
-        deviation, used, most = luminance(error), self.used.copy(), 0.0
+        # Its square is without bias, as denoising needs it: with 1.18 times the variance of four rounds, a tenth of the
+        # noise's square counts as less than none.
+        mean, error, kept = combined(
+            s.mean, s.standard_error, self._paths.mobile, self.rows, static, near, p.model.threads
+        )
+        used, most = self.used.copy(), 0.0
         denoised = denoise(mean, error, near, p.seed, p.model.threads)
+        deviation = np.hypot(denoised.left * luminance(error) / small_sample_bias(s.sets), kept)
         off = np.abs(luminance(self._own - denoised.irradiance))
         for of in self._classes:
-            share = denoised.share(self._weights * of)
-            left = share * relative_noise(luminance(error), mean, self._weights, of)
+            left = relative_noise(deviation, mean, self._weights, of)
             own = relative_error(self._own, denoised.irradiance, self._weights, of).l1
-            deviation[of] *= share
             # In gallery the mean of the mobile is good, but five vertices at feet are 16 to 24 % off.
             far_off = off > np.maximum(0.15 * luminance(denoised.irradiance), 5.0 * deviation)
             used |= of & ((own > CLEARLY * left) | (far_off & of & self._paths.mobile).any())
@@ -201,22 +203,22 @@ def _steadier(values: np.ndarray) -> np.ndarray:
 def combined(
     mean: np.ndarray, error: np.ndarray, mobile: np.ndarray, rows: np.ndarray, static: Static | None, near: Neighbours,
     threads: int,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Return irradiance (n, 3) and its standard error (n, 3) of both estimates together.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Return irradiance (n, 3) of both estimates together, the standard error (n, 3) that paths bring to it, and that
+    (n,) of its luminance which static light brings: neighbours have it in common, so it is not denoised.
 
     mean, error (n, 6): irradiance and difference, and their standard errors; mobile (n,) bool; rows (n,) receivers.
-    Errors are added as if fully correlated, so the result is not understated.
+    Errors of paths are added as if fully correlated, so the result is not understated.
     """
-    W, of_W = mean[:, :3], error[:, :3]
+    W, of_W, of_D = mean[:, :3], error[:, :3], error[:, 3:]
     if static is None or not len(rows):
-        return W.copy(), of_W.copy()
+        return W.copy(), of_W.copy(), np.zeros(len(rows))
     G, deviation = (a[np.where(mobile, 0, rows)] for a in static)
-    of_D = np.sqrt(error[:, 3:] ** 2 + deviation[:, None] ** 2)
-    everywhere = np.ones(len(rows), bool)
-    v, u = (averaged(near, luminance(e) ** 2, everywhere, threads) for e in (of_W, of_D))
+    everywhere, squares = np.ones(len(rows), bool), (luminance(of_W) ** 2, luminance(of_D) ** 2 + deviation**2)
+    v, u = (averaged(near, of, everywhere, threads) for of in squares)
     share = np.where(mobile, 1.0, np.divide(u, v + u, out=np.ones_like(v), where=v + u > 0))[:, None]  # of W
     E = share * W + (1 - share) * (G + mean[:, 3:])
-    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D
+    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D, (1 - share[:, 0]) * deviation
 
 
 class ReceiverPoints:

@@ -391,7 +391,7 @@ class StaticGather:
         left = error(sum_of_lamps(light), share * noise)
         of_lamps = standard_error if several is None else lamp_error
         of_lamps = luminance(of_lamps.reshape(len(light), self._channels // 3, 3))
-        variance = variance_per_lamp(share * luminance(standard_error), of_lamps)
+        variance = variance_per_lamp(denoised.left * luminance(standard_error), of_lamps)
         earlier, self.noise = self.estimate, noise
         if earlier is not None and earlier.source in (Source.PHOTONS, Source.EDITED) and earlier.error <= left:
             return  # light that another session has shown

@@ -63,6 +63,16 @@ def test_detail_at_vertex_scale_is_never_made_worse(height):
     assert s.share(WEIGHTS) == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
 
 
+def test_a_few_bright_receivers_do_not_state_the_noise_of_all():
+    """A bright strip has most squared noise, and loses it; detail elsewhere keeps its noise. By squares: 0.63."""
+    bright = P[:, 0] > 0.9
+    detail = 0.45 * np.sin(40 * np.pi * P[:, 0]) * np.sin(34 * np.pi * P[:, 1])
+    light = np.where(bright, 10.0, 1 + detail)
+    E, sigma = grainy(light, np.where(bright, 1.0, 0.15))
+    s = denoise(E, sigma, NEAR, 0, 1)
+    assert s.share(WEIGHTS) == pytest.approx(off(s.irradiance, light) / off(E, light), rel=0.12)
+
+
 def test_without_noise_nothing_changes():
     light = 1 + P[:, 0] * P[:, 1]
     E, sigma = grainy(light, 0.0)

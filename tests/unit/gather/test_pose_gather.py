@@ -65,7 +65,8 @@ def test_light_at_a_pose_is_unbiased_and_better_than_the_frames(static_light, mo
     monkeypatch.setattr(pose_gather, "combined", lambda *given: found.append(combined(*given)) or found[-1])
     light = gather_pose(solver)
     truth, error = truth_on_floor(light.rows.astype(np.int64).tobytes())
-    mean, deviation = found[-1]
+    mean, of_paths, of_static = found[-1]
+    deviation = np.hypot(of_paths, of_static[:, None])
     sigma = np.sqrt(error**2 + deviation**2)[:, 1]
     z = (mean - truth)[:, 1][sigma > 0] / sigma[sigma > 0]
     assert len(z) > 60 and abs(z.mean()) < 4 / np.sqrt(len(z)) + 0.1, "static light's errors are correlated"
@@ -75,6 +76,21 @@ def test_light_at_a_pose_is_unbiased_and_better_than_the_frames(static_light, mo
         before, after = (relative_error(E[light.rows], truth, light._weights, of).l1 for E in (own, solver.irradiance))
         assert after < 0.9 * before if light.used[of].all() else after == before < 2 * static.ENOUGH
     assert light.used.any()
+
+
+def test_denoising_gets_the_variance_of_paths_alone(monkeypatch):
+    """Squares without bias; static light's error is common to neighbours, and stays as it is."""
+    solver, found, errors = solved(), [], []
+    solver.move("box", ON_FLOOR)
+    combined, denoise = pose_gather.combined, pose_gather.denoise
+    monkeypatch.setattr(pose_gather, "combined", lambda *given: found.append(combined(*given)) or found[-1])
+    monkeypatch.setattr(
+        pose_gather, "denoise", lambda E, error, *more: errors.append(error) or denoise(E, error, *more)
+    )
+    light = gather_pose(solver)
+    mobile, s = light.rows >= solver.surfaces.receiver_range(0).stop, light._rounds.state
+    assert np.array_equal(errors[-1][mobile], s.standard_error[mobile, :3])
+    assert (found[-1][2][~mobile] > 0).all() and (light.deviation >= found[-1][2]).all()
 
 
 def test_no_vertex_at_the_foot_of_a_mobile_is_far_off():
