@@ -23,7 +23,16 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, largest, rotate_back, row
 from gi_core.gather.hit_cache import pose_bits
 from gi_core.lights.lamps import mix
-from gi_core.lights.light_points import DELTA, FACE, SKY, LightPoints, light_points, strength_of, way_to
+from gi_core.lights.light_points import (
+    DELTA,
+    FACE,
+    LIGHT_POINTS,
+    SKY,
+    LightPoints,
+    light_points,
+    strength_of,
+    way_to,
+)
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, GAP, Transforms
 from gi_core.rays.panes import transmitted
@@ -87,9 +96,12 @@ class DirectLight:
     at first.
     """
 
-    def __init__(self, model: Model, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY)):
-        """kinds: of lights, see `light_points.py`; delta lights always."""
-        self._model, self._points = model, light_points(model.lights, model.emitters.arriving, seed, kinds)
+    def __init__(
+        self, model: Model, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY), sun_points: int = LIGHT_POINTS
+    ):
+        """kinds, sun_points: see `light_points.py`; delta lights always."""
+        of = model.lights, model.emitters.arriving
+        self._model, self._points = model, light_points(*of, seed, kinds, sun_points=sun_points)
         self._places: Places | None = None
         self.per_lamp = np.empty((0, model.lights.channels))
         self._groups: Groups | None = None

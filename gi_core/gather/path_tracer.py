@@ -68,7 +68,7 @@ class PathTracer(NamedTuple):
         apart: of a batch with a row per path; added to in place of total.
         """
         model, vertex, n = self.model, 0, len(ends.path)
-        rays = room_for_shadows(n)
+        rays = room_for_shadows(n * (1 + self.lights.delta.suns))
         while n:
             if apart is not None:
                 total = apart.light[min(vertex, len(apart.light) - 1)]
@@ -106,7 +106,7 @@ class PathTracer(NamedTuple):
     def join_lights(self, vertex: int, ends: PathEnds, rays: Shadows, total: np.ndarray) -> None:
         """Add next-event estimates of path vertices to `total` (rows, 3 G): one area light and one delta light each.
 
-        `rays` is a buffer with a row per end, overwritten.
+        `rays` is a buffer with a row per end, and one more per directional light, overwritten.
         """
         model, lights, seed, m = self.model, self.lights, self.seed, self.m
         bsdfs, far = model.world.bsdfs, float(np.float32(FAR * model.world.size))

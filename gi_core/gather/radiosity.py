@@ -67,6 +67,7 @@ def face_light(model: Model, seed: int, weights: np.ndarray) -> FaceLight:
     delta = DirectLight(model, seed, (DELTA,))
     if count and len(lights.delta.kind):
         delta = delta.measured_at(Places.of_receivers(model))
+    on_faces = DirectLight(model, seed, (DELTA,), sun_points=1)
     if not delta.per_lamp.any():
         none, dark = np.zeros((0, lights.channels)), np.zeros(count)
         return FaceLight(none, none.astype(np.float32), faces.bright(dark, dark, len(world.face_object)), none)
@@ -74,7 +75,7 @@ def face_light(model: Model, seed: int, weights: np.ndarray) -> FaceLight:
     albedo = np.tile(world.bsdfs.albedo[of], lights.channels // 3)
     both = np.zeros((count, 2, lights.channels), np.float32)
     for side, rows in enumerate((np.arange(count), np.flatnonzero(s.two_sided[of]))):
-        light = delta.measured_at(_on_faces(model, rows, 1 - 2 * side, points)).per_lamp
+        light = on_faces.measured_at(_on_faces(model, rows, 1 - 2 * side, points)).per_lamp
         both[rows, side] = albedo[rows] * light.reshape(len(rows), points, lights.channels).mean(axis=1)
         pause()
     reflected = luminance(sum_of_lamps(both[faces.face, 0]))
@@ -291,6 +292,10 @@ class Radiosity:
         n, count, at, far = len(rows), len(rows) << m, model.static, float(np.float32(FAR * world.size))
         start, total = [a[rows] for a in self._starts], np.zeros((n, lights.channels))
         path = (number * (1 << 40) + rows[:, None] << m) + np.arange(1 << m)  # 2^40: above any number of receivers
+        by_delta = self._on_faces.receivers
+        if len(by_delta):
+            total += by_delta[rows] * (1 << m)
+            lights = lights._replace(delta=lights.delta.none())
         pick = picks(self._seed, m, 0, path, lights.delta)
         ends = starts(rows, np.arange(n), *start)
         rays = join_lamps(world.bsdfs, on_lamps[0], pick, 1 << m, ends, lights, far)

@@ -11,14 +11,15 @@ import numpy as np
 from gi_core.base import owen_sobol, random_numbers
 from gi_core.base.jit import inlined
 from gi_core.base.vec import difference, dot, row
+from gi_core.lights import sun
 from gi_core.lights.area import AreaLights
 from gi_core.lights.kinds import arrived
 from gi_core.lights.light_sampling import Lights
-from gi_core.lights.next_event import LIGHT_V, points_on_lamps
+from gi_core.lights.next_event import LIGHT_U, LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
 from gi_core.lights.sky import directions
 
-LIGHT_POINTS = 64  # on area lights, and directions to an open sky
+LIGHT_POINTS = 64  # on area lights, and directions to an open sky, and to the disc of a directional light
 SKY_DIRECTIONS = 1024  # to a sky of which little arrives: of 64, one or two show through a window
 MOST_DELTA = 64  # delta lights: beyond, photons alone measure changes
 FACE, DELTA, SKY = range(3)
@@ -43,19 +44,25 @@ class LightPoints(NamedTuple):
 
 def light_points(
     lights: Lights, arriving: np.ndarray, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY),
-    most: float = MOST_DELTA,
+    most: float = MOST_DELTA, sun_points: int = LIGHT_POINTS,
 ) -> LightPoints | None:  # fmt: skip
     """Return points on the lights of some kinds; None where there are more than `most` delta lights.
 
-    arriving: of `Emitters`.
+    arriving: of `Emitters`; sun_points: 1, or an even number.
     """
     if len(lights.delta.kind) > most:
         return None
     seed = random_numbers.seed_of(random_numbers.Stream.LIGHT_POINTS, seed)
     area, delta, sky = lights.area, lights.delta, lights.sky
-    reach = np.where(delta.distant, np.inf, np.abs(delta.place).max(axis=1, initial=0.0))
-    none = np.zeros(len(delta.kind))
-    parts = [(DELTA, np.arange(len(delta.kind)), delta.place, reach, delta.value, delta.lamp, none)]
+    near, suns = np.flatnonzero(~delta.distant), np.flatnonzero(delta.distant)
+    reach = np.abs(delta.place[near]).max(axis=1, initial=0.0)
+    parts = [(DELTA, near, delta.place[near], reach, delta.value[near], delta.lamp[near], np.zeros(len(near)))]
+    for e in suns:
+        turn = random_numbers.independent(seed, int(e), 0, LIGHT_U)
+        place = sun.points(delta.parameters[e], sun_points if delta.parameters[e, 7] < 1.0 else 1, turn)
+        n = len(place)
+        each, lamp_of = np.tile(delta.value[e] / n, (n, 1)), np.full(n, delta.lamp[e])
+        parts.append((DELTA, np.full(n, e), place, np.full(n, np.inf), each, lamp_of, np.zeros(n)))
     share = np.diff(area.cdf, prepend=0.0)
     lamps = np.unique(area.lamp[share > 0]) if FACE in kinds else ()
     count = max(LIGHT_POINTS // max(len(lamps), 1), 8)  # 8 points per lamp with area lights at least
@@ -107,10 +114,10 @@ def strength_of(points, area, delta, j, far, position, normal, to_point):
     would have no bound.
     """
     kind, e, way, d = points.kind[j], points.index[j], (to_point[0], to_point[1], to_point[2]), to_point[3]
-    if kind == DELTA:
+    if kind == DELTA and points.reach[j] < np.inf:
         return arrived(delta.kind[e], delta.parameters[e], delta.tables, position, normal, far)[0]
     cosine = dot(way, normal)
-    if kind == SKY or cosine <= 0.0 or d <= 0.0:
+    if kind != FACE or cosine <= 0.0 or d <= 0.0:
         return max(cosine, 0.0)
     axis = row(area.normal, e)
     at_light = -dot(way, axis)

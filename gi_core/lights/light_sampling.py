@@ -35,6 +35,15 @@ class DeltaLights(NamedTuple):
         """Whether the light comes from a direction, (D,) bool."""
         return IS_DISTANT[self.kind]
 
+    def none(self) -> DeltaLights:
+        """Return no lights."""
+        return DeltaLights(*(a[:0] for a in self[:4]), self.tables)
+
+    @property
+    def suns(self) -> int:
+        """Directional lights."""
+        return int(np.count_nonzero(self.kind == kinds.SUN))
+
     @property
     def place(self) -> np.ndarray:
         """Position [m], or the unit direction towards a distant light, (D, 3) float64."""

@@ -15,6 +15,7 @@ from gi_core.base import random_numbers
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, largest, row
 from gi_core.bsdf import lambertian, surface
+from gi_core.lights import sun
 from gi_core.lights.area import AreaLights, gap_before, point_on_lamp
 from gi_core.lights.kinds import SUN, arrived
 from gi_core.lights.light_sampling import DeltaLights
@@ -76,11 +77,13 @@ def _draw_points(seed, m, vertex, path, lights, face, point, density):
 
 
 def picks(seed: int, m: int, vertex: int, path: np.ndarray, lights: DeltaLights) -> np.ndarray:
-    """Return numbers in [0, 1) that pick a delta light for each of paths (s, P) int64, as float64 of that shape.
+    """Return numbers in [0, 1) (s, P, 3) float64 that pick a delta light for each of paths (s, P) int64.
 
-    They are (s, 0) where P paths sample every delta light. Numbers are stratified as points are.
+    Two more pick a point on the disc of a directional light. They are (s, 0, 3) without such lights, where P paths
+    sample every delta light. Numbers are stratified as points are.
     """
-    out = np.empty((len(path), path.shape[1] if len(lights.kind) > path.shape[1] else 0))
+    needed = len(lights.kind) > path.shape[1] or lights.suns > 0
+    out = np.empty((len(path), path.shape[1] if needed else 0, 3))
     _pick(seed, m, vertex, path, out)
     return out
 
@@ -95,7 +98,9 @@ def least_set(lights: DeltaLights) -> int:
 def _pick(seed, m, vertex, path, out):
     for k in range(out.shape[0]):
         for j in range(out.shape[1]):
-            out[k, j] = random_numbers.stratified(seed, path[k, j], vertex, SMALL_PICK, m)
+            out[k, j, 0] = random_numbers.stratified(seed, path[k, j], vertex, SMALL_PICK, m)
+            out[k, j, 1] = random_numbers.stratified(seed, path[k, j], vertex, LIGHT_U, m)
+            out[k, j, 2] = random_numbers.stratified(seed, path[k, j], vertex, LIGHT_V, m)
 
 
 @kernel
@@ -137,32 +142,37 @@ def join_delta(bsdfs, pick, paths, ends, lights, far, first, out, together):
     """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
     With no more delta lights than paths, each end samples all of them, so their light is exact. Otherwise each path
-    picks one by pick (n, paths), in proportion to its unoccluded contribution; starts share pick (1, paths). together:
-    ends of a set that are one point; they distribute the lights among themselves, so the light of a set is exact.
-    Values as in join_area().
+    picks one by pick (n, paths, 3), in proportion to its unoccluded contribution; starts share pick (1, paths, 3).
+    together: ends of a set that are one point; they distribute the lights among themselves, so the light of a set is
+    exact. Of a directional light each samples another point of its disc. Values as in join_area().
     """
     lamps, count, own = len(lights.kind), first, len(pick) > 1
     reached, weight = np.empty((lamps, 5)), np.empty(lamps)
     for k in range(len(ends.row)):
         position, normal, total = ends.position[k], ends.normal[k], 0.0
         for e in range(lamps):
-            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = arrived(
-                lights.kind[e], lights.parameters[e], lights.tables, position, normal, far
-            )
+            if lights.kind[e] == SUN:
+                numbers = pick[k if own else 0, 0]
+                way = sun.towards(lights.parameters[e], numbers[1], numbers[2])
+                light = sun.arrive_from(way, normal, far)
+            else:
+                light = arrived(lights.kind[e], lights.parameters[e], lights.tables, position, normal, far)
+            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = light
             weight[e] = reached[e, 0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
             total += weight[e]
         if total <= 0.0:
             continue
         if lamps <= paths * together:
-            for e in range(ends.path[k] & (together - 1), lamps, together):
-                if weight[e] > 0.0:
-                    strength, T = paths * together * reached[e, 0], _reflected(bsdfs, ends, k, reached[e, 1:4])
+            for e in range(lamps):
+                share = 1 if lights.kind[e] == SUN else together
+                if weight[e] > 0.0 and (ends.path[k] ^ e) & (share - 1) == 0:
+                    strength, T = paths * share * reached[e, 0], _reflected(bsdfs, ends, k, reached[e, 1:4])
                     out.lamp[count] = lights.lamp[e]
                     _reach(ends, k, T, lights, e, reached[e], strength, out, count)
                     count += 1
             continue
         for j in range(paths):
-            left, chosen = pick[k if own else 0, j] * total, -1
+            left, chosen = pick[k if own else 0, j, 0] * total, -1
             for e in range(lamps):
                 if weight[e] > 0.0:
                     chosen = e  # the last candidate stays if rounding exhausts the sum

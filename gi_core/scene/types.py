@@ -189,12 +189,16 @@ class PhotometricLight(NamedTuple):
     watts: float = 0.0  # [W] of its file; 0: unknown
 
 
+SUN_DEGREES = 0.53  # angular diameter of the sun: 0.524 to 0.542 in a year
+
+
 class DirectionalLight(NamedTuple):
-    """Parallel light, emitted from a disc that covers the scene."""
+    """Light from a distant disc of even radiance: the sun."""
 
     name: str
     direction: tuple[float, float, float]  # where it shines, any length > 0
     irradiance: tuple[float, float, float]  # E on a plane facing it [W/m2]
+    disc_degrees: float = SUN_DEGREES  # angular diameter of the disc; 0: parallel light
 
 
 UNIFORM_SKY, OVERCAST_SKY = 5, 16

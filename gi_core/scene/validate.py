@@ -97,7 +97,7 @@ FIELDS: dict[type, dict[str, Rule]] = {
         "position": PLACE, "direction": DIRECTION, "c0": DIRECTION, "flux": STRENGTH,
         "gammas_degrees": GAMMAS, "planes_degrees": PLANES, "size": SIZE,
     },
-    DirectionalLight: {"direction": DIRECTION, "irradiance": STRENGTH},
+    DirectionalLight: {"direction": DIRECTION, "irradiance": STRENGTH, "disc_degrees": DEGREES},
     SkyLight: {
         "radiance": STRENGTH,
         "cie": Rule("a whole number from 1 to 16", lambda value: type(value) is int and 1 <= value <= OVERCAST_SKY),

@@ -52,7 +52,7 @@ def shaded(share: float, mobile: bool) -> tuple[Scene, float]:
     cover = np.where((np.arange(n)[None] * 7 + np.arange(n)[:, None] * 5) % 10 < 10 * share, 0, 255).astype(np.uint8)
     leaf = screen(cover, 2.0, 0.0 if mobile else 0.5, 4.0, nearest=True)
     floor = quad((0.5, 0.5, 0), (1, 0, 0), (0, 1, 0), (4, 4), 1)
-    sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0))
+    sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0), 0.0)
     materials = (Material("leaf", (0.5, 0.5, 0.5), two_sided=True), grey(0.0))
     passes = float((cover == 0).mean())
     if mobile:

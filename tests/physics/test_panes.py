@@ -69,7 +69,7 @@ def test_an_index_of_one_reflects_nothing_at_any_angle():
 def test_parallel_light_through_panes(count):
     """Shadow rays see the product of the panes; photons also what goes to and fro between panes."""
     cosine = 1 / np.sqrt(1.25)
-    scene = stack(count, DirectionalLight("sun", (0.5, 0.0, -1.0), (10.0, 10.0, 10.0)))
+    scene = stack(count, DirectionalLight("sun", (0.5, 0.0, -1.0), (10.0, 10.0, 10.0), 0.0))
     back, passes = (a[0] for a in slab([cosine]))
     solver = Solver(scene, photons=400_000, radius=0.3, light="photons")
     solver.solve()
@@ -189,7 +189,7 @@ def test_a_moved_pane_dims_what_stands_behind_it(rays):
     """A floor under the sun has T of the light below a pane, by direct light that is measured and by whole paths."""
     floor = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), (10, 10), 0)
     pane = Mobile("pane", quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0), (1, 1), 1), Pose((0.0, 0.0, 0.4)))
-    sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0))
+    sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0), 0.0)
     scene = Scene(floor, (grey(0.2), glass(TINT)), (pane,), (sun,), up=UP, name="shade")
     solver = Solver(scene, photons=20_000, radius=0.2, light="best", rays=rays)
     solver.solve()

@@ -74,7 +74,7 @@ def furnace(scale):
 
 
 def sphere_in_sun(scale):
-    return build.sphere_scene(DirectionalLight("d", (0, 0, -1), (scale,) * 3))
+    return build.sphere_scene(DirectionalLight("d", (0, 0, -1), (scale,) * 3, 0.0))
 
 
 def sphere_by_lamp(scale):

@@ -189,6 +189,10 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
             (cone[k],), *done = ui.fields(name, cone[k : k + 1], 0.2, "%.1f°", ("angle",))
             ui.tip(f"{about} [degrees]. The flux stays.")
             _changed(lamp, beam(light, *cone), done, actions)
+    if isinstance(light, DirectionalLight):
+        (degrees,), *done = ui.fields("Disc", (light.disc_degrees,), 0.02, "%.2f°", ("angle",))
+        ui.tip("Angular diameter of the sun [degrees]: its shadows are as soft. The irradiance stays.")
+        _changed(lamp, (("disc_degrees", min(max(degrees, 0.0), 90.0)),), done, actions)
     if isinstance(light, SkyLight):
         types = range(1, OVERCAST_SKY + 1) if light.sun is not None else SUNLESS_SKIES
         if (cie := _sky_type(light.cie, types)) is not None:

@@ -23,6 +23,7 @@ from gi_core.scene.types import (
     MOST_GRID_POINTS,
     OVERCAST_SKY,
     QUANTITIES,
+    SUN_DEGREES,
     TARGETS,
     UNIFORM_SKY,
     CalculationSurface,
@@ -57,7 +58,14 @@ LIGHTS: dict[str, tuple[type[Light], Schema]] = {  # by type: record and keys
     "spot": (SpotLight, {"position": PLACE, "direction": AXIS, "intensity": STRENGTH} | CONE),
     "panel": (PhotometricLight, PANEL),
     "photometric": (PhotometricLight, {"file": of("text")} | PANEL),
-    "directional": (DirectionalLight, {"direction": AXIS, "irradiance": STRENGTH}),
+    "directional": (
+        DirectionalLight,
+        {
+            "direction": AXIS,
+            "irradiance": STRENGTH,
+            "disc_degrees": of("number", default=SUN_DEGREES, least=0, below=math.nextafter(90, 91)),
+        },
+    ),
     "sky": (SkyLight, {"radiance": STRENGTH, "cie": SKY_TYPE, "sun": of("direction", default=None)}),
 }
 # A surface of constant radiance: intensity falls with the cosine, linear between whole degrees within 4e-5.

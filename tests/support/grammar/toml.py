@@ -167,7 +167,7 @@ def toml(g: Grammar, files: Files, stem: str) -> str:
         colour = g.reals(3, 0.0, 50.0)
         kinds = {
             "point": {"position": g.reals(3), "flux": colour},
-            "directional": {"direction": direction, "irradiance": colour},
+            "directional": {"direction": direction, "irradiance": colour, "disc_degrees": g.real(0.0, 90.0)},
         }
         kinds |= {
             "spot": {

@@ -1,5 +1,6 @@
 """Fine points: where they lie, their light, and the mesh that draws them."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from gi_core.display.dilation import Drawn
 from gi_core.display.fine_points import SHORTEST_EDGE, FinePoints, fine_points
 from gi_core.gather.direct_light import Places
 from gi_core.model import Model
-from gi_core.scene.types import DirectionalLight, Mobile, Pose, Scene
+from gi_core.scene.types import SUN_DEGREES, DirectionalLight, Mobile, Pose, Scene
 from tests.support.lit_from_outside import l_room
 from tests.support.scene_builders import box, grey, merge, quad
 
@@ -51,7 +52,9 @@ def places(model: Model, points: FinePoints) -> np.ndarray:
     return p
 
 
-def test_a_half_plane_before_the_sun_has_a_sharp_shadow(model):
+def test_a_half_plane_before_parallel_light_has_a_sharp_shadow():
+    parallel = tuple(light._replace(disc_degrees=0.0) for light in scene().lights)
+    model = Model(replace(scene(), lights=parallel), threads=2)
     points, at = found(model)
     light, first = points.at(at, model.emitters.lamps.full()), len(model.object_receivers.areas)
     p, size = places(model, points)[first:], model.world.size
@@ -67,6 +70,23 @@ def test_a_half_plane_before_the_sun_has_a_sharp_shadow(model):
     assert nearest[1] - nearest[0] < 2 * SHORTEST_EDGE * size < 0.02, "points lie on both sides of the border"
 
 
+def test_a_half_plane_before_the_sun_has_a_penumbra_of_the_disc(model):
+    """Its width is 9.25 mm per metre from the rim; across it light is the area of the disc beside a chord."""
+    points, at = found(model)
+    light, first = points.at(at, model.emitters.lamps.full()), len(model.object_receivers.areas)
+    p = points.direct[1]._places.positions
+    floor = np.isin(np.arange(first, first + len(p)), points.ids[..., 0]) & (np.abs(p[:, 2]) < 1e-2)
+    y, E = p[floor, 1] - 0.75 * p[floor, 2], light.own[floor, 0]
+    distance = 0.4 / 0.8  # m from the rim to its shadow
+    width = 2 * math.tan(math.radians(SUN_DEGREES / 2)) * distance / 0.8  # m along the floor
+    assert width == pytest.approx(0.00925 * distance / 0.8, rel=1e-3)
+    x = np.clip((y - (0.6 - EDGE)) / (width / 2), -1.0, 1.0)
+    share = np.arccos(x) / np.pi - x * np.sqrt(1 - x * x) / np.pi
+    assert (np.abs(x) < 1).sum() > 100
+    assert np.abs(E / E_FLOOR - share).max() < 0.06, "64 points on the disc"
+    assert abs((E / E_FLOOR - share)[np.abs(x) < 1].mean()) < 0.01
+
+
 @pytest.mark.parametrize("direction", [(-1.0, 0.0, -0.75), (-1.0, 0.17, -0.7), (-0.9, -0.31, -0.77)])
 def test_sunlight_by_a_window_takes_few_points(direction):
     """Where its border passes a corner of a face, each round cut slivers from slivers, up to 50,000 points."""
@@ -74,7 +94,7 @@ def test_sunlight_by_a_window_takes_few_points(direction):
     model = Model(room)
     corners = np.zeros((int(model.world.first_face[1]), 3, 0), int)
     points = fine_points(model, 0, model.transforms({}), corners)
-    assert 500 < len(points.parents) < 2500
+    assert 500 < len(points.parents) < 8000
 
 
 def test_light_of_receivers_stays_bit_for_bit(model):

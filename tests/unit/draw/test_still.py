@@ -96,7 +96,7 @@ def test_the_error_bar_of_whole_paths_covers_their_error():
 def test_a_half_plane_before_the_sun_has_a_sharp_border_at_pixels():
     """Vertices are 0.25 m apart; the border is within a pixel of its place."""
     roof = quad((0.0, -2.0, 0.5), (0, 4, 0), (2, 0, 0), (1, 1))
-    scene = plane_scene(DirectionalLight("sun", (0.0, 0.0, -1.0), (5.0, 5.0, 5.0)))
+    scene = plane_scene(DirectionalLight("sun", (0.0, 0.0, -1.0), (5.0, 5.0, 5.0), 0.0))
     scene = replace(scene, static=merge(floor(2.0, 8), roof), camera=Camera((-1.0, 0.0, 1.2), (0.0, 0.0, 0.0), 40.0))
     scene = replace(scene, materials=(grey(0.0, two_sided=True),))
     solver = known(scene, 64)

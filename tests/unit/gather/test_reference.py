@@ -58,7 +58,7 @@ def test_spot_over_a_plane():
 def test_directional_light_and_its_shadow():
     """A 0.4 m square mobile at height 0.3 m under light at 45 degrees shades x in [0.1, 0.5]."""
     tile = Mobile("tile", build.quad((-0.2, -0.2, 0), (0.4, 0, 0), (0, 0.4, 0)), Pose((0, 0, 0.3)))
-    scene = build.plane_scene(DirectionalLight("d", (1, 0, -1), (2.0,) * 3), mobiles=(tile,))
+    scene = build.plane_scene(DirectionalLight("d", (1, 0, -1), (2.0,) * 3, 0.0), mobiles=(tile,))
     E, _ = reference_irradiance(scene, *points(*((x, 0, 0) for x in (0.05, 0.15, 0.45, 0.55))), paths=2, seed=0)
     lit = closed_form.directional(2.0, (1, 0, -1), UP)
     assert E[:, 1] == pytest.approx([lit, 0, 0, lit], rel=LIFT)
@@ -154,7 +154,7 @@ def test_standard_error_equals_the_scatter_of_seeds():
 
 
 def test_a_two_sided_sphere_is_black_inside_and_lit_outside():
-    scene = build.sphere_scene(DirectionalLight("d", (0, 0, -1), (3.0,) * 3))
+    scene = build.sphere_scene(DirectionalLight("d", (0, 0, -1), (3.0,) * 3, 0.0))
     surfaces, receivers = flatten(scene)
     E, _ = reference_irradiance(scene, *evaluation_points(surfaces, receivers), paths=4, seed=9)
     outside = (receivers.positions * receivers.normals).sum(axis=1) > 0
