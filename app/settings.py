@@ -37,6 +37,7 @@ SHOWS = ("radiance", "irradiance", *FALSE_COLOURS)
 POINTED, CLICKED = "pointed", "clicked"  # the ray under the cursor; that of the last click, which stays
 ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
+CHANGE = "change"  # one more there: light since the kept one
 BUDGET = 16.0  # [ms]: 60 frames per second
 PICTURE_SCALES = (1, 2, 4)
 SECONDS = 20.0  # for gathering light before a picture without a window
@@ -200,7 +201,7 @@ class Display:
     )
     white_balance: bool = switch(True, "draw coloured lamps coloured instead of neutral")
     tone_map: str = choice(DEFAULT_TONE_MAP, TONE_MAPS, f"({DEFAULT_TONE_MAP})")
-    show: str = choice(  # in the window ERRORS too
+    show: str = choice(  # in the window ERRORS and CHANGE too
         "radiance", SHOWS,
         "with reflectance, without, or false colours with a legend: of the light on surfaces, or of that seen by the"
         " camera (radiance)", counts=False, recolours=True,

@@ -40,6 +40,14 @@ class Finished(NamedTuple):
     darkened: str = ""  # where and why the scene on show darkens it, as `gi_core.bsdf.table.Table.limited`
 
 
+class KeptLight(NamedTuple):
+    """Light at rest, to compare later light with."""
+
+    irradiance: np.ndarray  # (R, 3) [W/m2]
+    deviation: np.ndarray  # (R,) [W/m2], standard error of its luminance
+    places: np.ndarray  # (R, 3) [m] of the receivers in the spaces of their objects
+
+
 class OpenScene:
     """A scene and its light; nothing here changes them. Before `_show` there is no light."""
 
@@ -61,6 +69,7 @@ class OpenScene:
         self._finishes: dict[tuple[str, bool, str], Finished] = {}
         self._parts: dict[str, tuple[str, ...]] = {}
         self._paths: dict = {}
+        self.kept: KeptLight | None = None  # light A
         self._grids: dict[CalculationSurface, tuple[tuple, Grid]] = {}  # poses that they are of, and points
 
     def _show(self, opened: Opened, light: SolverThread) -> None:
@@ -109,6 +118,21 @@ class OpenScene:
 
         levels = self.light.snapshot.levels
         return power_of(self.model.emitters, self.scene, levels, self.settings.watts, self.level.area)
+
+    @property
+    def light_to_keep(self) -> KeptLight | None:
+        """The light on show, once its errors are known: best light has them after seconds at rest."""
+        light = self.light.snapshot
+        at_poses = light.rest.at_poses
+        in_place = not light.poses or (at_poses is not None and at_poses.used)  # else those near objects are unknown
+        if light.deviation is None or not in_place or np.isnan(light.deviation).all():
+            return None
+        return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions)
+
+    def keep_light(self) -> None:
+        """Keep the light on show, to compare later light with it."""
+        self.kept = self.light_to_keep or self.kept
+        self.light.version += 1
 
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:

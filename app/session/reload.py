@@ -11,7 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from app.cli import saved_scene
+from app.session.log import WARNING
 from app.session.opening import COMPILING, Before
 from app.session.session import Asked, Inserted, Session
 from app.settings import TABLE, Settings
@@ -160,6 +163,11 @@ class Reload:
         before, theirs = vars(self._before), () if self.same else RESET_BY_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
         coming.light_by_estimator = now.light_by_estimator
+        places = coming.model.object_receivers.positions
+        if now.kept is not None and np.array_equal(now.kept.places, places):
+            coming.kept = now.kept
+        elif now.kept is not None and self.same:
+            now.log("light A is dropped: the surfaces are others", WARNING)
         if self.same:
             coming.inserted = Inserted(now.inserted.near, {**now.inserted.poses, **coming.inserted.poses})
         if self._edited is not None:

@@ -12,19 +12,26 @@ from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS
 from app.draw.legend import COLOUR_STEPS, PLATE, PLATE_OPACITY, TICK_EM, Layout, Legend, layout
 from app.window import theme
-from app.window.view_content import Errors
+from app.window.view_content import Change, Errors
 
 if TYPE_CHECKING:
     from app.window.camera_control import View
     from app.window.label import Box
 
 NO_DATA = "no reference yet"
+MINUS = "\N{MINUS SIGN}"
 
 
-def of_errors(errors: Errors) -> Legend:
-    """Return the legend of an error map."""
-    ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in (1, 0.5, 0, -0.5, -1)]
-    return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), unknown=NO_DATA)
+def of_errors(errors: Errors | Change) -> Legend:
+    """Return the legend of an error map, or of a map of changes."""
+    colours, places = signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), (1, 0.5, 0, -0.5, -1)
+    if isinstance(errors, Errors):
+        ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in places]
+        return Legend(texts(errors), ticks, colours, unknown=NO_DATA)
+    ends = {1.0: " or more", -1.0: " or less"}
+    ticks = [((1 + k) / 2, f"{k * errors.scale:+g}{ends.get(k, '')}".replace("-", MINUS)) for k in places if k]
+    lines = [f"Change since A [{errors.units.per_area}]", "grey: below two standard errors"]
+    return Legend(lines, [*ticks, (0.5, "0")], colours, unknown="error not yet known")
 
 
 def _layout(legend: Legend, view: View) -> Layout:
@@ -75,5 +82,5 @@ def tick_text(tick: float, scale: float) -> str:
     """Return the label of a tick; the ends of the scale include all larger errors."""
     if tick == 0:
         return "0 %"
-    number = f"{100 * tick * scale:+.3g} %".replace("-", "\N{MINUS SIGN}")
+    number = f"{100 * tick * scale:+.3g} %".replace("-", MINUS)
     return number + {1.0: " or more (too bright)", -1.0: " or less (too dark)"}.get(tick, "")

@@ -9,11 +9,12 @@ import numpy as np
 
 from app.draw.colour_map import UNKNOWN_COLOUR, round_scale, signed_colours
 from app.draw.draw_mesh import dimmed
-from app.settings import ERRORS, REFERENCE
+from app.settings import CHANGE, ERRORS, REFERENCE
 from gi_core.display.dilation import Drawn
 from gi_core.gather.estimate import Source
 from gi_core.geometry.error import luminance, signed_error
 from gi_core.scene.pose import three
+from gi_core.scene.types import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,13 +24,16 @@ if TYPE_CHECKING:
     from app.draw.readout import Pinned
     from app.rest.results import ReferencePicture
     from app.session.session import Session
-    from app.settings import Settings
+    from gi_core.scene.types import Units
 
 # Display colours of receivers by their last computation (method_view.py): background, changed, estimated, path traced
 RECOMPUTED = ((0.52, 0.53, 0.55), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40, 0.70, 0.95))
 RECOMPUTED_NAMES = (
     "from the background", "changed by removed and added segments", "estimated again from all segments", "path traced",
 )  # fmt: skip
+
+
+CERTAIN_CHANGE = 2.0  # standard errors, from which a change is coloured
 
 
 class Side(NamedTuple):
@@ -48,13 +52,35 @@ class Errors(NamedTuple):
     scale: float  # relative error at the ends of the colour map
     noise: float  # of the reference, relative l1
 
+    def positions(self, irradiance: np.ndarray) -> np.ndarray:
+        """Return the place (R,) on the colour map, -1 .. 1, of irradiance (R, 3) [W/m2]; nan where unknown."""
+        return signed_error(irradiance, self.reference, self.areas) / self.scale
+
+
+class Change(NamedTuple):
+    """The change since the kept light where it is certain."""
+
+    values: np.ndarray  # (R,) [W/m2], of the luminance, see certain_change()
+    scale: float  # change at the ends of the colour map [W/m2, or lx]
+    units: Units
+
+    def positions(self, irradiance: np.ndarray) -> np.ndarray:
+        """Return the place (R,) on the colour map, as of Errors."""
+        return self.values / self.scale
+
+
+def certain_change(now: np.ndarray, before: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """Return now - before, (R,), 0 below CERTAIN_CHANGE standard errors of it, nan where these are unknown."""
+    change = now - before
+    return np.where(np.abs(change) < CERTAIN_CHANGE * deviation, 0.0, np.where(np.isnan(deviation), np.nan, change))
+
 
 class Shown(NamedTuple):
     """Content of the picture."""
 
     sides: tuple[Side, ...]  # left to right
     coming: str  # a sentence about parts still to be computed; "": none
-    errors: Errors | None  # of an error map; None: light
+    errors: Errors | Change | None  # of an error map, or of a map of changes; None: light
     named: bool  # the picture needs a label
     recomputed: np.ndarray | None = None  # (R,) uint8, drawn as colours; None: not asked for, or unknown
     mesh: DrawMesh | None = None  # of the static part, with fine points; None: the session's
@@ -66,7 +92,11 @@ def shown(session: Session) -> Shown:
     reference, other = light.rest.reference, light.rest.comparison
     estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.source, light.deviation)
     exact = None if reference is None else Side(_label_of(reference), reference.drawn)
-    errors = _errors(session, estimate, reference) if s.show == ERRORS and reference is not None else None
+    errors: Errors | Change | None = None
+    if s.show == ERRORS and reference is not None:
+        errors = _errors(session, estimate, reference)
+    elif s.show == CHANGE:
+        errors = _change(session)
     if errors is None and reference is not None and reference.seen < 1:
         exact = None  # an error map may have holes, a picture may not
     left = exact if s.reference and exact is not None else estimate
@@ -84,7 +114,7 @@ def shown(session: Session) -> Shown:
         sides = tuple(side._replace(drawn=fine.light.of(side.drawn)) for side in sides)
     return Shown(
         sides,
-        _coming(s, right, reference, session.motion.is_active),
+        _coming(session, right, reference, errors),
         errors,
         s.reference or errors is not None,
         recomputed,
@@ -100,8 +130,13 @@ def lit(session: Session, shown: Shown, side: Side) -> LitScene:
     return replace(lit, meshes=meshes, drawn=side.drawn, deviation=side.deviation)
 
 
-def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None, moves: bool) -> str:
+def _coming(
+    session: Session, right: Side | None, reference: ReferencePicture | None, errors: Errors | Change | None
+) -> str:
     """Return the sentence about parts still to be computed."""
+    s, moves = session.settings, session.motion.is_active
+    if s.show == CHANGE and errors is None:
+        return "change: no light is kept; Keep as A does" if session.kept is None else "change: computed at rest"
     names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
     if REFERENCE in s.beside_estimate and (reference is None or reference.seen < 1):
         names.append(REFERENCE if reference is None else f"{REFERENCE} ({100 * reference.seen:.0f} % of receivers)")
@@ -125,7 +160,7 @@ def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
 
 
 def paint(
-    lit: LitScene, errors: Errors | None, recomputed: np.ndarray | None = None
+    lit: LitScene, errors: Errors | Change | None, recomputed: np.ndarray | None = None
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return colours (D, 3) float32 of front and back per object: linear radiance, negative where unknown.
 
@@ -136,8 +171,7 @@ def paint(
     if recomputed is not None:
         of_receivers = np.array(RECOMPUTED, np.float32)[recomputed]
     else:
-        off = signed_error(lit.drawn.irradiance, errors.reference, errors.areas)
-        of_receivers = signed_colours(off / errors.scale)
+        of_receivers = signed_colours(errors.positions(lit.drawn.irradiance))
     out = []
     for mesh in lit.meshes:
         back = of_receivers[mesh.back]
@@ -157,6 +191,17 @@ def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Er
     # ends of the colour map: a relative error of 0.02 at least
     scale = session.settings.error_range or max(round_scale(off, areas), 0.02)
     return Errors(E, areas, scale, reference.noise)
+
+
+def _change(session: Session) -> Change | None:
+    """Return the change since the kept light; None without one, and while anything moves."""
+    kept, light = session.kept, session.light.snapshot
+    if kept is None or light.deviation is None:
+        return None
+    deviation = np.hypot(kept.deviation, light.deviation)
+    values = certain_change(luminance(light.irradiance), luminance(kept.irradiance), deviation)
+    scale = round_scale(values, session.model.object_receivers.areas * (np.nan_to_num(values) != 0))
+    return Change(values, scale, UNITS[session.scene.units])
 
 
 def _estimate(

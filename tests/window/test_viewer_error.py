@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from app.rest import live_error
+from app.settings import LampLevel
+from app.window import view_content
+from gi_core.files.edits import Finish, Remove
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import in_window, keys
 
@@ -151,3 +154,56 @@ def test_caption_and_limits_of_a_point():
     assert text.endswith("error 4.6 % (reference noise ±0.4 %)\nGI frame 12.3 ms")
     low, high = limits([2.0, 50.0])
     assert 0 < low < 2 and high > 50
+
+
+def test_a_change_below_two_standard_errors_is_grey():
+    before, now = np.array([10.0, 10.0, 10.0, 10.0, np.nan]), np.array([11.9, 12.1, 7.0, 20.0, 1.0])
+    change = view_content.certain_change(now, before, np.array([1.0, 1.0, 1.0, np.nan, 1.0]))
+    assert change[:3] == pytest.approx([0.0, 2.1, -3.0]) and np.isnan(change[3:]).all()
+
+
+@in_window(light="best")
+def test_changes_since_a_kept_light_are_mapped(hand, viewer):
+    from gi_core.geometry.error import luminance
+    from tests.window.test_viewer_edits import RED, change
+
+    ctx, E = hand.ctx, lambda: luminance(viewer.session.light.snapshot.irradiance)
+    hand.wait(lambda: viewer.session.light.all_done)
+    ctx.set_ref("Panel")
+    ctx.combo_click("##Show/Change since A")
+    hand.wait(lambda: "Keep as A" in shown(viewer).coming)
+    assert shown(viewer).errors is None and viewer.viewport.legend is None
+    ctx.item_click("**/Keep as A")
+    hand.wait(lambda: shown(viewer).errors is not None)
+    assert not shown(viewer).coming and not np.nan_to_num(shown(viewer).errors.values).any(), "the same light"
+    before, deviation = E(), viewer.session.light.snapshot.deviation
+
+    name = viewer.session.model.emitters.lamps.names[0]
+    viewer.session.want(replace(viewer.session.settings, lamps=(LampLevel(name, 0.5),)))
+    hand.wait_for_light()
+    hand.wait(lambda: shown(viewer).errors is not None and np.nan_to_num(shown(viewer).errors.values).any())
+    hand.wait(lambda: viewer.session.light.all_done)
+    hand.ctx.yield_(3)
+    values, change_now = shown(viewer).errors.values, E() - before
+    lit = np.isfinite(values) & (before > 6 * deviation)
+    assert values[lit] == pytest.approx(change_now[lit]) and change_now[lit].max() < 0 and lit.mean() > 0.5
+    assert viewer.viewport.legend.lines[0] == "Change since A [W/m²]"
+    low, high = (min(viewer.viewport.legend.ticks)[1], max(viewer.viewport.legend.ticks)[1])
+    assert low.startswith("\N{MINUS SIGN}") and low.endswith(" or less") and high.endswith(" or more")
+
+    # An object casts its shadow elsewhere: where nothing changes by more than noise, grey.
+    viewer.session.want(replace(viewer.session.settings, lamps=()))
+    hand.wait_for_light()
+    viewer.session.move({"block": viewer.session.poses["block"]._replace(position=(0.3, 0.0, 0.3))})
+    hand.wait(lambda: viewer.session.light.all_done and shown(viewer).errors is not None)
+    hand.ctx.yield_(3)
+    values, both = shown(viewer).errors.values, np.hypot(deviation, viewer.session.light.snapshot.deviation)
+    certain, known = (np.abs(E() - before) >= 2 * both) & (E() != before), np.isfinite(both)
+    assert np.array_equal(values[known] != 0, certain[known]) and 0 < certain[known].mean() < 0.9
+    assert np.isnan(values[~known]).all() and values[known & certain] == pytest.approx((E() - before)[known & certain])
+
+    # A material keeps the surfaces, a further object does not.
+    change(hand, viewer, lambda: viewer.session.change_scene(Finish("white", (("reflectance", RED),))))
+    assert viewer.session.kept is not None
+    change(hand, viewer, lambda: viewer.session.change_scene(Remove("block")))
+    assert viewer.session.kept is None and any("light A is dropped" in e.text for e in viewer.log.entries)

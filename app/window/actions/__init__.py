@@ -165,6 +165,7 @@ ACTIONS = {
         label="What the frame computed",
     ),
     "meter": Action(views.meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
+    "keep light": Action(lambda w: w.session.keep_light(), label="Keep light as A"),
     "clear chart": Action(lambda w: w.session.points.clear()),
     "toggle panel": Action(views.toggle_panel, (K.tab,), "Tab", "hide or show the panel", False, "Panel"),
     "help": Action(views.toggle_help, (K.h,), "H", "hide or show this help", False, "Keys and mouse"),

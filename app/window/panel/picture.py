@@ -12,6 +12,7 @@ from app import values
 from app.draw.false_colour import Scale
 from app.session.log import WARNING, Log
 from app.settings import (
+    CHANGE,
     ERROR_RANGES,
     ERRORS,
     FALSE_COLOURS,
@@ -40,6 +41,10 @@ METER = ui.Button(
     "view is bright. Surfaces that shine count too. Key A.",
 )
 
+KEEP = ui.Button(
+    "keep light", "Keep as A", "Keep the light on show, to compare later light with it: Show, Change since A."
+)
+
 
 def show_names(units: Units) -> dict[str, str]:
     """Return the choices of the quantity shown, by value of `Settings.show`."""
@@ -49,6 +54,7 @@ def show_names(units: Units) -> dict[str, str]:
         ILLUMINANCE: f"{units.on_surface} in {units.per_area}",
         LUMINANCE: f"{units.from_surface.capitalize()} in {units.per_solid_angle}",
         ERRORS: "Error map",
+        CHANGE: "Change since A",
     }
 
 
@@ -66,7 +72,8 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
                 "Light alone: the light on surfaces (irradiance), drawn as if all were white.\n"
                 f"{units.on_surface}: light per area on surfaces, in false colours.\n"
                 f"{units.from_surface.capitalize()}: light that the camera sees, in false colours.\n"
-                "Error map: error of irradiance against the reference.")  # fmt: skip
+                "Error map: error of irradiance against the reference.\n"
+                "Change since A: light on surfaces now, less that which Keep as A has kept.")  # fmt: skip
     s = _scale(s, window.viewport.picture.scale, units, window.log)
     with ui.idle(of_values):
         s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
@@ -82,6 +89,8 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     sizes: dict = {k: f"{k}x the pixels" for k in PICTURE_SCALES}
     s = ui.choice(s, "Saved picture", "picture_scale", sizes, "Size of pictures saved by P, relative to the viewport.")
     ui.buttons(actions, METER, ui.Button("reset view", "Reset view", "Return the camera to its start. Key Home."))
+    with ui.idle("" if window.session.light_to_keep else "errors are not known yet; only best light has them"):
+        ui.buttons(actions, KEEP)
     return s
 
 
