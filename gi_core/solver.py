@@ -24,6 +24,8 @@ from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.held_light import Held
 from gi_core.gather.reference import ReferenceState
+from gi_core.gather.static import visual_shares
+from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lamps
@@ -322,7 +324,18 @@ class Solver:
         """
         if (b := self.frame.background) is None or not b.estimate.photons:
             return np.full(len(self.irradiance), np.nan)
-        return self.frame_light.deviation(self.model.transforms(self.poses), b, self.irradiance)
+        at, f = self.model.transforms(self.poses), self.frame
+        return self.frame_light.deviation(at, b, (f.irradiance, f.deviation))
+
+    @property
+    def error(self) -> float:
+        """Relative l1 error of `irradiance` where `deviation` knows it; nan where it knows none.
+
+        Places brighter than the view count less, see visual_shares().
+        """
+        deviation, areas, E = self.deviation, self.model.object_receivers.areas, luminance(self.irradiance)
+        finite = np.isfinite(deviation)
+        return relative_noise(deviation, self.irradiance, areas * visual_shares(self.model, E, areas), finite)
 
     @property
     def static_irradiance(self) -> np.ndarray:

@@ -22,7 +22,6 @@ from app.rest.results import MeasuredPoint, ReferencePicture, Report
 from app.settings import REFERENCE, Settings
 from app.worker import Task
 from gi_core.geometry.error import (
-    CLEAR,
     CLOUD_REACH,
     bias_left,
     local_deviation,
@@ -39,6 +38,7 @@ SAMPLED_RECEIVERS = 1000  # of a scene with more than FEW_RECEIVERS
 FEW_RECEIVERS = 4000  # in a measurement of all
 NOISE_OF_ERROR = 0.15  # largest final noise of the reference, as a share of the error ...
 FINAL_NOISE = 0.003  # ... or this, if larger
+STATED = 0.7  # the same, from which on the error is stated
 PICTURE_NOISE = 0.01  # final noise of the reference as a picture
 
 
@@ -257,7 +257,7 @@ class LiveError(Job):
     def _report(self, reference: ReferenceJob) -> None:
         m, E, w = self._measured, self._light[reference.rows], reference.weights
         measured = reference.error(self._light)
-        total = measured if reference.noise <= max(FINAL_NOISE, CLEAR * measured) else math.nan
+        total = measured if reference.noise <= max(FINAL_NOISE, STATED * measured) else math.nan
         noise = float("nan")
         if m.subset:
             at = self._solver.model.transforms(self._solver.poses)

@@ -97,6 +97,7 @@ class RestResults(NamedTuple):
     """Results for the light of one snapshot."""
 
     gathered: GatherProgress  # of the static part
+    error: float = math.nan  # of the light on show, as it states itself: Solver.error; nan: unknown
     at_poses: GatherProgress | None = None  # with mobiles in place; None: not begun
     report: Report | None = None
     point: MeasuredPoint | None = None  # of the error chart

@@ -17,6 +17,8 @@ from app.worker import Task
 from gi_core.base.pause import Interrupted
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from app.rest.hold import HeldResult
     from gi_core.solver import Solver
 
@@ -35,6 +37,8 @@ class RestWork:
     """Work at rest in short tasks, and its results. One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self._solver = solver
+        self._stated: tuple[np.ndarray | None, float] = None, math.nan  # irradiance, and the error that it states
         self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
         self.at_poses, self.surfaces, self.fine = PoseJob(solver), SurfacesJob(solver), FineJob(solver)
         self.hold, self.asked = HoldJob(solver), AskedJob(solver)
@@ -65,15 +69,18 @@ class RestWork:
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""
-        if task is None:
-            return TaskEnd("", False)
-        try:
-            return TaskEnd(task.name, task.run())
-        except Interrupted:
-            raise
-        except Exception as problem:
-            self.given_up.add(task.name)
-            return TaskEnd(task.name, False, problem)
+        end = TaskEnd("", False)
+        if task is not None:
+            try:
+                end = TaskEnd(task.name, task.run())
+            except Interrupted:
+                raise
+            except Exception as problem:
+                self.given_up.add(task.name)
+                end = TaskEnd(task.name, False, problem)
+        if self._stated[0] is not (E := self._solver.irradiance):  # not in motion, where no work is run
+            self._stated = E, self._solver.error
+        return end
 
     def results(self) -> RestResults:
         """Return the results for the solver's present light."""
@@ -84,7 +91,9 @@ class RestWork:
         held = self.hold.result
         surfaces = (*(held.lights if held else ()), *self.surfaces.lights)
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
-        return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
+        E, error = self._stated
+        error = error if E is self._solver.irradiance else math.nan
+        return RestResults(self.gathering.progress, error, at_poses, e.report, e.point, reference, e.comparison.result,
                            surfaces, self.fine.light, held, self.hold.fraction, self.asked.answer)  # fmt: skip
 
     def end(self) -> None:

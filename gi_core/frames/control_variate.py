@@ -63,6 +63,7 @@ class ControlledLight(NamedTuple):
 
     irradiance: np.ndarray  # (R, 3) float64 [W/m2], as shown
     unbiased: np.ndarray  # (>= n, 3) float64 [W/m2] of the static part: noisier, may be negative
+    deviation: np.ndarray  # (n,) float64 [W/m2], standard error that the change by mobiles brings to its luminance
 
 
 class Direct(NamedTuple):
@@ -264,4 +265,5 @@ def frame_irradiance(
     noise[:] = np.where(is_mean, np.maximum(noise, averaged(near, noise, is_mean, threads)), noise)
     smooth(change, REACH, near, threads)
     run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
-    return ControlledLight(out, unbiased)
+    left = np.where(is_mean, CORRELATED, -1.0) * change[:, VARIANCE]
+    return ControlledLight(out, unbiased, np.sqrt(left / 3))  # of grey light, see _measure

@@ -57,6 +57,7 @@ class Frame(NamedTuple):
     control_facts: ControlFacts = ControlFacts(0.0, 0, 0)  # receivers under artifact control, in general and now
     held: HeldLevels | None = None  # None: lamps hold no targets
     timings: Mapping[str, float] = MappingProxyType({})  # stage -> seconds
+    deviation: np.ndarray | None = None  # (n,) [W/m2], that of ControlledLight; None before the first
 
     @property
     def photons(self) -> int:
@@ -164,16 +165,17 @@ def next_frame(
         held = light.hold(_held(b, light, changed, evaluated) if size.photons else None)
         clock("hold")
         if size.photons:
-            E, unbiased = _controlled(b, light, evaluated, at, size.photons, clock)
+            E, unbiased, deviation = _controlled(b, light, evaluated, at, size.photons, clock)
         else:
             E = unbiased = np.zeros((len(evaluated.area), 3))
+            deviation = np.zeros(b.model.surfaces.receiver_range(0).stop)
     clock("read out")
     if size.paths:
         light.light_mobiles(E, at, unbiased, size.paths, b)
         clock("gather")
     own, E = E, light.rested(E, at, b, size.photons)
     gloss, facts = light.gloss_at(b, changed, clock, size.paths), b.estimate.control_facts
-    parts = changed, evaluated, gloss, size, light.is_gathered, facts, held, clock.seconds
+    parts = changed, evaluated, gloss, size, light.is_gathered, facts, held, clock.seconds, deviation
     return Frame(poses, E, own, light.setting.levels, b.store, b, *parts)
 
 
@@ -218,7 +220,7 @@ def _controlled(
     unit, own = model.emitters.unit_flux / photons, b.irradiance(photons, levels, sums.direct)
     if light.is_own(b, photons):
         E = own_irradiance(sums, unit, own, b.store.weights(levels), model.threads)
-        return ControlledLight(E, E)
+        return ControlledLight(E, E, np.zeros(len(own)))
     direct = light.direct_at(at, b)
     clock("direct")
     background, _ = b.estimate.background(photons, sums.direct)
@@ -246,7 +248,7 @@ def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: di
     if shown.background is None:
         weights = b.store.weights(light.setting.levels)
         return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
-    E, unbiased = _controlled(b, light, every, at, n)
+    E, unbiased, _ = _controlled(b, light, every, at, n)
     if shown.paths:
         light.light_mobiles(E, at, unbiased, shown.paths, b, fresh=True)
     return light.rested(E, at, b, n)

@@ -23,7 +23,6 @@ from gi_core.gather.estimate import Source
 from gi_core.gather.pose_gather import PoseGather, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.error import luminance
-from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.gloss.light import GlossLight
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
@@ -179,13 +178,14 @@ class FrameLight:
             return E
         return self.at_poses.replaced(E, lambda: self.static_irradiance(b, photons), at, self.setting.levels)
 
-    def deviation(self, at: Transforms, b: Background | None, of_frame: np.ndarray | None = None) -> np.ndarray:
-        """Return the standard error (R,) of the luminance [W/m2] at poses, where the change of photons is not its
-        source.
+    def deviation(
+        self, at: Transforms, b: Background | None, of_frame: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """Return the standard error (R,) of the luminance [W/m2] at poses, without that of the change of photons.
 
-        of_frame (R, 3) [W/m2]: the light of a frame there, None: any. With it bias counts, as the static part's light
-        has it on average, and the error is nan where it is not known: where the change of photons counts, and where
-        paths of the frame light mobiles.
+        of_frame: the light (R, 3) [W/m2] of a frame there and its deviation by that change (n,), None: of any. With it
+        this change counts, and bias, as the static part's light has it on average; nan where paths of the frame light
+        mobiles, whose error is not known.
         """
         receivers = len(self._model.object_receivers.areas)
         if not self.setting.takes_gathered:
@@ -194,12 +194,12 @@ class FrameLight:
         static = self.static.deviation(b, levels)
         out[: len(static)] = static
         if of_frame is not None:
-            n, areas = self._model.surfaces.receiver_range(0).stop, self._model.object_receivers.areas
-            light = luminance(self.static_irradiance(b, 0))
-            least = AFFECTED * float(areas[:n] @ light) / max(float(areas[:n].sum()), 1e-300)  # as of PoseGather
-            out[:n] *= self.static.best.understated if self.static.best is not None else np.nan
+            n = self._model.surfaces.receiver_range(0).stop
+            now, light = luminance(of_frame[0][:n]), luminance(self.static_irradiance(b, 0))
+            kept = np.minimum(np.divide(now, light, out=np.ones(n), where=light > 0), 1.0)  # in shadow, of its error
+            kept *= self.static.best.understated if self.static.best is not None else np.nan
+            out[:n] = np.hypot(kept * out[:n], of_frame[1])
             out[n:] = np.nan
-            out[:n][np.abs(luminance(of_frame[:n]) - light) > least] = np.nan
         return self.at_poses.deviation(at, levels, out)
 
     def before_edit(

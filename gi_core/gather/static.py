@@ -27,7 +27,7 @@ from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.radiosity import Radiosity
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
-from gi_core.geometry.error import CLEAR, luminance, relative_noise
+from gi_core.geometry.error import luminance, relative_noise
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT
@@ -88,7 +88,8 @@ ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation th
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 STATIC_ROUNDS = 32  # until 1 % noise; the first noise is known after two
 FIRST_PHASE = 0.15  # of the time, roughly
-SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1
+SAMPLE = 512  # receivers, drawn by weight, that measure the error of phase 1 ...
+CLEAR = 2.0  # ... by paths of so many times its noise: their squares are subtracted
 
 
 class ErrorSample(NamedTuple):

@@ -15,7 +15,6 @@ import numpy as np
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear RGB
 GROUPS = 8  # of receivers whose truth is alike in noise
-CLEAR = 1.4  # an error is known once the noise of its truth is at most so many times as large
 CLOUD_REACH, PLACES = 0.1, 500  # clouds are looked for within so much of the scene's size around so many places
 DARK = 0.02  # of mean irradiance: the least that a signed error is relative to
 
@@ -122,14 +121,15 @@ def error_less_noise(E: np.ndarray, T: np.ndarray, deviation: np.ndarray, weight
 
     deviation (n,): mean standard error of T's luminance, without bias by few samples; weights (n,): areas. Squares of
     noise are subtracted in GROUPS of like noise. If subtracted from all at once, noise of few receivers would hide
-    little of the error of the others, and twice the error would be left. 0 where T is black.
+    little of the error of the others, and twice the error would be left. Signs of groups stay, as noise alone has
+    either. 0 where T is black.
     """
     truth = luminance(T)
     off, noise = weights * np.abs(luminance(E) - truth), weights * deviation
     groups = np.array_split(np.argsort(deviation), GROUPS)
-    squares = [off[g].sum() ** 2 - 2 / math.pi * noise[g].sum() ** 2 for g in groups]
+    squares = np.array([off[g].sum() ** 2 - 2 / math.pi * noise[g].sum() ** 2 for g in groups])
     light = float((weights * truth).sum())
-    return float(np.sqrt(np.maximum(squares, 0.0)).sum()) / light if light > 0 else 0.0
+    return max(float((np.sign(squares) * np.sqrt(np.abs(squares))).sum()) / light, 0.0) if light > 0 else 0.0
 
 
 def bias_left(total: float, *noises: float) -> float:

@@ -265,7 +265,7 @@ class CountingSolver:
         self.frame_light = SimpleNamespace(
             static=static, is_gathered=False, gathered_at=lambda at: None, source=Source.PHOTONS, held=None
         )
-        self.deviation = np.zeros(len(self.irradiance))
+        self.deviation, self.error = np.zeros(len(self.irradiance)), math.nan
         self.paths_at_rest, self.scene_size = 0, 1.0
         self.at_rest = 0  # photons of the last picture
         self.budget = FrameBudget()

@@ -102,7 +102,7 @@ def test_noise_of_the_reference_is_no_error_of_the_light(solver, monkeypatch):
         task.run()
         seen += [live_error.report] if live_error.report is not None else []
     known = [r for r in seen if r.total == r.total]
-    assert known[0].reference_noise > known[-1].total > 2 * known[-1].reference_noise
+    assert known[0].reference_noise > 0.4 * known[-1].total and len(known) < len(seen)
     assert all(r.total == pytest.approx(known[-1].total, rel=0.25) for r in known)
 
 

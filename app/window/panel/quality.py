@@ -133,13 +133,11 @@ def status_of(session: Session) -> Status:
 
 
 def error_of(session: Session) -> float | None:
-    """Return the error of the light on show: measured, else of the gathered light alone; None: unknown."""
-    report, gathered = session.light.snapshot.rest.report, session.gathered
-    if report is not None and not math.isnan(report.total):
-        return report.total
-    if gathered is not None and gathered.used and gathered.error < 1:
-        return gathered.error
-    return None
+    """Return the error of the light on show: measured, else as gathered light states it; None: unknown."""
+    rest = session.light.snapshot.rest
+    if rest.report is not None and not math.isnan(rest.report.total):
+        return rest.report.total
+    return rest.error if rest.gathered.used and rest.error < 1 else None
 
 
 def frame_rate(seconds: float) -> str:
