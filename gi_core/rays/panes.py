@@ -136,7 +136,8 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     distance, face = nearest_hit(s.opaque, o, ray, ox, oy, oz, dx, dy, dz, limit)
     if s.first[o + 1] > s.first[o]:
         t, k = nearest_hit(s.glass, o, ray, ox, oy, oz, dx, dy, dz, distance)
-        if k >= 0:
+        # An opaque face in the plane of a pane is hit first: past the pane, a photon would start behind it.
+        if k >= 0 and (face < 0 or t + holes.BEYOND * (t + s.reach[o]) < distance):
             return t, np.int32(s.face[s.first[o] + k])
     return distance, np.int32(face)
 

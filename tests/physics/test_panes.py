@@ -14,6 +14,7 @@ from gi_core.rays.panes import shares_of
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Material, Mobile, Pane, PointLight, Pose, Probe, Scene, SkyLight
 from gi_core.solver import Solver
+from tests.physics.test_leaves import blots, screen
 from tests.support.lit_from_outside import MATERIALS, prism
 from tests.support.scene_builders import box, grey, merge, quad, sphere
 
@@ -127,7 +128,7 @@ def test_photons_and_paths_agree_behind_a_pane():
 
 
 def histories() -> Scene:
-    """A room with a tinted pane, a box of glass and a ball; a lamp, a bulb, sun and sky."""
+    """A room with a tinted pane, a box of glass, a ball and a leaf with holes; a lamp, a bulb, sun and sky."""
     materials = (
         Material("wall", (0.8, 0.6, 0.4)),
         Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
@@ -142,6 +143,7 @@ def histories() -> Scene:
     mobiles = (
         Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 3), Pose((0.6, 0.4, 0.0))),
         Mobile("ball", sphere((0, 0, 0), 0.15, 1, 0), Pose((0.3, 0.7, 0.4))),
+        Mobile("leaf", screen(blots(7, 3), 0.4), Pose((0.5, 0.2, 0.3))),
     )
     lights = (
         PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),
@@ -154,7 +156,7 @@ def histories() -> Scene:
 SCENE = histories()
 places = st.tuples(st.floats(-0.1, 1.1), st.floats(-0.1, 1.1), st.one_of(st.just(0.0), st.floats(-0.1, 1.0)))
 poses = st.builds(lambda p, turn: Pose(p, axis_angle((1.0, 0.5, 0.0), turn)), places, st.sampled_from([0.0, 40.0]))
-moves = st.lists(st.tuples(st.sampled_from(["box", "ball"]), poses), min_size=1, max_size=4)
+moves = st.lists(st.tuples(st.sampled_from(["box", "ball", "leaf"]), poses), min_size=1, max_size=4)
 
 
 @pytest.mark.parametrize("light", ["photons", "best"])
@@ -204,6 +206,22 @@ def test_a_moved_pane_dims_what_stands_behind_it(rays):
     light = direct.at(at, levels)
     np.testing.assert_allclose(light[inside], np.tile(10 * passes[0], (inside.sum(), 1)), rtol=1e-5)
     np.testing.assert_allclose(light[outside], 10.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("height", [0.5, 0.4999999])
+def test_no_light_passes_a_pane_in_the_plane_of_a_wall(height):
+    """By photons all light passed."""
+    wall, pane = quad((-1, -1, 0.5), (2, 0, 0), (0, 2, 0)), quad((-0.5, -0.5, height), (1, 0, 0), (0, 1, 0), (1, 1), 1)
+    floor = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), (10, 10))
+    sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0))
+    scene = Scene(merge(floor, wall, pane), (grey(0.0, two_sided=True), glass()), (), (sun,), up=UP, name="plane")
+    solver = Solver(scene, photons=20_000, radius=0.1, light="photons")
+    solver.solve()
+    p = solver.receivers.positions
+    below = (p[:, 2] < 0.1) & (np.abs(p[:, :2]).max(axis=1) < 0.9)
+    assert below.any() and not solver.irradiance[below].any()
+    above = (p[:, 2] > 0.4) & (solver.receivers.normals[:, 2] > 0)
+    assert solver.irradiance[above].max() > 5.0
 
 
 def test_opaque_faces_keep_their_rays_beside_panes():
