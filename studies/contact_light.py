@@ -13,11 +13,26 @@ import argparse
 from dataclasses import replace
 
 import numpy as np
+from PIL import Image
 
+from app.draw.camera import from_camera
+from app.draw.draw_mesh import meshes_of
+from app.draw.shot import Shot, home_camera
+from app.rest.scheduler import gather
+from app.settings import Settings, make_solver, open_scene
 from gi_core.base.vectors import cross, dot, length
+from gi_core.display.fine_points import fine_points
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
+from gi_core.scene.types import Camera, Pose
 
+SHOTS = (  # scene, camera, target, field of view [degrees], poses
+    ("classroom", (0.4, 1.5, -2.3), (-0.5, 0.1, 0.5), 38.0, {}),
+    ("office", (1.0, 1.3, 1.6), (2.9, 0.3, -0.75), 40.0, {}),
+    ("office", (-1.2, 1.6, 1.9), (-2.2, 0.6, -0.4), 42.0, {}),
+    ("cornell", (0.36, 0.13, -0.12), (0.34, 0.03, 0.2), 32.0, {"pawn": Pose((0.34, 0.0, 0.2))}),
+    ("living_room", (0.8, 0.8, 0.8), (-0.9, 0.15, -1.6), 36.0, {}),
+)
 NEAR, BESIDE = 0.02, 0.005  # of the scene's size
 WAYS = 16  # of the search for other surfaces
 LIFT = 1e-4  # of the scene's size
@@ -76,25 +91,40 @@ def distance_to_others(model, place: np.ndarray, normals: np.ndarray) -> np.ndar
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", nargs="+")
+    parser.add_argument("scene", nargs="*")
+    parser.add_argument("--sheet", metavar="FILE", help="SHOTS: light at receivers, at fine points, per pixel")
     parser.add_argument("--seconds", type=float, default=20.0, help="of gathering")
     parser.add_argument("--points", type=int, default=1500)
     parser.add_argument("--paths", type=int, default=600)
     a = parser.parse_args()
+    if a.sheet:
+        Image.fromarray(np.concatenate([strip(a.seconds, *shot) for shot in SHOTS])).save(a.sheet, quality=80)
     print("| scene | everywhere | near | beside | points |\n|---|---|---|---|---|")
     for name in a.scene:
         for line in row(name, a.seconds, a.points, a.paths):
             print(line, flush=True)
 
 
+def strip(seconds: float, name: str, position, target, degrees: float, poses) -> np.ndarray:
+    """Return three pictures of a view side by side, at one exposure."""
+    settings, taken = Settings(scene=name, size=(480, 300)), []
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    solver.move_all(poses)
+    gather(solver, seconds, lambda *_: None)
+    shots = [Shot(solver, settings, paths) for paths in (None, None, 0)]
+    for k, shot in enumerate(shots):
+        shot.camera = from_camera(Camera(position, target, degrees), solver.scene.up, shot.camera.bounds)
+        shots[0].expose()
+        shot.exposure = shots[0].exposure
+        if k:
+            shot.refine()
+        taken.append(shot.take())
+    return np.concatenate(taken, axis=1)
+
+
 def row(name: str, seconds: float, points: int, paths: int):
     """Yield rows of the table: light at receivers alone, and with fine points."""
-    from app.draw.draw_mesh import meshes_of
-    from app.draw.shot import home_camera
-    from app.rest.scheduler import gather
-    from app.settings import Settings, make_solver, open_scene
-    from gi_core.display.fine_points import fine_points
-
     settings = Settings(scene=name)
     solver = make_solver(replace(open_scene(settings), mobiles=()), settings)
     solver.solve()

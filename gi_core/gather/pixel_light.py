@@ -160,7 +160,7 @@ def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
             share, start = 1.0 / sites.count[k], row(sites.start, q)
             middle = middle[0] + share * start[0], middle[1] + share * start[1], middle[2] + share * start[2]
         chosen = int(random_numbers.independent(seed, sites.key[k], 0, SET) * LIGHT_SETS)
-        total, sets = 0.0, 1
+        total, of_suns, sets = 0.0, 0.0, 1
         for s in range(NEAR_SETS):
             if s == sets:
                 break
@@ -171,24 +171,29 @@ def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
                 strength = strength_of(points, area, delta, i, far, middle, normal, way)
                 room[s, j] = strength * bright[i]
                 total += room[s, j]
+                if points.reach[i] == np.inf:
+                    of_suns += room[s, j]
                 if strength > 0.0 and way[3] * way[3] < SPARSE * SPARSE * NEAR_SETS * points.spread[i]:
                     sets = NEAR_SETS
                     near[k] |= way[3] * way[3] < TOO_NEAR * TOO_NEAR * points.spread[i]
         whole[k] = total / sets
         if total <= 0.0:
             continue
-        step, passed, taken = total / rays, 0.0, 0
+        # Where suns would bring most and other lamps something, each get half of the rays: suns are mostly hidden.
+        less = (total - of_suns) / of_suns if 0.5 * total < of_suns < total else 1.0
+        step, passed, taken = (total - of_suns + less * of_suns) / rays, 0.0, 0
         offset = random_numbers.independent(seed, sites.key[k], 0, OFFSET)
         for j in range(count):  # along the curve, the sets abreast
             for s in range(sets):
-                passed += room[s, j]
+                chance = less if points.reach[chosen * count + j] == np.inf else 1.0
+                passed += chance * room[s, j]
                 times = 0
                 while taken + times < rays and (taken + times + offset) * step < passed:
                     times += 1
                 i, of = (chosen + s) % LIGHT_SETS * count + j, sites.count[k]
                 for q in range(min(times, of)):
                     start = row(sites.start, sites.first[k] + (taken + q) % of)
-                    share = (times - q + of - 1) // of * step / sets / bright[i]
+                    share = (times - q + of - 1) // of * step / chance / sets / bright[i]
                     u, v, w, d = way_to(row(points.place, i), points.reach[i] == np.inf, far, start)
                     out.lamp[n] = 0
                     for c in range(3):
