@@ -16,7 +16,7 @@ from gi_core.bsdf.tabulate import tabulate
 from gi_core.files.completion import complete
 from gi_core.files.completion.crossings import with_corners_at_crossings
 from gi_core.files.completion.pilot import Box, Rays, useful_box
-from gi_core.files.completion.refinement import COARSEST, FINEST, refined
+from gi_core.files.completion.refinement import COARSEST, refined
 from gi_core.files.completion.sides import facing_the_scene, one_sided_where_dark
 from gi_core.files.find import find_scene
 from gi_core.files.formats.boundary import Boundary
@@ -283,15 +283,16 @@ def _leave_out_dark_sides(loading: Loading) -> None:
 
 
 def _split_static(loading: Loading) -> None:
-    """Edges as the file or the user says, else, of a bare mesh, finest where light goes."""
+    """Edges as the file or the user says, else, of a bare mesh or a coarse one, finest where light goes."""
     scene, max_edge = loading.scene, loading.max_edge or loading.file.static.max_edge
     if max_edge is not None:
         if max_edge != np.inf:
             loading.change(static=loading.split(scene.static, max_edge, loading.where))
-    elif not loading.bare:
-        loading.note(*_note_on_edges(scene, useful_box(scene, loading.rays or Rays(scene))))
-    else:
-        mesh, edge = refined(scene, loading.rays, loading.box, MOST_RECEIVERS)
+        return
+    rays = loading.rays or Rays(scene)
+    box = loading.box if loading.bare else useful_box(scene, rays)
+    if loading.bare or _is_coarse(scene, box):
+        mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
         before, after = len(scene.static.faces), len(mesh.faces)
         if after > before:
             loading.change(static=mesh)
@@ -336,19 +337,13 @@ STEPS: tuple[Callable[[Loading], None], ...] = (
 )
 
 
-def _note_on_edges(scene: Scene, box: Box) -> list[str]:
-    """Return a note if triangles too long to show shadows get most of the light, lamps aside."""
+def _is_coarse(scene: Scene, box: Box) -> bool:
+    """Return whether triangles too long to show shadows get most of the light, lamps aside."""
     glows = np.array([any(m.emission) for m in scene.materials])
     lit = ~glows[scene.static.face_material] & box.side_hits.any(axis=1)  # not what lies far outside
     hits, corners = box.side_hits[lit].sum(axis=1), scene.static.vertices[scene.static.faces[lit]]
     longest = np.sqrt(((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2).max(axis=1))
-    if not 2 * hits[longest > COARSEST * box.size].sum() > hits.sum():
-        return []
-    wanted = f"{1.5 * FINEST * box.size:.1g}"
-    return [
-        f"edges up to {longest.max():.3g} m stay as they are, and light is interpolated along them: no shadow shows "
-        f"on a large triangle; add max_edge = {wanted} under [static], or --max-edge {wanted}, to split them"
-    ]
+    return 2 * hits[longest > COARSEST * box.size].sum() > hits.sum()
 
 
 def _darkened(materials: Iterable[Material]) -> list[str]:

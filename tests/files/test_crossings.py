@@ -127,6 +127,7 @@ def test_a_soup_of_triangles_ends():
 SCENE = """
 [static]
 mesh = "room.obj"
+max_edge = 10
 
 [[light]]
 type = "point"

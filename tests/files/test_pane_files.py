@@ -99,7 +99,7 @@ def test_gltf_index_and_volume(tmp_path):
 def scene_file(tmp_path, table: str):
     (tmp_path / "a.mtl").write_text("newmtl m\nd 0.2\n")
     (tmp_path / "a.obj").write_text(OBJ)
-    (tmp_path / "a.toml").write_text(f'[static]\nmesh = "a.obj"\n[materials.m]\n{table}\n')
+    (tmp_path / "a.toml").write_text(f'[static]\nmesh = "a.obj"\nmax_edge = 10\n[materials.m]\n{table}\n')
     return tmp_path / "a.toml"
 
 

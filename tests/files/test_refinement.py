@@ -191,32 +191,26 @@ def test_faces_below_the_weld_do_not_count_as_made(tmp_path):
     assert len(scene.static.faces) >= 6 * 2 * n * n
 
 
-def test_a_scene_file_whose_edges_are_long_says_so(tmp_path):
-    """Nothing splits its triangles unasked: 26 lx stood in the window where a floor had 18."""
-    write_room(tmp_path)
-    file = tmp_path / "room.toml"
-    file.write_text('title = "room"\n[static]\nmesh = "room.obj"\n')
-    note = next(n for n in load_scene(file).notes if n.startswith("edges up to "))
-    wanted = note.partition("max_edge = ")[2].split()[0]
-    assert note.endswith(f"or --max-edge {wanted}, to split them")
-    for scene in (load_scene(file, max_edge=float(wanted)), load_scene(file, max_edge=np.inf)):
-        assert not any(n.startswith("edges up to ") for n in scene.notes)
-
-
 @pytest.mark.parametrize(
     "far",
     [
+        "",
         "v 448e3 0 0\nv 448001 0 0\nv 448e3 0 1\nusemtl wall\nf 13 14 15\n",
         "v -25 -9 -25\nv 25 -9 -25\nv 0 -9 25\nusemtl wall\nf 13 14 15\n",
     ],
-    ids=["stray triangle", "ground below"],
+    ids=["a room", "stray triangle", "ground below"],
 )
-def test_what_light_does_not_reach_leaves_the_note_on_edges(far, tmp_path):
-    """The size was that of the box of all vertices: a stray triangle hid the note."""
+def test_a_scene_file_of_long_edges_is_refined_as_its_mesh_alone(far, tmp_path):
+    """A floor of four corners had 26 lx in place of 18; what light does not reach is no reason to let it be."""
     write_room(tmp_path)
-    (tmp_path / "room.toml").write_text('[static]\nmesh = "room.obj"\n')
-    room, notes = (tmp_path / "room.obj").read_text(), []
-    for more in ("", far):
-        (tmp_path / "room.obj").write_text(room + more)
-        notes.append([n for n in load_scene(tmp_path / "room.toml").notes if n.startswith("edges up to ")])
-    assert notes[0] == notes[1] and "max_edge = 0.03" in notes[0][0]
+    file, mesh = tmp_path / "room.toml", tmp_path / "room.obj"
+    mesh.write_text(mesh.read_text() + far)
+    file.write_text('title = "room"\n[static]\nmesh = "room.obj"\n')
+    scene = load_scene(file)
+    (note,) = (n for n in scene.notes if n.startswith("mesh refined for light"))
+    assert f"triangles became {len(scene.static.faces):,}" in note and len(scene.static.faces) > 5000
+    as_it_is, finer = (load_scene(file, max_edge=edge) for edge in (np.inf, 0.05))
+    for asked in (as_it_is, finer, load_scene(file, max_edge=0.05)):
+        assert not any("refined" in n for n in asked.notes)
+    file.write_text(file.read_text() + "max_edge = 0.05\n")
+    assert len(as_it_is.static.faces) < 20 and len(load_scene(file).static.faces) == len(finer.static.faces)

@@ -34,7 +34,7 @@ radiance = [0.1, 0.1, 0.2]
 
 
 def test_every_key_of_a_scene_file_is_read(tmp_path):
-    text = 'up = "z"\nunits = "photometric"\n' + SCENE.replace("[static]", "[static]\nscale = 2.0\nmax_edge = 0.5")
+    text = 'up = "z"\nunits = "photometric"\n' + SCENE.replace("max_edge = 10", "scale = 2.0\nmax_edge = 0.5")
     text += (
         'axis = [0, 0, 2]\nangle = 90\nscale = 0.5\nmaterial = "red"\n[materials.red]\nreflectance = [0.6, 0.1, 0.1]\n'
     )
@@ -95,7 +95,7 @@ MISTAKES = {
         SCENE.replace("[static]", "[static]\nscale = 1e12"),
         "a scene must be 1e-06 to 1e[+]09 m large",
     ),
-    "tiny edges": (SCENE.replace("[static]", "[static]\nmax_edge = 1e-9"), "max_edge 1e-09 makes more than 4,000,000"),
+    "tiny edges": (SCENE.replace("max_edge = 10", "max_edge = 1e-9"), "max_edge 1e-09 makes more than 4,000,000"),
     "endless spin": (
         SCENE + "[mobile.path]\ntimes = [0, 1e6]\npositions = [[0, 0, 0], [1, 0, 0]]\nspin = 1e6",
         "spin: a scene must have no more than 100,000 key frames, got",

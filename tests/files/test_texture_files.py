@@ -245,7 +245,7 @@ def test_a_scene_file_keeps_textures_or_replaces_them(tmp_path):
     (tmp_path / "t.png").write_bytes(png(PIXELS))
     quad_obj(tmp_path, "map_Kd t.png\n")
     lamp = '[[light]]\ntype = "point"\nposition = [0.5, 0.5, 2]\nflux = [1, 1, 1]\n'
-    text = '[static]\nmesh = "a.obj"\n[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n' + lamp
+    text = '[static]\nmesh = "a.obj"\nmax_edge = 10\n[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n' + lamp
     (tmp_path / "a.toml").write_text(text + "[materials.m]\ntwo_sided = false\n")
     (tmp_path / "b.toml").write_text(text + "[materials.m]\nreflectance = [0.2, 0.3, 0.4]\n")
     kept, replaced = (load_scene(tmp_path / f"{name}.toml").static.paint for name in "ab")

@@ -124,6 +124,7 @@ SCENE = """
 title = "test"
 [static]
 mesh = "room.obj"
+max_edge = 10
 [camera]
 position = [0.5, 0.5, 0.1]
 target = [0.5, 0.5, 0.9]

@@ -18,8 +18,12 @@ def table(name: str, /, **keys: Any) -> str:
 
 
 def room_file(folder: Path, size, *tables: str, reflectance: float = 0.5, room: Any = (), **keys: Any) -> Path:
-    """Write room.toml: a room of width, depth and height [m], with tables; room, keys: further keys of both."""
-    head = {"up": "z", "units": "photometric", "materials": {"room": {"reflectance": (reflectance,) * 3}}} | keys
+    """Write room.toml: a room of width, depth and height [m], with tables; room, keys: further keys of both.
+
+    Edges stay as they are.
+    """
+    head = {"up": "z", "units": "photometric", "static": {"max_edge": 100}}
+    head |= {"materials": {"room": {"reflectance": (reflectance,) * 3}}} | keys
     walls = table("shape", type="room", name="room", size=size, **dict(room))
     path = folder / "room.toml"
     path.write_text("\n".join((*(f"{k} = {value(v)}" for k, v in head.items()), walls, *tables)))

@@ -212,7 +212,7 @@ def test_the_wheel_over_a_lamp_scrolls_the_panel(play):
         before = panel.scroll.y
         ctx.mouse_move("**/bulb 3/##level")
         for way in (-1, 1):
-            for _ in range(10):
+            for _ in range(12):
                 ctx.mouse_wheel_y(way)
                 ctx.yield_()
             assert panel.scroll.y == (panel.scroll_max.y if way < 0 else 0.0) != before
