@@ -29,7 +29,7 @@ VALUES = {  # of each option, or of one command's; None: a flag
     "--budget": "20", "--screenshot": "shot.png", "--error": "30",
     "--frames": "2", "--step": "2", "--json": "a.json", "--check": None, "--csv": "a.csv", "--points": "30",
     "--scale": "2", "--seconds": "0", "--rate": "5", "--still": None, "--truth": "16", "--quick": None,
-    "--light-map": "64",
+    "--light-map": "64", "--shares": None,
     ("render", "--out"): "a.webp", ("bake", "--out"): "b.glb", ("chart", "--out"): "c", ("atlas", "--out"): "d",
     ("report", "--out"): "r.html",
 }  # fmt: skip

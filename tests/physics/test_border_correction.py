@@ -14,7 +14,7 @@ from gi_core.solver import Solver
 from tests.support.scene_builders import BLACK, box, furnace_scene, grey, lamp, merge, quad, solve, sphere
 
 UP = (0.0, 0.0, 1.0)
-SUN = DirectionalLight("sun", (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
+SUN = DirectionalLight("sun", (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), disc_degrees=0.0)
 
 
 def share_of(mesh, material=BLACK):

@@ -59,6 +59,14 @@ def test_packages_import_only_packages_listed_before_them():
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
+def test_no_large_file_is_tracked():
+    """54 MB of wheels came along with a commit of all files."""
+    files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, text=True, capture_output=True, check=True).stdout
+    sizes = {name: (ROOT / name).stat().st_size for name in files.split("\0") if (ROOT / name).is_file()}
+    assert len(sizes) > 500 and not {name for name, size in sizes.items() if size > 2_000_000}
+
+
 def test_no_measure_exceeds_its_bound():
     measured, bounds = ratchet.findings(), ratchet.bounds()
     assert set(bounds) == {*measured, ratchet.HOPS}

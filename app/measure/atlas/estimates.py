@@ -120,7 +120,7 @@ WALL, AT = 0.002, 0.024  # m thick, and where: between two rows of vertices
 def shaded_wall():
     """A floor under slanting parallel light, and a thin black wall across it: beyond, 3 m of full shadow."""
     wall = box((AT, -1.5, 0), (AT + WALL, 1.5, 3.0), 1, 1)
-    sun = DirectionalLight("sun", (-1, 0, -1), (math.sqrt(2),) * 3)
+    sun = DirectionalLight("sun", (-1, 0, -1), (math.sqrt(2),) * 3, disc_degrees=0.0)
     # E of floor and wall is sqrt(2) cos(45) = 1; nothing is reflected.
     return scene(joined(floor(40), wall), (BLACK, BLACK), (-0.6, -1.6, 1.2), (0, 0, 0), (sun,))
 

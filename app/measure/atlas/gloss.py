@@ -182,7 +182,7 @@ def shading_normals() -> AtlasRow:
     """
     turn = math.radians(NORMAL_TURN)
     metal = Material("metal", (0.0,) * 3, gloss=Gloss((1.0,) * 3, 0.15))
-    sun = DirectionalLight("sun", (0, 0, -1.0), (1.0,) * 3)
+    sun = DirectionalLight("sun", (0, 0, -1.0), (1.0,) * 3, disc_degrees=0.0)
     sheets = joined(*(sheet((0.5 * i, 0.0, 0.0), (0.3, 0, 0), (0, 0.3, 0)) for i in range(8)))
     normals = np.broadcast_to([math.sin(turn), 0.0, math.cos(turn)], (len(sheets.faces), 3, 3))
     field = scene(sheets._replace(corner_normals=normals), (metal,), (2, -4, 2), (2, 0, 0), (sun,))
@@ -379,7 +379,8 @@ def _phong(n: int, angle: float) -> float:
 def _lit(material: Material, angle: float, upwards: bool = False) -> Scene:
     """Return a sheet of 1 m under parallel light at an angle of incidence [degrees], or over it."""
     i = math.radians(angle)
-    sun = DirectionalLight("sun", (math.sin(i), 0.0, math.cos(i) if upwards else -math.cos(i)), (1.0,) * 3)
+    way = math.sin(i), 0.0, math.cos(i) if upwards else -math.cos(i)
+    sun = DirectionalLight("sun", way, (1.0,) * 3, disc_degrees=0.0)
     return scene(sheet((0, 0, 0), (1, 0, 0), (0, 1, 0)), (material,), (2, -4, 2), (0.5, 0.5, 0), (sun,))
 
 

@@ -112,7 +112,7 @@ def near(*points, tolerance: float = 1e-6) -> Callable:
 
 
 BLACK = Material("black", (0.0, 0.0, 0.0))
-SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0))
+SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0), disc_degrees=0.0)
 BARE: dict[str, Any] = {"estimator": "tangent_plane", "control": False}
 CONTROL: dict[str, Any] = {"estimator": "tangent_plane", "control": True}
 COUNT: dict[str, Any] = {"estimator": "impact_count"}
