@@ -8,8 +8,8 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, GlossVertices, quads_of
 from gi_core.display.fine_points import FinePoints, fine_points, halfway
+from gi_core.frames.first_frame import EARLY_PATHS
 from gi_core.gather.estimate import Source
-from gi_core.gather.static import ALL_PATHS
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 def takes_fine_points(solver: Solver) -> bool:
     """Return whether the static part's light is sharp along borders of direct light.
 
-    That of photons is, where points on lamps bring direct light, and so are whole paths and complete radiosity.
+    That of photons is, where points on lamps bring direct light, and so are whole paths, and radiosity of EARLY_PATHS.
     """
     light, b = solver.frame_light, solver.frame.background
     if not light.is_gathered:
         return b is not None and light.knows_direct(b)
-    if light.static.is_early(ALL_PATHS):
+    if light.static.is_early(EARLY_PATHS):
         return False
     return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
 

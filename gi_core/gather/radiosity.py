@@ -217,6 +217,12 @@ class Radiosity:
         if len(pairs) == self._most_pairs:
             self.end()
 
+    @property
+    def by_delta(self) -> np.ndarray | None:
+        """Light (n, 3 G) [W/m2] that comes straight from delta lights, without noise; None without any."""
+        light = self._on_faces.receivers
+        return light if len(light) else None
+
     def end(self) -> None:
         """Forget the hits: no pair follows."""
         self._hits, self.is_complete = [], True

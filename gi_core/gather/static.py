@@ -292,13 +292,13 @@ class StaticGather:
                 pause()
                 # A picture comes before its measured error.
                 at_once = self._supposed if early < math.inf else self._measure
-                self._take_over(new, Source.RADIOSITY, *light, at_once, guide)
+                self._take_over(new, Source.RADIOSITY, *light, at_once, guide, f.by_delta)
                 due = early < math.inf and (f.paths >= 100 or f.noise <= LOW * ENOUGH)
                 if due and (shown := self.estimate).source is Source.RADIOSITY:
                     self.estimate = shown._replace(error=self._measure(shown.irradiance, shown.noise))
                     new()
             # Fewer paths may miss bright places, so that noise looks like bias.
-            biased = f.paths >= 100 and self.error_of(f.mean) > math.sqrt(2) * f.noise
+            biased = early == math.inf and f.paths >= 100 and self.error_of(f.mean) > math.sqrt(2) * f.noise
         if early >= ALL_PATHS or f.noise <= LOW * ENOUGH:
             f.end()
 
@@ -377,18 +377,22 @@ class StaticGather:
     def _take_over(
         self, new: Callable[[], None], source: Source, per_lamp: np.ndarray, standard_error: np.ndarray,
         lamp_error: np.ndarray, noise: float, error: Callable[[np.ndarray, float], float] = lambda _, noise: noise,
-        guide: np.ndarray | None = None,
+        guide: np.ndarray | None = None, exact: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         """Denoise this light and store it; the arrays must not change meanwhile.
 
         per_lamp (n, 3 G); standard_error (n, 3) of its sum; lamp_error (n, 3 G), or empty for one lamp. error(E,
-        noise): returns the error of denoised light (n, 3) with so much noise left. guide: for denoise().
+        noise): returns the error of denoised light (n, 3) with so much noise left. guide: for denoise(). exact
+        (n, 3 G): the part without noise, such as sunlight, whose borders stay sharp; None: none.
         """
+        if exact is not None:
+            per_lamp, guide = per_lamp - exact, None if guide is None else guide - sum_of_lamps(exact)
         several = per_lamp if per_lamp.shape[1] > 3 else None
         mean = sum_of_lamps(per_lamp)
         threads = self._model.threads
         denoised = denoise(mean, standard_error, self._near, self._seed, threads, several, guide=guide)
         share, light = denoised.share(self.weights), denoised.irradiance.copy()
+        light += 0.0 if exact is None else exact
         left = error(sum_of_lamps(light), share * noise)
         of_lamps = standard_error if several is None else lamp_error
         of_lamps = luminance(of_lamps.reshape(len(light), self._channels // 3, 3))

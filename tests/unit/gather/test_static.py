@@ -16,8 +16,9 @@ from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.surfaces import evaluation_points
-from gi_core.scene import PointLight, Pose, Scene, SpotLight
+from gi_core.scene import DirectionalLight, PointLight, Pose, Scene, SpotLight
 from gi_core.solver import Solver
+from tests.support.lit_from_outside import l_room
 from tests.support.scene_builders import box, box_mobile, coloured_room, grey, plane_scene
 from tests.support.toml_rooms import room_file, table
 
@@ -71,6 +72,20 @@ def test_radiosity_of_little_noise_is_complete_before_whole_paths(monkeypatch):
     for _ in steps(lambda: g.gather(lambda: light, early=112)):
         pass
     assert g.state is None and not g.is_early(static.ALL_PATHS)
+
+
+def test_early_light_keeps_the_borders_of_sunlight():
+    """Only bounced light is denoised: no receiver in the sun has less than its sunlight."""
+    sun = DirectionalLight("sun", (-1.0, 0.0, -0.75), (1.0, 1.0, 1.0))
+    solver = Solver(replace(l_room(), mobiles=(), lights=(sun,)), photons=5_000)
+    solver.configure(light="best")
+    solver.solve()
+    g, photons = StaticGather(solver.model, 3), solver.frame_light.static.of_photons(solver.frame.background)
+    for _ in steps(lambda: g.gather(lambda: photons, early=16)):
+        pass
+    exact = g._radiosity.by_delta
+    assert g.estimate.source is Source.RADIOSITY and ((exact > 0).any(axis=1).sum() > 20) and (exact == 0).any()
+    assert (g.estimate.light >= exact * (1 - 1e-12)).all()
 
 
 def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
