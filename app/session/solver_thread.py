@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from app.rest.jobs import HoldJob
 from app.rest.scheduler import RestWork, TaskEnd
 from app.session.log import WARNING, Log
 from app.session.snapshot import MovingMedian, Snapshot, snapshot_of
@@ -167,7 +168,7 @@ class SolverThread:
                     if kind not in self._warned:
                         self._warned.add(kind)
                         self.log(text, WARNING)
-                if urgent.changed:  # levels are other light
+                if urgent.changed and urgent.name == HoldJob.name:  # levels are other light
                     self._begin_refinement()
             case Moved(seconds, snapshot):
                 if settles:

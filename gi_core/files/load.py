@@ -289,6 +289,8 @@ def _split_static(loading: Loading) -> None:
         if max_edge != np.inf:
             loading.change(static=loading.split(scene.static, max_edge, loading.where))
         return
+    if any(shape.max_edge for shape in loading.file.static.shapes):
+        return
     rays = loading.rays or Rays(scene)
     box = loading.box if loading.bare else useful_box(scene, rays)
     if loading.bare or _is_coarse(scene, box):

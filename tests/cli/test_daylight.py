@@ -54,7 +54,7 @@ def test_the_sun_stands_where_tables_say(room):
 
 def test_the_sun_meets_the_floor_where_geometry_says(room):
     solver = make_solver(open_scene(Settings(scene=str(room))), Settings())
-    points = np.concatenate([floor_below_window(0.8), floor_below_window(1.2)]) + [0, 1e-4, 0]
+    points = np.concatenate([floor_below_window(0.9), floor_below_window(1.1)]) + [0, 1e-4, 0]
     up = np.tile([0.0, 1.0, 0.0], (8, 1))
     rounds = point_rounds(solver.model, points, up, solver.poses, solver.levels, solver.seed)
     *_, (E, errors, _) = light_steps(rounds, 0.05)

@@ -261,3 +261,11 @@ def test_a_saved_scene_of_shapes_opens_with_the_same_bits(tmp_path):
     assert again.mobiles[0].pose == pose
     for a, b in ((scene.static, again.static), (scene.mobiles[0].mesh, again.mobiles[0].mesh)):
         assert all(np.array_equal(x, y) for x, y in zip(a[:4], b[:4], strict=True))
+
+
+def test_edges_that_a_shape_asks_for_stay(tmp_path):
+    """A room that asks for coarse edges is not refined for light; without them it is."""
+    lamp = '[[light]]\ntype = "point"\nposition = [0.5, 1.2, 0.3]\nflux = [1, 1, 1]\n'
+    room = '[[shape]]\ntype = "room"\nsize = [4, 3, 2.5]\n'
+    asked, free = (len(scene_of(tmp_path, f"{lamp}{room}{edge}").static.faces) for edge in ("max_edge = 3\n", ""))
+    assert asked < 100 < 5000 < free
