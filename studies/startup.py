@@ -49,7 +49,6 @@ def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> d
         passed[STAGES[len(passed)]] = time.process_time()
 
     from app.draw.draw_mesh import draw_meshes
-    from app.draw.picking import Picker
     from app.rest.jobs import StaticJob, first_task
     from app.rest.reference_store import StaticStore
     from app.settings import Settings, make_solver, open_scene
@@ -64,7 +63,7 @@ def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> d
     mark()
     made = make_solver(scene, settings)
     mark()
-    draw_meshes(made.surfaces), Picker(made.surfaces)
+    draw_meshes(made.surfaces)
     mark()
     made.frame_light.static.gathered = StaticStore(made.model, made.seed).load()
     mark()

@@ -75,9 +75,10 @@ class OpenScene:
     def _show(self, opened: Opened, light: SolverThread) -> None:
         """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
         from app.draw.motion import paths_of
+        from app.draw.picking import Picker
 
         self.opened, self.light, solver = opened, light, opened.solver
-        self._meshes, self.picker = opened.meshes, opened.picker
+        self._meshes, self.picker = opened.meshes, Picker(solver.model)
         self._given = self._scene = solver.scene
         self.model, self.chosen = solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)

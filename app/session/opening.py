@@ -23,7 +23,6 @@ from app.worker import daemon, without_frames
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
-    from app.draw.picking import Picker
     from app.session.first_look import FirstLook
     from gi_core.base.results import Results
     from gi_core.files.edits import Versions
@@ -47,7 +46,6 @@ class Opened(NamedTuple):
     solver: Solver
     versions: Versions  # of its scene
     meshes: tuple[DrawMesh, ...]  # one per object
-    picker: Picker
 
 
 class Before(NamedTuple):
@@ -172,7 +170,7 @@ class Opening:
         self.phase, self.detail, self.fraction = LOADING, self._name, None
         before = self._before
         solver = make_solver(scene, self.settings, None if before is None else before.results())
-        meshes, picker = self._drawn(solver.model, None if before is None else before.opened.solver.model)
+        meshes = self._drawn(solver.model, None if before is None else before.opened.solver.model)
         static = solver.frame_light.static
         if solver.light == "best" and static.gathered is None:
             static.gathered = StaticStore(solver.model, solver.seed).load()  # shown if it has less error than photons
@@ -185,21 +183,19 @@ class Opening:
         if solver.poses and not (before is not None and before.opened.solver.poses):
             solver.move_all(solver.poses)  # loads the kernels of a drag's frames
         self.warnings += problems
-        return Opened(self.settings.with_method_of(solver), solver, versions, meshes, picker)
+        return Opened(self.settings.with_method_of(solver), solver, versions, meshes)
 
-    def _drawn(self, model: Model, earlier: Model | None) -> tuple[tuple[DrawMesh, ...], Picker]:
-        """Return draw meshes and picker of a model: those of the scene on show where they are the same."""
+    def _drawn(self, model: Model, earlier: Model | None) -> tuple[DrawMesh, ...]:
+        """Return the draw meshes of a model: those of the scene on show where they are the same."""
         from app.draw.draw_mesh import meshes_of
-        from app.draw.picking import Picker
 
         before = None
         if earlier is not None:
             shown = self._before.opened
             if model.surfaces is earlier.surfaces and np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
-                return shown.meshes, shown.picker
+                return shown.meshes
             before = earlier, shown.meshes
-        meshes = meshes_of(model, before)
-        return meshes, Picker(model.surfaces, model.origins)
+        return meshes_of(model, before)
 
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:

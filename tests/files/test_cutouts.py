@@ -16,9 +16,9 @@ from app.settings import Settings, make_solver
 from gi_core.files.formats.mesh_file import read_mesh_file
 from gi_core.files.load import load_scene
 from gi_core.geometry.cutouts import bled, cover_of, covered, without_holes
-from gi_core.geometry.surfaces import flatten
 from gi_core.geometry.tessellation import tessellate
 from gi_core.geometry.texture_filter import lookup
+from gi_core.model import Model
 from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Paint, Pose, Scene, Texture
 from gi_core.scene.types import Mobile
 from tests.files.test_texture_files import UV, png
@@ -293,7 +293,7 @@ def scene_of_a_card_with_holes() -> Scene:
 def test_picking_passes_through_holes():
     """The upper left quarter is opaque; right of it a ray hits the wall behind."""
     scene = scene_of_a_card_with_holes()
-    picker = Picker(flatten(scene)[0])
+    picker = Picker(Model(scene))
     for x, y, of in ((0.25, 0.75, 1), (0.75, 0.75, 0), (0.25, 0.25, 0), (0.75, 0.25, 1)):
         hit = picker.pick((x, y, 2.0), (0.0, 0.0, -1.0), [scene.mobiles[0].pose], cull=True)
         assert (hit.object, round(hit.distance)) == (of, 2 if of else 3), (x, y, hit)

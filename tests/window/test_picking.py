@@ -8,6 +8,7 @@ from app.draw.draw_mesh import draw_meshes
 from app.draw.picking import Picker
 from gi_core.display.edges import NO_EDGES
 from gi_core.geometry.surfaces import flatten
+from gi_core.model import Model
 from gi_core.scene import Camera, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.pose import axis_angle, rotation
 from tests.support import viewer_support as support
@@ -29,7 +30,7 @@ def test_picking_equals_a_loop_over_all_triangles(cull, two_sided):
     scene = picking_scene(two_sided)
     surfaces, _ = flatten(scene)
     poses = [m.pose for m in scene.mobiles]
-    picker = Picker(surfaces)
+    picker = Picker(Model(scene))
     rng = np.random.default_rng(1)
     met = set()
     for _ in range(25):
@@ -68,11 +69,11 @@ def pick_naively(surfaces, origin, direction, poses, cull):
 
 def test_picking_along_axes_and_in_an_empty_scene():
     scene = picking_scene()
-    picker = Picker(flatten(scene)[0])
+    picker = Picker(Model(scene))
     for axis in np.vstack([np.eye(3), -np.eye(3)]):
         assert picker.pick(-3 * axis + 0.013, axis, [scene.mobiles[0].pose], True).distance > 2
     nothing = Scene(Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32)), ())
-    assert Picker(flatten(nothing)[0]).pick(np.zeros(3), np.array([0, 0, 1.0]), [], True) is None
+    assert Picker(Model(nothing)).pick(np.zeros(3), np.array([0, 0, 1.0]), [], True) is None
 
 
 @pytest.mark.gl
@@ -91,7 +92,7 @@ def test_picking_respects_culling(draw):
     model[:3, :3], model[:3, 3] = rotation(pose), pose.position
     camera = from_camera(Camera((2.5, 1.5, 3.5), (0, 0, 0), 40.0), (0, 1, 0), Bounds((-1, -1, -1), (1, 1, 1)))
     picture = draw(objects, [IDENTITY, model], camera=camera, tone_map="clip")
-    picker = Picker(surfaces)
+    picker = Picker(Model(scene))
     wrong = 0
     for y in range(1, SIZE[1], 5):
         for x in range(1, SIZE[0], 5):

@@ -20,7 +20,7 @@ def viewport_of(model: Model, camera=None, clicked=None, cells: str = POINTED) -
     camera = camera or from_camera(scene.camera, scene.up, scene_bounds(model, poses))
     view = SimpleNamespace(camera=camera, aspect=1.0, origin=(0, 0), size=(100, 100))
     session = SimpleNamespace(
-        model=model, pose_list=poses, picker=Picker(model.surfaces), settings=Settings(scene="", cells=cells)
+        model=model, pose_list=poses, picker=Picker(model), settings=Settings(scene="", cells=cells)
     )
     return SimpleNamespace(session=session, view=view, clicked=clicked)
 

@@ -56,7 +56,7 @@ def reading_at(shot: Shot, point=None, uv=None, weights=None, cull=True) -> Read
     solver = shot.solver
     origin, direction = shot.camera.ray(u, v, width / height)
     poses = [solver.poses[m.name] for m in solver.scene.mobiles]
-    hit = Picker(solver.surfaces, solver.model.origins).pick(origin, direction, poses, cull)
+    hit = Picker(solver.model).pick(origin, direction, poses, cull)
     lit = replace(shot.lit, drawn=Drawn(solver.irradiance, weights))
     return None if hit is None else read(lit, hit, direction, shot.camera, height)
 
@@ -85,7 +85,7 @@ def test_a_pin_under_a_roof_reads_its_floor_whatever_is_far_away():
     shot = shot_of(replace(floor(), static=roofed))
     s = shot.solver
     del s.model.lit_part  # of the fixture's brief pilot
-    picker, lit = Picker(s.surfaces, s.model.origins), replace(shot.lit, drawn=Drawn(s.irradiance, None))
+    picker, lit = Picker(s.model), replace(shot.lit, drawn=Drawn(s.irradiance, None))
     pinned = read_pin(Pin("P1", (0.33, -0.21, 0), (0, 0, 1)), picker, lit)
     expected = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(0.33, 0.21))
     assert pinned.reading.irradiance == pytest.approx(expected, rel=2e-3)
