@@ -149,6 +149,9 @@ class CameraControl:
     def fly_to(self, camera: Turntable) -> None:
         self.flight = (self.view.camera, camera, 0.0)
 
+    def go_home(self) -> None:
+        self.fly_to(self.home)
+
     def advance(self, seconds: float) -> None:
         """Continue a flight."""
         if self.flight is None:

@@ -26,7 +26,7 @@ from app.session.session import LIGHT_TIME, Session
 from app.session.snapshot import MovingMedian
 from app.settings import Settings, UsageError
 from app.window import menus, method_marks, overlay, panel, readout_marks, spot_card, window
-from app.window.actions import Request, act, views
+from app.window.actions import act, views
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
 from app.window.menus import Menus
@@ -402,9 +402,10 @@ class Viewer:
 
     # Actions ----------------------------------------------------------------------------------------
 
-    def _do(self, action: str | Request) -> None:
-        name = action if isinstance(action, str) else "objects"
-        self._guard(name, lambda: act(self, action))
+    def _do(self, action: str | tuple) -> None:
+        """Run an action by its name, or by its name and values."""
+        name, *values = (action,) if isinstance(action, str) else action
+        self._guard(name, lambda: act(self, name, *values))
 
 
 def is_user_error(problem: BaseException | None) -> bool:

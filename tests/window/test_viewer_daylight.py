@@ -9,7 +9,6 @@ from app.cli import saved_scene
 from app.session.cities import cities
 from app.session.lights import DAYLIGHT, NEW_DAYLIGHT, north_angle
 from app.settings import LampLevel
-from app.window.panel.lights import AddLamp
 from gi_core.files.edits import Daylight as ChangeDaylight
 from gi_core.files.edits import edited
 from gi_core.lights.daylight import daylit, sun_of
@@ -88,7 +87,7 @@ def test_an_architect_asks_for_the_sun_at_9_in_madrid(hand, viewer, folder):
     for section in ("Objects", "Scene"):
         ctx.item_close(f"**/{section}")
     before = viewer.session.irradiance
-    change(hand, viewer, lambda: viewer._do(AddLamp(DAYLIGHT)))
+    change(hand, viewer, lambda: viewer._do(("add lamp", DAYLIGHT)))
     assert viewer.session.scene.daylight == NEW_DAYLIGHT and "added: daylight" in viewer.log.last.text
     assert [light.name for light in viewer.session.scene.lights] == ["sun", "sky"], "its sun replaces the file's"
     added = viewer.session.settings.edits
@@ -130,10 +129,10 @@ def test_an_architect_asks_for_the_sun_at_9_in_madrid(hand, viewer, folder):
 def test_daylight_that_is_removed_can_be_added_again(hand, viewer):
     from gi_core.files.edits import Darken
 
-    change(hand, viewer, lambda: viewer._do(AddLamp("bulb")))
+    change(hand, viewer, lambda: viewer._do(("add lamp", "bulb")))
     change(hand, viewer, lambda: viewer.session.change_scene(Darken("sun")))
     assert viewer.session.scene.daylight == MADRID, "its sky stays"
     change(hand, viewer, lambda: viewer.session.change_scene(Darken("sky")))
     assert viewer.session.scene.daylight is None
-    change(hand, viewer, lambda: viewer._do(AddLamp(DAYLIGHT)))
+    change(hand, viewer, lambda: viewer._do(("add lamp", DAYLIGHT)))
     assert viewer.session.scene.daylight == NEW_DAYLIGHT

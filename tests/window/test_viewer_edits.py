@@ -12,7 +12,6 @@ from app.window import dialogs
 from app.window.actions.objects import SHAPES, insert, shape_of
 from app.window.panel import material
 from app.window.panel import widgets as ui
-from app.window.panel.material import Refinish
 from gi_core.files.edits import Finish, Freeze, Insert, Remove, edited
 from gi_core.scene import Pose
 from gi_core.scene.types import Paint, Texture
@@ -58,7 +57,7 @@ def test_a_colour_is_edited_undone_and_done_again(hand, viewer):
     first.end_drag()
     hand.wait_for_light()
     plain = first.irradiance
-    viewer._do(Refinish("white", (("reflectance", RED),)))
+    viewer._do(("refinish", "white", "", (("reflectance", RED),)))
     hand.wait(lambda: viewer.reload.coming is not None)
     assert viewer.session is first, "the old picture stays"
     hand.wait(lambda: viewer.session is not first)
@@ -86,17 +85,17 @@ def test_a_held_slider_is_followed_and_undone_as_one_step(hand, viewer):
     values = [(("reflectance", (0.1 * k, 0.5, 0.3)),) for k in range(1, 7)]
     shown: list[tuple] = []
     plain, first = viewer.session.irradiance, viewer.session
-    viewer._do(Refinish("white", values[0]))
+    viewer._do(("refinish", "white", "", values[0]))
     hand.wait(lambda: viewer.reload.coming is not None)
     coming = viewer.reload.coming
     for value in values[1:-1]:
-        viewer._do(Refinish("white", value, first=False))
+        viewer._do(("refinish", "white", "", value, False))
         hand.ctx.yield_()
         shown.append(viewer.session.settings.edits)
         assert viewer.session.finish_of("white", True).values == value, "the panel shows the newest value"
     hand.wait(lambda: viewer.session is not first)
     assert viewer.session is coming, "a newer value does not start the opening again"
-    viewer._do(Refinish("white", values[-1], first=False))
+    viewer._do(("refinish", "white", "", values[-1], False))
     hand.wait(lambda: viewer.session.asked is None and viewer.reload.coming is None)
     hand.wait_for_light()
     assert viewer.session.settings.edits == (Finish("white", values[-1]),)
@@ -124,11 +123,11 @@ def test_copies_in_quick_succession_stand_apart(hand, viewer):
 @in_window()
 def test_an_edit_that_changes_nothing_is_no_step_of_undo(hand, viewer):
     """A press on a slider's knob may change a value by less than it is rounded to."""
-    change(hand, viewer, lambda: viewer._do(Refinish("white", (("reflectance", RED),))))
+    change(hand, viewer, lambda: viewer._do(("refinish", "white", "", (("reflectance", RED),))))
     edits, asked = viewer.session.edits, viewer.session.asked
-    viewer._do(Refinish("white", (("reflectance", RED),)))
+    viewer._do(("refinish", "white", "", (("reflectance", RED),)))
     assert viewer.session.asked is asked
-    viewer._do(Refinish("white", (("reflectance", (0.2, 0.4, 0.6)),), first=False))
+    viewer._do(("refinish", "white", "", (("reflectance", (0.2, 0.4, 0.6)),), False))
     hand.wait(lambda: viewer.session.asked is None and viewer.reload.coming is None)
     change(hand, viewer, lambda: viewer._do("undo"))
     assert viewer.session.settings.edits in ((), edits)
@@ -274,7 +273,7 @@ def test_an_edit_that_fails_takes_no_other_with_it(hand, viewer):
     """A colour is being prepared when a mesh that does not exist is inserted; the colour comes, undo leaves it out."""
     red = Finish("white", (("reflectance", RED),))
     first = viewer.session
-    viewer._do(Refinish("white", red.material))
+    viewer._do(("refinish", "white", "", red.material))
     hand.wait(lambda: viewer.reload.coming is not None)
     insert(viewer, "gone.glb")
     hand.wait(lambda: viewer.session is not first)
@@ -292,7 +291,7 @@ def test_a_scene_saved_while_edits_are_prepared_has_them(hand, viewer, folder):
     red = Finish("white", (("reflectance", RED),))
     viewer.session.move({"block": AWAY})
     hand.wait_for_light()
-    viewer._do(Refinish("white", red.material))
+    viewer._do(("refinish", "white", "", red.material))
     hand.wait(lambda: viewer.reload.coming is not None)
     viewer.files.save(viewer.session, viewer.viewport, str(folder / "a.toml"))
     viewer.viewport.select(("block",))
@@ -310,7 +309,7 @@ def test_a_reload_while_an_edit_is_prepared_keeps_it(hand, viewer, begun):
     """A file that changes on disk reloads the scene at any time; the edit may just have been asked for."""
 
     def edit_and_reload() -> None:
-        viewer._do(Refinish("white", (("reflectance", RED),)))
+        viewer._do(("refinish", "white", "", (("reflectance", RED),)))
         if begun:
             hand.wait(lambda: viewer.reload.coming is not None)
         viewer._do("reload")

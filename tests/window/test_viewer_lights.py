@@ -13,7 +13,7 @@ from app.settings import LampLevel
 from app.window.actions import lamps as actions
 from app.window.drag import TURN_SPEED
 from app.window.panel import widgets as ui
-from app.window.panel.lights import FILE, AddLamp, ChangeLight, SelectLamp
+from app.window.panel.lights import FILE
 from gi_core.files.edits import Darken, Light, edited
 from gi_core.geometry.error import luminance
 from gi_core.lights.lamps import OTHERS
@@ -76,7 +76,7 @@ def test_a_mark_is_dragged_and_the_light_follows(hand, viewer):
 
 @in_window(scene=lit_room)
 def test_the_aim_is_dragged_over_surfaces(hand, viewer):
-    viewer._do(SelectLamp(SPOT))
+    viewer._do(("select lamp", SPOT))
     hand.ctx.yield_(3)
     foot, target = hand.at((0.2, 0.0, 0.6)), (0.7, 0.0, 0.9)
     change(hand, viewer, lambda: hand.drag(foot, hand.at(target), steps=5))
@@ -156,7 +156,7 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(hand, viewer, folder):
         floor = hand.at((x, 0.0, 0.9))  # away from the aim of the last one
         hand.drag(floor, floor, steps=1)
         hand.wait(lambda: viewport.clicked is not None and viewport.lamps.selected is None)
-        change(hand, viewer, lambda kind=kind: viewer._do(AddLamp(kind)))
+        change(hand, viewer, lambda kind=kind: viewer._do(("add lamp", kind)))
         light = viewer.session.scene.lights[-1]
         assert light.name == name and viewport.lamps.selected == LightId(name) and viewport.clicked is None
         if kind != "sun":
@@ -170,12 +170,12 @@ def test_lamps_are_added_copied_and_removed_by_the_panel(hand, viewer, folder):
 @in_window(scene=lit_room)
 def test_key_f_frames_the_selected_lamp(hand, viewer):
     for lamp, place in ((SPOT, (0.2, 0.8, 0.6)), (LightId("lamp"), (0.5, 0.995, 0.5))):
-        viewer._do(SelectLamp(lamp))
+        viewer._do(("select lamp", lamp))
         hand.press(keys().f)
         hand.wait(lambda place=place: viewer.viewport.view.camera.pivot == pytest.approx(place, abs=1e-3))
     hand.wait(lambda: not viewer.viewport.control.is_moving)
     near = viewer.viewport.view.camera.distance
-    viewer._do(SelectLamp(None))
+    viewer._do(("select lamp", None))
     hand.press(keys().f)
     hand.wait(lambda: viewer.viewport.view.camera.distance > 2 * near)
 
@@ -183,7 +183,7 @@ def test_key_f_frames_the_selected_lamp(hand, viewer):
 @in_window(scene=lit_room)
 def test_surfaces_that_shine_become_a_panel(hand, viewer):
     before = viewer.session.irradiance
-    viewer._do(SelectLamp(LightId("lamp")))
+    viewer._do(("select lamp", LightId("lamp")))
     hand.ctx.yield_(2)
     viewer._do("duplicate lamp")
     assert "make the lamp movable first" in viewer.log.last.text
@@ -202,7 +202,7 @@ def test_surfaces_that_shine_become_a_panel(hand, viewer):
     change(hand, viewer, lambda: viewer._do("remove"))
     assert viewer.session.model.emitters.lamps.names == ("bulb", "spot")
     for lamp in ("bulb", "spot"):
-        viewer._do(SelectLamp(LightId(lamp)))
+        viewer._do(("select lamp", LightId(lamp)))
         hand.ctx.yield_(2)
         if lamp == "bulb":
             change(hand, viewer, lambda: viewer._do("remove lamp"))
@@ -243,7 +243,7 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         assert "an IES file must have a line TILT" in viewer.log.last.text
         asked: list = []
         viewer.files.dialog.open = lambda *given: asked.append(given)
-        viewer._do(AddLamp(FILE))
+        viewer._do(("add lamp", FILE))
         viewer._do("lamp file")
         assert [title for title, *_ in asked] == ["Choose a luminaire"] * 2
 
@@ -256,7 +256,7 @@ def test_angles_of_the_panel_turn_a_lamp(hand, viewer):
     ctx.set_ref("Panel")
     for section in ("Objects", "Scene"):
         ctx.item_close(f"**/{section}")
-    viewer._do(SelectLamp(SPOT))
+    viewer._do(("select lamp", SPOT))
     hand.ctx.yield_(2)
     change(hand, viewer, lambda: ctx.item_input_value("**/##Tilt angle", 90.0))
     assert viewer.session.scene.lights[1].direction[1] == pytest.approx(0.0, abs=1e-6)
@@ -265,7 +265,7 @@ def test_angles_of_the_panel_turn_a_lamp(hand, viewer):
     spot = viewer.session.scene.lights[1]
     assert spot.outer_degrees == 50.0 and spot.inner_degrees == 10.0
     assert viewer.session.model.emitters.flux_of_lamps[2] == pytest.approx(flux)
-    change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("position", (0.1, 0.1, 0.1)),))))
+    change(hand, viewer, lambda: viewer._do(("change light", BULB, (("position", (0.1, 0.1, 0.1)),))))
     assert viewer.session.scene.lights[0].position == (0.1, 0.1, 0.1)
     viewer._do("lamp marks")
     hand.move(hand.at(spot.position))
@@ -282,7 +282,7 @@ def test_each_number_of_a_lamp_has_a_label_and_its_unit(hand, viewer, monkeypatc
     for section in ("Objects", "Scene"):
         ctx.item_close(f"**/{section}")
     drawn.clear()
-    change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
+    change(hand, viewer, lambda: viewer._do(("add lamp", PANEL)))
     name = viewer.viewport.lamps.selected
     assert name.name == PANEL
     for label, number in (("Tilt", 60.0), ("Heading", 40.0), ("Turn", 20.0)):
@@ -297,7 +297,7 @@ def test_each_number_of_a_lamp_has_a_label_and_its_unit(hand, viewer, monkeypatc
     ctx.yield_(2)
     assert viewer.session.settings.watts == ((PANEL, 44.0),) and viewer.session.power.of_lamp == {PANEL: 44.0}
     drawn.clear()
-    viewer._do(SelectLamp(SPOT))
+    viewer._do(("select lamp", SPOT))
     ctx.yield_(2)
     assert set(drawn) == {"Flux", "Watts", "Position", "Tilt", "Heading", "Inner cone", "Outer cone"}
 
@@ -307,7 +307,7 @@ def test_of_a_lamp_alone_that_is_removed_the_others_come_back(hand, viewer):
     viewer.session.want(dataclasses.replace(viewer.session.settings, solo="bulb"))
     hand.wait_for_light()
     assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [0.0, 1.0, 0.0]
-    viewer._do(SelectLamp(BULB))
+    viewer._do(("select lamp", BULB))
     hand.ctx.yield_(2)
     change(hand, viewer, lambda: viewer._do("remove"))
     assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [1.0, 1.0]
@@ -319,12 +319,12 @@ def test_the_weaker_lamps_together_cannot_be_edited(play):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        viewer._do(SelectLamp(LightId(OTHERS)))
+        viewer._do(("select lamp", LightId(OTHERS)))
         for action in ("remove lamp", "duplicate lamp", "replace lamp"):
             hand.ctx.yield_(3)
             viewer._do(action)
             assert "select one by its mark" in viewer.log.last.text and viewer.session.edits == ()
-        viewer._do(SelectLamp(LightId("bulb 0")))
+        viewer._do(("select lamp", LightId("bulb 0")))
         hand.ctx.yield_(3)
         assert "bulb 0" not in viewer.session.model.emitters.lamps.names
         viewer._do("remove lamp")
@@ -354,7 +354,7 @@ def test_a_new_lamp_hangs_off_the_wall_that_it_is_over(hand, viewer):
     hand.ctx.mouse_click(0)
     hand.ctx.yield_(3)
     assert viewer.viewport.clicked.point == pytest.approx((0.5, 0.6, 0.0), abs=0.02)
-    change(hand, viewer, lambda: viewer._do(AddLamp(PANEL)))
+    change(hand, viewer, lambda: viewer._do(("add lamp", PANEL)))
     x, y, z = viewer.session.scene.lights[-1].position
     assert (x, z) == pytest.approx((0.5, 1 / 3), abs=0.02) and y > 0.9
 
@@ -362,10 +362,10 @@ def test_a_new_lamp_hangs_off_the_wall_that_it_is_over(hand, viewer):
 @in_window(scene=lit_room)
 def test_a_lamp_of_much_more_light_says_that_the_exposure_stays(hand, viewer):
     """A luminaire of 2,000 lm in a room of 147 lm left a white picture without a word."""
-    change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("flux", (400.0,) * 3),))))
+    change(hand, viewer, lambda: viewer._do(("change light", BULB, (("flux", (400.0,) * 3),))))
     hand.ctx.yield_(2)
     assert viewer.log.last.text == "edited: lamp bulb; the exposure stays as it was: key A meters it"
-    change(hand, viewer, lambda: viewer._do(ChangeLight(BULB, (("flux", (500.0,) * 3),))))
+    change(hand, viewer, lambda: viewer._do(("change light", BULB, (("flux", (500.0,) * 3),))))
     hand.ctx.yield_(2)
     assert viewer.log.last.text == "edited: lamp bulb"
 

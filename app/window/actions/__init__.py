@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
 from app.window.actions import files, lamps, objects, views
-from app.window.panel.lights import AddLamp, ChangeLight, SelectLamp
-from app.window.panel.material import ChoosePart, Refinish
-from app.window.panel.objects import Move, Select
-from app.window.panel.readouts import Edit, FoldSurface
 from app.window.parts import Window
 from app.window.window import toggle_full_screen
 
@@ -20,13 +16,10 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move | Refinish | ChoosePart | Edit | FoldSurface | SelectLamp | ChangeLight | AddLamp
-
-
 class Action(NamedTuple):
     """A function of the window and the keys that call it."""
 
-    run: Callable[[Window], object]
+    run: Callable[..., object]  # of the window, and of the values that the panel gives with its request
     chords: tuple[int, ...] = ()  # any of them
     keys: str = ""  # as the help shows them; "": not in the help
     help: str = ""
@@ -34,31 +27,11 @@ class Action(NamedTuple):
     label: str = ""  # in menus
 
 
-def act(window: Window, name: str | Request) -> None:
-    """Run an action or a request of the panel; without a scene, only an action that needs none."""
-    match name:
-        case Select(names):
-            window.viewport.select(names)
-        case Refinish():
-            objects.refinish(window, name)
-        case ChoosePart(part):
-            window.viewport.chosen_part = part
-        case Move():
-            objects.move(window, name)
-        case SelectLamp(light):
-            window.viewport.select_lamp(light)
-        case ChangeLight():
-            lamps.change(window, name)
-        case AddLamp():
-            lamps.add(window, name)
-        case Edit(field, value, first, last):
-            window.session.edit(first, last, **{field: value})
-        case FoldSurface(surface):
-            window.viewport.view.folded ^= {surface}
-        case str():
-            action = ACTIONS[name]
-            if window.session.ready or not action.needs_scene:
-                action.run(window)
+def act(window: Window, name: str, *values: Any) -> None:
+    """Run an action; without a scene, only one that needs none."""
+    action = ACTIONS[name]
+    if window.session.ready or not action.needs_scene:
+        action.run(window, *values)
 
 
 def _ctrl(key: int, more: int = 0) -> int:
@@ -76,6 +49,17 @@ def _of_selected(of_lamp: Callable[[Window], None], of_objects: Callable[[Window
 
 
 ACTIONS = {
+    # Of the panel, with values.
+    "select": Action(lambda w, names: w.viewport.select(names)),
+    "move": Action(objects.move),
+    "choose part": Action(lambda w, part: setattr(w.viewport, "chosen_part", part)),
+    "refinish": Action(objects.refinish),
+    "select lamp": Action(lambda w, light: w.viewport.select_lamp(light)),
+    "change light": Action(lamps.change),
+    "add lamp": Action(lamps.add),
+    "edit": Action(lambda w, field, value, first=True, last=True: w.session.edit(first, last, **{field: value})),
+    "fold surface": Action(lambda w, surface: w.viewport.view.folded.symmetric_difference_update({surface})),
+    # Of keys, menus and buttons.
     "open": Action(files.choose_scene, (_ctrl(K.o),), "Ctrl+O", "open a scene", False, "Open..."),
     "fade": Action(lambda w: w.session.fade(), (), "", "cross-fade to a light scene", False),
     "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files", label="Reload"),
@@ -105,8 +89,10 @@ ACTIONS = {
     "report": Action(files.report, label="Report..."),
     "reset all": Action(views.reset_all, (K.r,), "R", "reset objects and view"),
     "reset poses": Action(objects.reset_poses, label="Reset objects"),
-    "reset settings": Action(views.reset_settings, label="Reset settings"),
-    "reset view": Action(views.reset_view, (K.home,), "Home", "reset the view", label="Reset view"),
+    "reset settings": Action(lambda w: w.session.reset_settings(), label="Reset settings"),
+    "reset view": Action(
+        lambda w: w.viewport.control.go_home(), (K.home,), "Home", "reset the view", label="Reset view"
+    ),
     "rest": Action(objects.rest, label="Rest on floor"),
     "insert": Action(objects.choose_and_insert, label="Insert object..."),
     **{
@@ -134,14 +120,18 @@ ACTIONS = {
     "promote": Action(objects.promote, label="Make clicked object movable"),
     "freeze": Action(objects.freeze, label="Make object static"),
     "frame": Action(views.frame, (K.f,), "F", "show what is selected, or everything", label="Frame selected"),
-    "top": Action(partial(views.look_along, None), label="Top"),
-    "front": Action(partial(views.look_along, 0), label="Front"),
-    "side": Action(partial(views.look_along, 1), label="Side"),
+    "top": Action(lambda w: w.viewport.control.look_along(None), label="Top"),
+    "front": Action(lambda w: w.viewport.control.look_along(0), label="Front"),
+    "side": Action(lambda w: w.viewport.control.look_along(1), label="Side"),
     "parallel": Action(
-        views.toggle_parallel, (K.o,), "O", "parallel view, or perspective", label="Parallel view"
+        lambda w: w.viewport.control.toggle_parallel(), (K.o,), "O", "parallel view, or perspective",
+        label="Parallel view",
     ),
     "bookmark": Action(views.bookmark, (K.b,), "B", "keep this view", label="Keep this view"),
-    **{f"view {k}": Action(partial(views.show_bookmark, k), (_ctrl(key),)) for k, key in enumerate(ESTIMATOR_KEYS)},
+    **{
+        f"view {k}": Action(lambda w, k=k: w.viewport.control.show_bookmark(k), (_ctrl(key),))
+        for k, key in enumerate(ESTIMATOR_KEYS)
+    },
     "gizmo": Action(
         lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected objects",
         label="Move or turn handles",

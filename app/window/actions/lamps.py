@@ -23,7 +23,7 @@ from app.session.lights import (
 )
 from app.session.log import WARNING
 from app.window import dialogs
-from app.window.panel.lights import FILE, AddLamp, ChangeLight
+from app.window.panel.lights import FILE
 from app.window.parts import Window
 from app.window.viewport import BESIDE
 from gi_core.base.vectors import unit
@@ -38,23 +38,25 @@ if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
 
-def change(window: Window, asked: ChangeLight) -> None:
+def change(window: Window, light: LightId | None, values: Values, first: bool = True) -> None:
+    """Change a light, or the daylight (None); not `first`: the next value of a field that is still held."""
     from gi_core.files.edits import Daylight, Light
 
-    light = asked.light
-    edit = Light(light.name, asked.values, number=light.number) if light is not None else Daylight(asked.values)
-    window.session.change_scene(edit, first=asked.first)
+    edit = Light(light.name, values, number=light.number) if light is not None else Daylight(values)
+    window.session.change_scene(edit, first=first)
 
 
-def add(window: Window, asked: AddLamp) -> None:
-    """Add a lamp below the ceiling, over the surface clicked last, else over the middle of the picture."""
-    if asked.kind == FILE:
+def add(window: Window, kind: str) -> None:
+    """Add a lamp below the ceiling, over the surface clicked last, else over the middle of the picture.
+
+    kind: of `KINDS` of the panel.
+    """
+    if kind == FILE:
         choose_file(window, None)
-        return
-    if asked.kind == DAYLIGHT:
+    elif kind == DAYLIGHT:
         _add_daylight(window)
-        return
-    _add(window, asked.kind, new_light(asked.kind, _room(window)))
+    else:
+        _add(window, kind, new_light(kind, _room(window)))
 
 
 def _add_daylight(window: Window) -> None:

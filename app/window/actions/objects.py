@@ -6,19 +6,20 @@ import os
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from imgui_bundle import imgui
 
 from app.session.log import WARNING
 from app.window import dialogs
-from app.window.panel.material import Refinish
-from app.window.panel.objects import Move
 from app.window.parts import Window
 from gi_core.scene import Pose
 from gi_core.scene.errors import utf8
 from gi_core.scene.pose import carried, three
+
+if TYPE_CHECKING:
+    from gi_core.files.edits import Values
 
 SHAPES: dict[str, dict[str, Any]] = {  # that the window inserts: values in units of that length
     "box": {"size": (1.0, 1.0, 1.0)},
@@ -29,25 +30,28 @@ SHAPES: dict[str, dict[str, Any]] = {  # that the window inserts: values in unit
 }
 
 
-def move(window: Window, asked: Move) -> None:
-    """Move an object by the panel's fields, and other selected ones with it."""
-    session, names = window.session, window.viewport.selection
-    if asked.first and not session.motion.dragging:
+def move(window: Window, name: str, pose: Pose, first: bool, last: bool) -> None:
+    """Move an object, and other selected ones with it; from `first` to `last` is one step of undo."""
+    session = window.session
+    if first and not session.motion.dragging:
         session.motion.playing = False
         session.begin_drag()
-    before = session.poses[asked.name]
-    if asked.pose != before:
-        companions = {name: session.poses[name] for name in names if name != asked.name}
-        session.move({asked.name: asked.pose, **carried(companions, before, asked.pose)})
-    if asked.last and session.motion.dragging:
+    before = session.poses[name]
+    if pose != before:
+        companions = {other: session.poses[other] for other in window.viewport.selection if other != name}
+        session.move({name: pose, **carried(companions, before, pose)})
+    if last and session.motion.dragging:
         session.end_drag()
 
 
-def refinish(window: Window, asked: Refinish) -> None:
-    """Change the reflection of a part of a mobile, or of a material of the static part."""
+def refinish(window: Window, surface: str, part: str, material: Values, first: bool = True) -> None:
+    """Change the reflection of a part of a mobile, or of a material of the static part, which has no part.
+
+    Not `first`: the next value of a slider that is still held.
+    """
     from gi_core.files.edits import Finish
 
-    window.session.change_scene(Finish(asked.surface, asked.material, asked.part), first=asked.first)
+    window.session.change_scene(Finish(surface, material, part), first=first)
 
 
 def rest(window: Window) -> None:

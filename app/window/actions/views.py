@@ -9,10 +9,6 @@ from app.window.actions.objects import reset_poses
 from app.window.parts import Window
 
 
-def look_along(quarter_turns: int | None, window: Window) -> None:
-    window.viewport.control.look_along(quarter_turns)
-
-
 def frame(window: Window) -> None:
     """Show the selected objects or lamp, or everything."""
     window.viewport.control.frame(window.viewport.selection, window.viewport.lamps.selected)
@@ -22,22 +18,9 @@ def bookmark(window: Window) -> None:
     window.log(f"kept as {window.viewport.control.bookmark()}; menu View shows it again")
 
 
-def show_bookmark(k: int, window: Window) -> None:
-    window.viewport.control.show_bookmark(k)
-
-
-def reset_view(window: Window) -> None:
-    control = window.viewport.control
-    control.fly_to(control.home)
-
-
 def reset_all(window: Window) -> None:
     reset_poses(window)
-    reset_view(window)
-
-
-def toggle_parallel(window: Window) -> None:
-    window.viewport.control.toggle_parallel()
+    window.viewport.control.go_home()
 
 
 def panel_of(window: Window):
@@ -80,7 +63,3 @@ def choose_estimator(k: int, window: Window) -> None:
     if k < len(ESTIMATORS):
         window.session.choose_estimator(list(ESTIMATORS)[k])
         window.viewport.name_estimator()
-
-
-def reset_settings(window: Window) -> None:
-    window.session.reset_settings()

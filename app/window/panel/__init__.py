@@ -1,7 +1,7 @@
 """The panel: settings in, settings out, and the numbers of the frame. It changes nothing itself.
 
-`draw(window, folds)` returns the edited settings and the requested actions. The frame compares old and new
-settings and restarts the first stage that a change affects.
+`draw(window, folds)` returns the edited settings and the requested actions: names, or tuples of a name and values. The
+frame compares old and new settings and restarts the first stage that a change affects.
 
 A section is a function (settings, window, actions) -> Settings, the `draw` of its own file where it is long, and a line
 in SECTIONS, or in RESEARCH if it is about the method: one switch shows those. A new setting is one entry of a group in

@@ -144,7 +144,7 @@ def _row(
     imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*theme.ACCENT, 1.0) if chosen else usual)
     imgui.align_text_to_frame_padding()
     if imgui.selectable(f"{ui.shortened(lamp.name, most)}###select", chosen, 0, (most, 0))[0]:
-        actions.add(lights.SelectLamp(None if chosen else LightId(lamp.name)))
+        actions.add(("select lamp", None if chosen else LightId(lamp.name)))
     imgui.pop_style_color()
     ui.tip(f"{lamp.name}: {flux}. Click to select the lamp.")
     right = left + width - solo_em * em

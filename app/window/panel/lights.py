@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from imgui_bundle import imgui
 
@@ -91,26 +91,6 @@ _headings: dict[LightId, float] = {}  # last heading: straight down has none
 _held = [False]  # a field: its next value belongs to the same step of undo
 
 
-class ChangeLight(NamedTuple):
-    """Request to change a light; not `first`: the next value of a field that is still held."""
-
-    light: LightId | None  # None: the daylight
-    values: Values
-    first: bool = True
-
-
-class SelectLamp(NamedTuple):
-    """Request to select a lamp by one of its lights; None: none."""
-
-    light: LightId | None
-
-
-class AddLamp(NamedTuple):
-    """Request to add a lamp of a kind of KINDS."""
-
-    kind: str
-
-
 def draw(window: Window, actions: set[Any]) -> None:
     """Draw the selected lamp, and the buttons that add, copy and remove lamps."""
     session, selected = window.session, window.viewport.lamps.selected
@@ -128,7 +108,7 @@ def draw(window: Window, actions: set[Any]) -> None:
         del kinds[DAYLIGHT]
     kind = ui.one_of("Add lamp", "Add a lamp...", kinds)
     if kind is not None:
-        actions.add(AddLamp(kind))
+        actions.add(("add lamp", kind))
     ui.tip("It hangs below the ceiling over the middle of the picture, or over the surface clicked last. Photometric "
            "files may be dropped on the picture too.")  # fmt: skip
 
@@ -142,7 +122,7 @@ def head(lamp: LightId, session: Session, actions: set[Any]) -> None:
         ui.label("Light")
         names = {light: (f"{light.number} of {len(several)}", "") for light in several}
         if (light := ui.one_of("which", names[lamp][0], names, lamp)) is not None:
-            actions.add(SelectLamp(light))
+            actions.add(("select lamp", light))
         ui.tip("Lights of one name are one lamp. Each has its own place.")
 
 
@@ -196,7 +176,7 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
     if isinstance(light, SkyLight):
         types = range(1, OVERCAST_SKY + 1) if light.sun is not None else SUNLESS_SKIES
         if (cie := _sky_type(light.cie, types)) is not None:
-            actions.add(ChangeLight(lamp, (("cie", cie),)))
+            actions.add(("change light", lamp, (("cie", cie),)))
     if isinstance(light, PhotometricLight):
         values, *done = ui.fields("Size", light.size, ui.SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90"))
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
@@ -254,7 +234,7 @@ def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
         return s
     if (zone := _city(day)) is not None:
         place, offset = cities()[zone], utc_offset(zone, day.date, day.hour)
-        actions.add(ChangeLight(None, (("place", place), ("utc_offset", offset))))
+        actions.add(("change light", None, (("place", place), ("utc_offset", offset))))
     (latitude, longitude), *done = ui.fields("Place", day.place, 0.1, "%.2f°", ("latitude", "longitude"))
     ui.tip("Latitude and longitude [degrees], north and east positive.")
     place = min(max(latitude, -90.0), 90.0), min(max(longitude, -180.0), 180.0)
@@ -281,7 +261,7 @@ def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
     ui.tip("Direction of north, clockwise from above [degrees], from -z with y up, from y with z up.")
     _changed(None, (("north", north_at(turn, up)),), done, actions)
     if (cie := _sky_type(day.sky, range(1, OVERCAST_SKY + 1))) is not None:
-        actions.add(ChangeLight(None, (("sky", cie),)))
+        actions.add(("change light", None, (("sky", cie),)))
     sun = sun_of(day)
     ui.number("Sun", f"{sun.altitude:.1f}°, {sun.azimuth:.1f}°", f"Altitude and azimuth: {sun}.")
     return s
@@ -291,5 +271,5 @@ def _changed(lamp: LightId | None, values: Values, done: list[bool], actions: se
     edited, begins, _ = done
     _held[0] &= not begins
     if edited:
-        actions.add(ChangeLight(lamp, values, first=not _held[0]))
+        actions.add(("change light", lamp, values, not _held[0]))
         _held[0] = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from imgui_bundle import imgui
 
@@ -41,21 +41,6 @@ def models() -> dict[str, dict[str, Parameter]]:
     return {DIFFUSE: {"reflectance": colour}, METAL_ROUGH: metal_rough, **tabulated}
 
 
-class Refinish(NamedTuple):
-    """Request to change the reflection of a part of a mobile, or of a material."""
-
-    surface: str
-    material: Values
-    first: bool = True  # not: the next value of a slider that is still held
-    part: str = ""
-
-
-class ChoosePart(NamedTuple):
-    """Request to show another part of the selected mobile."""
-
-    name: str
-
-
 _held: list[tuple[str, str]] = []  # the surface and part whose slider is held
 
 
@@ -71,7 +56,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         chosen, k = imgui.combo("##Part", parts.index(part), list(parts))
         ui.tip("Part of the object, by the material in its file. A click on the object chooses it too.")
         if chosen:
-            actions.add(ChoosePart(parts[k]))
+            actions.add(("choose part", parts[k]))
             return s
     values = dict(finish.values)
     model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
@@ -85,7 +70,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         _held.clear()
     if changed and not (combined and k == chosen_now):
         new_values = starting(names[k], values)
-        actions.add(Refinish(surface, _kept(new_values) if finish.textured else new_values, part=part))
+        actions.add(("refinish", surface, part, _kept(new_values) if finish.textured else new_values))
         return s
     edited, keeps = False, finish.textured
     other = None
@@ -104,7 +89,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     if (added := _draw_added(model)) is not None:
         other = with_model(values, added)
     if other is not None:
-        actions.add(Refinish(surface, other, part=part))
+        actions.add(("refinish", surface, part, other))
         return s
     if "brdf" in values:
         values, moved = _draw_scale(values, finish.darkened)
@@ -113,7 +98,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
         ui.wrapped(_about_texture(model))
     if edited:
         new_values, target = tuple(values.items()), (surface, part)
-        actions.add(Refinish(surface, _kept(new_values) if keeps else new_values, target not in _held, part))
+        actions.add(("refinish", surface, part, _kept(new_values) if keeps else new_values, target not in _held))
         _held[:] = [target]
     return s
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from imgui_bundle import imgui
 
@@ -16,21 +16,6 @@ from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 Angles = tuple[float, float, float]
 
 _shown: list[tuple[str, Angles]] = []  # the selected object in motion, and its angles in the last frame
-
-
-class Select(NamedTuple):
-    """Request to select objects, the last one last."""
-
-    names: tuple[str, ...]
-
-
-class Move(NamedTuple):
-    """Request to move an object and the other selected ones; from `first` to `last` is one step of undo."""
-
-    name: str
-    pose: Pose
-    first: bool
-    last: bool
 
 
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
@@ -52,7 +37,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
             moved = pose
             if edited:
                 moved = pose._replace(position=three(numbers)) if name == "Position" else turned(pose, three(numbers))
-            actions.add(Move(selected, moved, first, last))
+            actions.add(("move", selected, moved, first, last))
     imgui.end_disabled()
     any_object, is_selected, play = bool(session.poses), bool(selected), "Pause" if session.motion.playing else "Play"
     ui.buttons(
@@ -129,7 +114,7 @@ def _list(names: tuple[str, ...], selection: tuple[str, ...], actions: set[Any])
     for name in names:
         if imgui.selectable(name, name in selection)[0]:
             io = imgui.get_io()
-            actions.add(Select(selection_after(names, selection, name, io.key_ctrl, io.key_shift)))
+            actions.add(("select", selection_after(names, selection, name, io.key_ctrl, io.key_shift)))
         if len(names) > 1:
             ui.tip("Ctrl adds or removes an object, Shift selects a range, Ctrl+A all.")
     imgui.end_child()

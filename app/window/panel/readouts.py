@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from imgui_bundle import imgui
@@ -38,21 +38,6 @@ ABOUT = {
     "U0": "Minimum / mean (EN 12665).",
     "Ud": "Minimum / maximum.",
 }
-
-
-class Edit(NamedTuple):
-    """Request to change a field of the settings; one drag from `first` to `last` is one step of undo."""
-
-    field: str
-    value: Any
-    first: bool = True
-    last: bool = True
-
-
-class FoldSurface(NamedTuple):
-    """Request to show the rows of a calculation surface, and its points in the picture, or its mean alone."""
-
-    name: str
 
 
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
@@ -89,7 +74,7 @@ def _pins(s: Settings, pinned: tuple[Pinned, ...], is_current: bool, actions: se
         entered, name = imgui.input_text("##name", pin.name, imgui.InputTextFlags_.enter_returns_true)
         name = name.strip()
         if (entered or imgui.is_item_deactivated_after_edit()) and name and name != pin.name:
-            actions.add(Edit("pins", (*s.pins[:k], pin._replace(name=name), *s.pins[k + 1 :])))
+            actions.add(("edit", "pins", (*s.pins[:k], pin._replace(name=name), *s.pins[k + 1 :])))
         ui.tip(reading.text() if reading is not None else "The surface of this pin is no longer there.")
         imgui.same_line(right - width - 2.2 * em)
         imgui.align_text_to_frame_padding()
@@ -98,7 +83,7 @@ def _pins(s: Settings, pinned: tuple[Pinned, ...], is_current: bool, actions: se
         imgui.end_disabled()
         imgui.same_line(right - 1.6 * em)
         if imgui.button("x", (1.6 * em, 0)):
-            actions.add(Edit("pins", s.pins[:k] + s.pins[k + 1 :]))
+            actions.add(("edit", "pins", s.pins[:k] + s.pins[k + 1 :]))
         ui.tip("Remove this read-out.")
         imgui.pop_id()
 
@@ -113,7 +98,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
         moved, factor = ui.slider("Maintenance", factor, 0.3, 1.0, f"{factor:.2f}", read=maintenance)
         ui.tip("Maintenance factor of EN 12464-1: share of the light of lamps, not of sun and sky, that counts here.")
         if moved:
-            actions.add(Edit("maintenance_factor", round(factor, 2), imgui.is_item_activated(), False))
+            actions.add(("edit", "maintenance_factor", round(factor, 2), imgui.is_item_activated(), False))
     if any(surface.targets for surface in surfaces):
         _hold(s, session, actions)
     for k, surface in enumerate(surfaces):
@@ -121,12 +106,12 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
 
         def edit(to: CalculationSurface | None, first: bool = True, last: bool = True, k: int = k) -> None:
             edited = () if to is None else (to,)
-            actions.add(Edit("surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :]), first, last))
+            actions.add(("edit", "surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :]), first, last))
 
         imgui.set_next_item_open(surface.name not in viewport.view.folded)
         unfolded = imgui.tree_node_ex(f"{surface.name}###surface")
         if imgui.is_item_toggled_open():
-            actions.add(FoldSurface(surface.name))
+            actions.add(("fold surface", surface.name))
         ui.tip("Folded, the picture shows its outline and its mean, without points.")
         if unfolded:
             if surface in grids:
@@ -144,7 +129,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
     imgui.begin_disabled(not session.ready)
     names = [surface.name for surface in surfaces]
     if imgui.button("Add a surface"):
-        actions.add(Edit("surfaces", (*surfaces, WORKING_PLANE._replace(name=free_name(names, "surface")))))
+        actions.add(("edit", "surfaces", (*surfaces, WORKING_PLANE._replace(name=free_name(names, "surface")))))
     ui.tip(
         "Mean, minimum and uniformity of illuminance on a grid of points: by default 0.75 m above the floor, "
         "without 0.5 m along the walls, with the grid of EN 12464-1. Path traced at rest, without bias."
@@ -155,7 +140,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
             name, at = free_name(names, selected), viewport.clicked
             new = CalculationSurface(name, selected)
             new = new if at is None else on_part(name, session.model, session.level, at.face)
-            actions.add(Edit("surfaces", (*surfaces, new)))
+            actions.add(("edit", "surfaces", (*surfaces, new)))
         ui.tip("A surface on top of the selected object, which moves with it, or on the level part that was clicked.")
     imgui.end_disabled()
 
@@ -168,7 +153,7 @@ def _hold(s: Settings, session: Session, actions: set[Any]) -> None:
     changed, on = imgui.checkbox("Hold targets", on)
     ui.tip("Dims lamps to the fewest watts that hold the targets, in each frame: at most to the levels in Lamps.")
     if changed:
-        actions.add(Edit("hold", on))
+        actions.add(("edit", "hold", on))
     if not on:
         return
     state = f"{100 * rest.finding:.0f} % found" if held is None else "short" if held.missing else held.power
