@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -216,9 +216,3 @@ def camera(text: str) -> tuple[float, ...]:
     fits = len(eye_target_fov) == 7 and eye_target_fov[:3] != eye_target_fov[3:6] and 0 < eye_target_fov[6] < 180
     _require(fits, "x,y,z,tx,ty,tz,fov: eye, another point as target, 0 < fov < 180", text)
     return eye_target_fov
-
-
-def to_millionths(numbers: Iterable[float], size: float) -> tuple[float, ...]:
-    """Return numbers [m] in decimal places of a millionth of a size [m]: the others come of a mouse and of float32."""
-    places = 6 - math.floor(math.log10(max(size, 1e-300)))
-    return tuple(round(float(x), places) + 0.0 for x in numbers)

@@ -75,25 +75,20 @@ class GlossTexture:
         self.lines = min(LINES, ctx.info["GL_MAX_TEXTURE_SIZE"])
         self._texture: moderngl.Texture | None = None
         self._owners: moderngl.Texture | None = None
-        self._shown: GlossLight | None = None
-
-    @property
-    def light(self) -> GlossLight | None:
-        """The light on show."""
-        return self._shown
+        self.light: GlossLight | None = None  # on show; None: there is no texture
 
     def upload(self, light: GlossLight | None) -> None:
         """Show the light of a frame; None changes nothing. Only what differs from the last call is uploaded."""
-        if light is None or light is self._shown:
+        if light is None or light is self.light:
             return
-        before, self._shown = self._shown, light
+        before, self.light = self.light, light
         n, cells, _ = light.resting.shape
         size = 2 * cells * -(-n // self.lines), min(n, self.lines)
         if self._texture is None or self._texture.size != size:
             self.release()
             self._texture, before = self._ctx.texture(size, 4, dtype="f2"), None
             self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
-            self._shown = light
+            self.light = light
         if before is None or before.place is not light.place:
             self._write_owners(light.place)
         if before is None or before.resting is not light.resting:
@@ -130,16 +125,14 @@ class GlossTexture:
         assert self._texture is not None
         self._texture.write(texels.tobytes(), viewport=(2 * cells * column, line, 2 * cells, count))
 
-    def use(self, cells: int, owners: int) -> bool:
-        """Bind the textures to units; return whether there are any."""
-        if self._texture is None or self._owners is None or self._shown is None:
-            return False
+    def use(self, cells: int, owners: int) -> None:
+        """Bind the textures of the light on show to units."""
+        assert self._texture is not None and self._owners is not None
         self._texture.use(cells)
         self._owners.use(owners)
-        return True
 
     def release(self) -> None:
         for texture in (self._texture, self._owners):
             if texture is not None:
                 texture.release()
-        self._texture = self._owners = self._shown = None
+        self._texture = self._owners = self.light = None

@@ -14,7 +14,7 @@ import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS, LightFaces
 from app.draw.colour_map import SEQUENTIAL
-from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Display, Scale
+from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale, false_colours
 from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject
@@ -219,12 +219,15 @@ class Renderer:
         self._default.use()
 
     def _smooth_edges(self, look: Look, depths: moderngl.Framebuffer) -> None:
-        display = Display(look.exposure, look.tone_map, look.gains, look.scale)
         split = np.inf if look.split is None else look.split * self._targets.size[0]
 
         def colours(o: int, edge: np.ndarray, face: np.ndarray, x: np.ndarray) -> np.ndarray:
             light = self._objects[o].radiance_at(edge, face, (x > split).astype(np.int64), look.textured)
-            return 255 * light if look.as_is else display.colours(light)
+            if look.as_is:
+                return 255 * light
+            if look.scale is not None:
+                return false_colours(light, look.scale)
+            return to_display(light, look.exposure, look.tone_map, look.gains)
 
         to_clip = [look.view_projection @ model for model in look.models]
         edges = [o.edges for o in self._objects]
@@ -327,7 +330,7 @@ class Renderer:
     def _draw_mirrors(self, look: Look, layer: int) -> bool:
         """Draw what sharp gloss reflects; return whether the picture shows it."""
         targets = self._targets
-        if not self._mirrors or not look.is_light or look.eye is None or self._gloss.light is None:
+        if not look.is_light or look.eye is None or self._gloss.light is None or not self._mirrors:
             return False
         self._state()
         key = layer, look.exposure, look.gains, look.cull
@@ -375,7 +378,8 @@ class Renderer:
         if mirrored:
             mode = "compressed reflection" if view.compressed else "reflection"
         self._draw_sky(look, view, mode)
-        shows_gloss = look.is_light and look.eye is not None and self._gloss.use(**GLOSS_UNITS)
+        if shows_gloss := look.is_light and look.eye is not None and self._gloss.light is not None:
+            self._gloss.use(**GLOSS_UNITS)
         ready: set[moderngl.Program] = set()
 
         def ready_program(*defines: str) -> moderngl.Program:

@@ -163,7 +163,7 @@ class LiveError(Job):
         self.report: Report | None = None
         self.point: MeasuredPoint | None = None  # of the chart
         self._clock, self._settings = clock, Settings()
-        self._light: np.ndarray | None = None  # irradiance that the results belong to
+        self.light: np.ndarray | None = None  # irradiance that the results belong to
         self._references: dict[tuple, ReferenceJob] = {}  # newest last
         self._areas = solver.model.object_receivers.areas
         self._few = int((self._areas > 0).sum()) <= FEW_RECEIVERS
@@ -178,16 +178,12 @@ class LiveError(Job):
         super().restart()
         self._measured = Measured()
 
-    def follow(self) -> None:
-        """Drop the results of an earlier light."""
-        if self._light is not self._solver.irradiance:
-            self._light = self._solver.irradiance
+    def want(self, settings: Settings) -> None:
+        if self.light is not self._solver.irradiance:  # results of an earlier light are dropped
+            self.light = self._solver.irradiance
             self.report = self.point = None
             self.restart()
             self.comparison.restart()
-
-    def want(self, settings: Settings) -> None:
-        self.follow()
         self._settings = settings
         super().want(settings)
         self.comparison.want(settings)
@@ -239,7 +235,7 @@ class LiveError(Job):
             rows, weights = (
                 (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
             )
-            shares = visual_shares(solver.model, luminance(self._light), self._areas)[rows]
+            shares = visual_shares(solver.model, luminance(self.light), self._areas)[rows]
             reference = ReferenceJob(solver, solver.poses, rows, weights, shares, even=everywhere and not self._few)
         self._references = dict([*self._references.items(), (key, reference)][-3:])
         before = reference.look
@@ -255,8 +251,8 @@ class LiveError(Job):
             self._report(reference)
 
     def _report(self, reference: ReferenceJob) -> None:
-        m, E, w = self._measured, self._light[reference.rows], reference.weights
-        measured = reference.error(self._light)
+        m, E, w = self._measured, self.light[reference.rows], reference.weights
+        measured = reference.error(self.light)
         total = measured if reference.noise <= max(FINAL_NOISE, STATED * measured) else math.nan
         noise = float("nan")
         if m.subset:

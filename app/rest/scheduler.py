@@ -84,17 +84,17 @@ class RestWork:
 
     def results(self) -> RestResults:
         """Return the results for the solver's present light."""
-        e = self.live_error
-        e.follow()
+        e, E = self.live_error, self._solver.irradiance
         reference = e.picture if REFERENCE in self._settings.beside_estimate else None
         light = self.at_poses.light
         held = self.hold.result
         surfaces = (*(held.lights if held else ()), *self.surfaces.lights)
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
-        E, error = self._stated
-        error = error if E is self._solver.irradiance else math.nan
-        return RestResults(self.gathering.progress, error, at_poses, e.report, e.point, reference, e.comparison.result,
-                           surfaces, self.fine.light, held, self.hold.fraction, self.asked.answer)  # fmt: skip
+        error = self._stated[1] if self._stated[0] is E else math.nan
+        measured = (e.report, e.point, e.comparison.result) if e.light is E else (None, None, None)
+        report, point, comparison = measured
+        return RestResults(self.gathering.progress, error, at_poses, report, point, reference, comparison, surfaces,
+                           self.fine.light, held, self.hold.fraction, self.asked.answer)  # fmt: skip
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.values import to_millionths
 from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.reference import Gatherer
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
+from gi_core.scene.pose import to_millionths
 from gi_core.scene.types import CYLINDRICAL, MOST_GRID_POINTS, UGR, CalculationSurface
 from gi_core.scene.validate import check_surface
 

@@ -13,7 +13,7 @@ from app.draw.camera import Turntable
 from app.draw.false_colour import Scale
 from app.draw.shot import Shot
 from app.rest.scheduler import RestWork
-from app.session.snapshot import Snapshot, snapshot_of
+from app.session.solver_jobs import Snapshot, snapshot_of
 from app.settings import REFERENCE, Settings
 from gi_core.scene.types import RADIOMETRIC, UNITS, Units
 

@@ -8,7 +8,9 @@ the job then goes on behind the picture. During a motion the light may be that o
 from __future__ import annotations
 
 import functools
+import statistics
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,8 +18,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from app.rest.jobs import HoldJob
 from app.rest.scheduler import RestWork, TaskEnd
 from app.session.log import WARNING, Log
-from app.session.snapshot import MovingMedian, Snapshot, snapshot_of
-from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Show, Step, Time
+from app.session.solver_jobs import (
+    Dim,
+    Job,
+    Move,
+    Moved,
+    Refine,
+    Rest,
+    Rested,
+    Show,
+    Snapshot,
+    Step,
+    Time,
+    snapshot_of,
+)
 from app.worker import PATIENCE, Call, Worker
 from gi_core.base.pause import Interrupted, breaking_off
 
@@ -30,6 +44,20 @@ if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind t
     from gi_core.solver import Solver
 
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
+
+
+class MovingMedian:
+    """The median of the last 31 displayed times, insensitive to one slow frame."""
+
+    def __init__(self) -> None:
+        self._values: deque[float] = deque(maxlen=31)
+
+    def add(self, value: float) -> None:
+        self._values.append(value)
+
+    @property
+    def value(self) -> float:
+        return statistics.median(self._values) if self._values else 0.0
 
 
 class Waiting:

@@ -13,11 +13,10 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, Turntable
-from app.values import to_millionths
 from app.window.camera_control import CLICK_PIXELS
 from gi_core.base.vectors import frame_of
 from gi_core.scene import Pose
-from gi_core.scene.pose import axis_angle, carried, four, multiply_quaternions, three
+from gi_core.scene.pose import axis_angle, carried, four, multiply_quaternions, three, to_millionths
 
 if TYPE_CHECKING:
     from app.draw.picking import Hit

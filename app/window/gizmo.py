@@ -22,13 +22,13 @@ OPERATIONS = {MOVE: G.OPERATION.translate, TURN: G.OPERATION.rotate}
 
 
 class Gizmo:
-    """`draw` once per frame, after the picture."""
+    """`draw` once per frame, after the picture, while it has a mode or is shown."""
 
     def __init__(self) -> None:
         self.mode = ""  # one of MODES
         self.snaps = False  # also while Ctrl is held
         self._held = False
-        self._shown = False
+        self.is_shown = False
         self._middle = np.zeros(3)  # of the objects that are held
 
     def next_mode(self) -> None:
@@ -37,12 +37,12 @@ class Gizmo:
     @property
     def takes_mouse(self) -> bool:
         """Whether the mouse is over a handle, or holds one."""
-        return self._shown and (G.is_over() or G.is_using())
+        return self.is_shown and (G.is_over() or G.is_using())
 
     def draw(self, session: Session, view: View, names: tuple[str, ...], room: Bounds) -> None:
         """Draw the handles of objects that move as one; move them inside a box when they are dragged."""
-        self._shown = bool(self.mode) and bool(names)
-        if not self._shown:
+        self.is_shown = bool(self.mode) and bool(names)
+        if not self.is_shown:
             self._end(session)
             return
         name = names[-1]

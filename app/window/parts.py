@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from app.session.log import Log
 from app.session.reload import Reload
 from app.session.session import Session
-from app.session.snapshot import MovingMedian
+from app.session.solver_thread import MovingMedian
 from app.window.files import Files
 from app.window.painter import Painter
 from app.window.viewport import Viewport

@@ -23,7 +23,7 @@ from app.session.log import WARNING, Log
 from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
 from app.session.session import LIGHT_TIME, Session
-from app.session.snapshot import MovingMedian
+from app.session.solver_thread import MovingMedian
 from app.settings import Settings, UsageError
 from app.window import menus, method_marks, overlay, panel, readout_marks, spot_card, window
 from app.window.actions import act, views

@@ -440,8 +440,9 @@ class Viewport:
             renderer.draw(self.look())
             self._drawn = wanted
         imgui.image(imgui.ImTextureRef(renderer.texture), size, (0, 1), (1, 0))
-        free = self.selection if self.mobile_drag.grab is None else ()
-        self.gizmo.draw(self.session, self.view, free, self.mobile_drag.room)
+        if self.gizmo.mode or self.gizmo.is_shown:
+            free = self.selection if self.mobile_drag.grab is None else ()
+            self.gizmo.draw(self.session, self.view, free, self.mobile_drag.room)
 
     def _show_cursor(self, hovered: bool, io) -> None:
         grab, lamp = self.mobile_drag.grab, self.lamps

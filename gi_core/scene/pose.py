@@ -6,6 +6,7 @@ last bit with the number of rows, and then a frame would differ from the same po
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -127,6 +128,12 @@ def four(values: Iterable[float]) -> tuple[float, float, float, float]:
     """Return four numbers as a tuple of Python floats."""
     a, b, c, d = map(float, values)
     return a, b, c, d
+
+
+def to_millionths(numbers: Iterable[float], size: float) -> tuple[float, ...]:
+    """Return numbers [m] in decimal places of a millionth of a size [m]: the others come of a mouse and of float32."""
+    places = 6 - math.floor(math.log10(max(size, 1e-300)))
+    return tuple(round(float(x), places) + 0.0 for x in numbers)
 
 
 def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:

@@ -249,7 +249,7 @@ def test_comparison_equals_a_solver_of_that_estimator(solver):
     moved = pose._replace(position=(0.6, 0.3, 0.5))
     solver.move("block", moved)
     alone.move("block", moved)
-    live_error.follow()
+    live_error.want(other)
     assert live_error.comparison.result is None, "that of another light"
     finish(live_error, other)
     assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)

@@ -10,7 +10,7 @@ from app.session.log import Log
 from app.session.picture import Picture
 from app.session.reload import Reload
 from app.session.session import Session
-from app.session.snapshot import MovingMedian
+from app.session.solver_thread import MovingMedian
 from app.settings import ERRORS, REFERENCE
 from app.window import panel, view_content
 from app.window.viewport import Viewport

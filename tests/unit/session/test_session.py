@@ -22,7 +22,7 @@ from app.session.opening import COMPILING
 from app.session.picture import Picture
 from app.session.reload import QUIET, Reload, settings_for, words_of
 from app.session.session import Asked
-from app.session.snapshot import snapshot_of
+from app.session.solver_jobs import snapshot_of
 from app.settings import REFERENCE, LampLevel, Settings
 from app.window import files
 from app.worker import ARENAS, Worker
