@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 
 from app import values
-from app.cli.terminal import SCENE, STOPPED, USAGE, fail, guarded
+from app.cli.terminal import Exit, fail, guarded
 from app.commands import COMMANDS, VIEW, Command
 from app.settings import UsageError
 
@@ -65,13 +65,13 @@ def _run(argv: list[str]) -> int:
     try:
         return arguments.run(arguments)
     except SceneError as error:
-        return fail(error, SCENE)
+        return fail(error, Exit.SCENE)
     except UsageError as error:
-        return fail(error, USAGE)
+        return fail(error, Exit.USAGE)
     except MemoryError as error:
-        return fail(sentence(error), USAGE)
+        return fail(sentence(error), Exit.USAGE)
     except KeyboardInterrupt as stop:
-        return fail(str(stop) or "stopped", STOPPED)
+        return fail(str(stop) or "stopped", Exit.STOPPED)
 
 
 def _is_scene(name: str) -> bool:

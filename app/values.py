@@ -17,7 +17,7 @@ from gi_core.scene.types import CalculationSurface, LampLevel
 
 LONGEST_SIDE = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
-MOST_ISOLINES = 16
+MOST_ISOLINES = 16  # as in surface.frag
 TINIEST, BIGGEST = 1e-15, 1e15  # of other numbers, as in scene files (`gi_core.scene.rules`)
 
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from app.cli.progress import Bar
-from app.cli.terminal import OK, USAGE, fail
+from app.cli.terminal import Exit, fail
 from app.cli.writable import check_writable
 from app.measure.chart.figure import need_matplotlib
 from app.settings import UsageError
@@ -194,8 +194,8 @@ def main() -> int:
                 print(line, flush=True)
         print(draw(arguments.out))
     except (UsageError, OSError) as error:
-        return fail(error, USAGE)
-    return OK
+        return fail(error, Exit.USAGE)
+    return Exit.OK
 
 
 if __name__ == "__main__":

@@ -10,8 +10,18 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout
+from enum import IntEnum
 
-OK, INCOMPLETE, USAGE, SCENE, NO_GL, STOPPED = 0, 1, 2, 3, 4, 130
+
+class Exit(IntEnum):
+    """Codes that the program exits with."""
+
+    OK = 0
+    INCOMPLETE = 1
+    USAGE = 2
+    SCENE = 3
+    NO_GL = 4
+    STOPPED = 130
 
 
 def fail(error: object, code: int) -> int:
@@ -60,7 +70,7 @@ def guarded(run: Callable[[], int]) -> int:
         except BrokenPipeError:  # `gi-viewer info | head`
             return 141  # a closed pipe: 128 + SIGPIPE, the shell's convention
         except OSError as error:
-            return fail(error, USAGE)
+            return fail(error, Exit.USAGE)
 
 
 def _flush() -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from app.cli import options
-from app.cli.terminal import OK
+from app.cli.terminal import Exit
 from app.settings import Settings, check_names
 
 
@@ -21,4 +21,4 @@ def run(arguments: argparse.Namespace) -> int:
     rays = getattr(arguments, "rays", None)
     check_names(Settings(rays=rays))
     print(atlas(arguments.out, rays=rays).resolve())
-    return OK
+    return Exit.OK

@@ -10,7 +10,7 @@ from app import values
 from app.cli import cluster, options
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
-from app.cli.terminal import OK
+from app.cli.terminal import Exit
 from app.cli.version import need
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         error = a.error and a.error / 100
         for path in bake(settings_of(a), a.out, a.seconds, error, machines, a.light_map, a.of_colours):
             print(path)
-    return OK
+    return Exit.OK
 
 
 def bake(

@@ -8,7 +8,7 @@ from pathlib import Path
 from app import values
 from app.cli import options
 from app.cli.options import settings_of
-from app.cli.terminal import OK
+from app.cli.terminal import Exit
 from app.settings import STEP_PER_FRAME, UsageError
 
 
@@ -47,4 +47,4 @@ def run(arguments: argparse.Namespace) -> int:
         from app.measure.bench.measure import bench
 
         bench(settings, arguments.frames, arguments.json, arguments.step / 100)
-    return OK
+    return Exit.OK

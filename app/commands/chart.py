@@ -8,7 +8,7 @@ from pathlib import Path
 from app import values
 from app.cli import cluster, options
 from app.cli.options import settings_of
-from app.cli.terminal import INCOMPLETE, OK, fail
+from app.cli.terminal import Exit, fail
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -32,5 +32,5 @@ def run(arguments: argparse.Namespace) -> int:
         text, failures = chart(settings_of(a), a.out, a.quick, a.frames, a.points, machines)
     print(text)
     for failure in failures:
-        fail(failure, INCOMPLETE)
-    return INCOMPLETE if failures else OK
+        fail(failure, Exit.INCOMPLETE)
+    return Exit.INCOMPLETE if failures else Exit.OK

@@ -6,7 +6,7 @@ import argparse
 
 from app.cli import options
 from app.cli.options import settings_of
-from app.cli.terminal import OK, say
+from app.cli.terminal import Exit, say
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -19,4 +19,4 @@ def run(arguments: argparse.Namespace) -> int:
     from app.measure.scene_info import info
 
     say(info(settings_of(arguments)))
-    return OK
+    return Exit.OK

@@ -10,7 +10,7 @@ from app import values
 from app.cli import options
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, time_left
-from app.cli.terminal import OK, say
+from app.cli.terminal import Exit, say
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
 
@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     say(measure(settings_of(arguments), arguments.error / 100, arguments.csv, arguments.shares))
-    return OK
+    return Exit.OK
 
 
 def measure(settings: Settings, error: float, file: Path | None = None, shares: bool = False) -> list[str]:

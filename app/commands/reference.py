@@ -10,7 +10,7 @@ from app import values
 from app.cli import cluster, options
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
-from app.cli.terminal import OK
+from app.cli.terminal import Exit
 from app.cli.writable import check_folder
 from app.settings import Settings, open_scene
 
@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = settings_of(a)
     with cluster.opened(a.workers, a.scheduler) as machines:
         reference(settings, a.error / 100, machines)
-    return OK
+    return Exit.OK
 
 
 class Stopped(KeyboardInterrupt):

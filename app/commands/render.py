@@ -14,14 +14,14 @@ from app import values
 from app.cli import cluster, options
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve, time_left
-from app.cli.terminal import OK
+from app.cli.terminal import Exit
 from app.cli.version import need
 from app.cli.writable import check_no_input, check_writable
 from app.settings import Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
     from app.cli.cluster import Machines
-    from app.session.film import Still
+    from app.session.picture import Still
 
 FALLBACK_PICTURE = "gi-viewer.png"
 STILLS, FILMS = (".png", ".exr"), (".mp4", ".gif", ".webp")
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         paths = a.truth or (0 if a.still else None)
         for path in render(settings, out, a.frames, a.seconds, a.rate, machines, paths):
             print(path)
-    return OK
+    return Exit.OK
 
 
 def render(
@@ -71,7 +71,7 @@ def render(
     from app.draw import motion
     from app.draw.shot import Shot
     from app.rest.scheduler import gather, hold
-    from app.session.film import along, elsewhere, still
+    from app.session.picture import along, elsewhere, still
 
     linear = out.suffix.lower() == ".exr"
     _check(settings, out, frames, rate, paths)

@@ -10,7 +10,7 @@ from app import values
 from app.cli import options
 from app.cli.options import settings_of
 from app.cli.progress import opened, solve
-from app.cli.terminal import OK, say
+from app.cli.terminal import Exit, say
 from app.cli.version import version
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.commands.measure import measured
@@ -32,7 +32,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
     say(report(settings_of(a), a.out, a.json, a.error / 100))
-    return OK
+    return Exit.OK
 
 
 def report(settings: Settings, out: Path, numbers: Path | None = None, error: float = 0.01) -> list[str]:

@@ -10,7 +10,7 @@ from app import values
 from app.cli import options, saved_scene
 from app.cli.options import settings_of
 from app.cli.progress import opened, solve
-from app.cli.terminal import OK, say
+from app.cli.terminal import Exit, say
 from app.settings import Settings, UsageError, make_solver, open_moving_scene
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     say(tuned_lines(settings_of(arguments), arguments.error, arguments.check))
-    return OK
+    return Exit.OK
 
 
 def tuned_lines(settings: Settings, error: float | None, check: bool = False) -> list[str]:

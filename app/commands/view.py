@@ -8,7 +8,7 @@ import sys
 from app import values
 from app.cli import options
 from app.cli.options import settings_of
-from app.cli.terminal import NO_GL, OK, fail
+from app.cli.terminal import Exit, fail
 from app.commands.render import FALLBACK_PICTURE
 
 
@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--no-fallback",
         dest="fallback",
         action="store_false",
-        help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
+        help=f"fail with code {Exit.NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
     add(
         "--screenshot",
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         return run(settings, screenshot=arguments.screenshot)
     if not settings.fallback:
-        return fail(reason, NO_GL)
+        return fail(reason, Exit.NO_GL)
     from app.commands.render import render, unused_name
     from app.settings import open_scene
 
@@ -51,4 +51,4 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
     (path,) = render(settings, arguments.screenshot or unused_name())
     print(f"The picture is in {path}")
-    return OK
+    return Exit.OK

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.draw.tonemap import srgb_encode
+from app.draw.tonemap import UNLIT, srgb_encode
 from gi_core.geometry.error import REC709
 
 ZERO = (0.93, 0.0, 0.0)  # Oklab L, a, b
@@ -28,7 +28,7 @@ VIRIDIS = np.array(  # Oklab of five colours of viridis (Smith and van der Walt 
 )
 SEQUENTIAL_STEPS = 32  # of the table, whose colours are interpolated as display values
 SHARE = 0.95  # of the weight of values: within the end of their scale
-UNKNOWN_COLOUR = (0.24, 0.245, 0.255)  # display colour of nan, darker than the map
+UNKNOWN_COLOUR = UNLIT  # display colour of nan, darker than the map
 
 _CUBE_ROOTS = np.array(
     [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.2914855480]]

@@ -10,6 +10,7 @@ import numpy as np
 from app.draw.colour_map import sequential_colours
 from app.draw.tonemap import NEUTRAL, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, ILLUMINANCE, LUMINANCE
+from app.values import MOST_ISOLINES
 from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale
 ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
-MOST_LINES = 16  # isolines, as in surface.frag
 LINE_PIXELS = 1.5  # width of isolines, at 96 dots per inch
 LINE_OPACITY = 0.85
 LIGHT_FROM = 0.55  # of the scale: from there on lines are black, below white
@@ -33,12 +33,12 @@ class Scale(NamedTuple):
     quantity: str = ILLUMINANCE  # or LUMINANCE
 
     def with_lines(self, values: tuple[float, ...] | None) -> Scale:
-        """Return the scale with isolines at these values, at most MOST_LINES; (): at round numbers; None: without."""
+        """Return the scale with isolines at these values, at most MOST_ISOLINES; (): round ones; None: without."""
         if values is None:
             return self._replace(lines=())
         if not values:
-            values = tuple(v for v in self._round_numbers(MOST_LINES) if self.low < v <= self.high)
-        return self._replace(lines=tuple(sorted(set(values)))[:MOST_LINES])
+            values = tuple(v for v in self._round_numbers(MOST_ISOLINES) if self.low < v <= self.high)
+        return self._replace(lines=tuple(sorted(set(values)))[:MOST_ISOLINES])
 
     def _round_numbers(self, most: int) -> list[float]:
         """Return round numbers of the scale."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS, LightFaces
 from app.draw.colour_map import SEQUENTIAL
-from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale, false_colours
+from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, Scale, false_colours
 from app.draw.gl_coverage import GLCoverage, Shares
 from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
 from app.draw.gl_objects import DrawnObject
@@ -22,6 +22,7 @@ from app.draw.gl_targets import LinearTarget, Programs, SmoothEdges, Targets, pu
 from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.tonemap import BACKGROUND, NEUTRAL, TONE_MAPS, UNLIT, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, LUMINANCE
+from app.values import MOST_ISOLINES
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
@@ -272,7 +273,7 @@ class Renderer:
             map=SEQUENTIAL.astype(np.float32).tobytes(),
             scale=scale[:3],
             of_luminance=scale.quantity == LUMINANCE,
-            lines=(*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines))),
+            lines=(*scale.lines, *[0.0] * (MOST_ISOLINES - len(scale.lines))),
             line_count=len(scale.lines),
             line_look=(LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM),
             unlit=UNLIT,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from app.session.open_scene import OpenScene
 
 
-FOOT = 0.05  # of the object's height: it may stand so deep in the floor, which need not be level
+SUNK = 0.05  # of an object: it may stand so deep in the floor, which need not be level, and a copy in others
 
 
 def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.ndarray | None) -> Pose | None:
@@ -33,7 +33,7 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
     at = np.array(poses[name].position)
     lows, highs = _boxes(session, [session.box_of((other,), poses) for other in poses if other != name])
     up = frame_of(session.scene.up)[2]
-    foot = FOOT * float((high - low) @ np.abs(up)) * up
+    foot = SUNK * float((high - low) @ np.abs(up)) * up
     low, high = low + np.maximum(foot, 0), high + np.minimum(foot, 0)
 
     def is_free(to: np.ndarray) -> bool:
@@ -84,7 +84,7 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     drop = _reach(session, poses, (name,), corners, np.broadcast_to(-up, corners.shape)).reshape(-1, len(foot))
     lands = np.isfinite(drop).all(axis=1)
     above, drop = above[lands], drop[lands]
-    level = np.ptp(drop, axis=1) < FOOT * height
+    level = np.ptp(drop, axis=1) < SUNK * height
     return above[level] - (drop[level].min(axis=1) - GAP * size)[:, None] * up
 
 
@@ -134,7 +134,6 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
 
 
 FARTHEST = 4  # place tried along each way
-MARGIN = 0.05  # of that box, per side: the copy may stand so deep in others, as it does in the floor
 
 
 def beside(session: OpenScene, camera: Turntable, names: tuple[str, ...]) -> np.ndarray:
@@ -166,7 +165,7 @@ def _aside(size: np.ndarray, up: tuple[float, float, float], right: np.ndarray) 
 
 def _holds(session: OpenScene, low: np.ndarray, high: np.ndarray) -> bool:
     """Return whether a box lies in that of the scene."""
-    margin = MARGIN * (high - low)
+    margin = SUNK * (high - low)
     return bool((low + margin >= session.chosen.low).all() and (high - margin <= session.chosen.high).all())
 
 
@@ -185,5 +184,5 @@ def _boxes_of_all(session: OpenScene) -> tuple[np.ndarray, np.ndarray]:
 
 def _meets(boxes: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
     """Return whether a box overlaps one of the boxes, low and high corners (n, 3) [m]."""
-    margin, (lows, highs) = MARGIN * (high - low), boxes
+    margin, (lows, highs) = SUNK * (high - low), boxes
     return bool(((lows < high - margin) & (highs > low + margin)).all(axis=1).any())

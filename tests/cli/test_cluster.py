@@ -23,7 +23,7 @@ from app.measure.chart.measure import Run
 from app.measure.chart.page import _processes
 from app.rest import reference_store
 from app.rest.scheduler import gather
-from app.session.film import restore
+from app.session.picture import restore
 from app.settings import Settings, make_solver
 from gi_core.defaults import choose
 from gi_core.gather.static import StaticGather

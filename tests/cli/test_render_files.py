@@ -290,7 +290,7 @@ def test_log_reports_truncated_light_once(monkeypatch):
     monkeypatch.setattr("gi_core.base.memory.available", lambda: 0)
     settings = Settings(estimator="impact_count", photons=8_000, radius=0.1, neighbours=50, exposure=0.0)
     session = Session(settings, Log(), open_with=lambda settings: None)
-    session.adopt(Opened(settings, solved(0.5), None, (), None))
+    session.adopt(Opened(settings, solved(0.5), None, ()))
     for radius in (0.1, 0.2):
         session.want(replace(session.settings, radius=radius))
         while session.refining:

@@ -400,5 +400,5 @@ def counting_session(solver: CountingSolver, step_seconds: float, budget: float 
     )  # fmt: skip
     clock = solver.clock
     s = Session(settings, Log(), open_with=lambda settings: None, clock=clock, worker=Behind(clock, step_seconds))
-    s.adopt(Opened(settings, solver, None, (), None))
+    s.adopt(Opened(settings, solver, None, ()))
     return s

@@ -43,7 +43,7 @@ def opened(light: str = "best", photons: int = 3000) -> Session:
     solver = Solver(SCENE, photons=photons, radius=0.06)
     solver.configure(light=light)
     session = Session(settings, Log(), open_with=lambda settings: None)
-    session.adopt(Opened(settings, solver, None, (), None))
+    session.adopt(Opened(settings, solver, None, ()))
     return session
 
 

@@ -44,7 +44,7 @@ def opened(scene=SCENE) -> Session:
     solver.configure(light="best")
     clock = support.Clock()
     session = Session(settings, Log(), lambda settings: None, clock, support.Behind(clock, TASK))
-    session.adopt(Opened(settings, solver, None, (), None))
+    session.adopt(Opened(settings, solver, None, ()))
     return session
 
 
