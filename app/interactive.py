@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
 
 from app.settings import Settings, UsageError, make_solver, read_scene
 from gi_core.scene import Camera, Scene
@@ -57,13 +55,13 @@ def show(scene: Scene, **settings) -> int:
 
 def png(scene: Scene | Solver) -> bytes:
     """Return a PNG file of a scene in light gathered within two seconds, or of a solver in its present light."""
+    from app.draw import picture_files
+
     if isinstance(scene, Solver):
         shot = _shot(scene, PREVIEW)
     else:
         shot = _shot(scene, replace(PREVIEW, photons=30_000), PREVIEW_SECONDS)
-    data = io.BytesIO()
-    Image.fromarray(shot.take()).save(data, "PNG")
-    return data.getvalue()
+    return picture_files.png(shot.take())
 
 
 def register(shell) -> None:

@@ -8,7 +8,6 @@ distinguish blue and red. Irradiance has a sequential one, ever lighter. Chromat
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,7 +26,6 @@ VIRIDIS = np.array(  # Oklab of five colours of viridis (Smith and van der Walt 
     ]
 )
 SEQUENTIAL_STEPS = 32  # of the table, whose colours are interpolated as display values
-SHARE = 0.95  # of the weight of values: within the end of their scale
 UNKNOWN_COLOUR = UNLIT  # display colour of nan, darker than the map
 
 _CUBE_ROOTS = np.array(
@@ -70,24 +68,6 @@ def _sequential() -> np.ndarray:
 
 
 SEQUENTIAL = _sequential()
-
-
-def round_scale(values: np.ndarray, weights: np.ndarray) -> float:
-    """Return a round number (1, 2 or 5 times a power of ten) that SHARE of the weight of |values| stays within.
-
-    For the end of a scale: nan values do not count; 1 without values.
-    """
-    magnitude = np.abs(values)
-    counted = np.isfinite(magnitude) & (weights > 0)
-    if not counted.any() or not magnitude[counted].any():
-        return 1.0
-    order = np.argsort(magnitude[counted])
-    sorted_weights = np.cumsum(np.asarray(weights, np.float64)[counted][order])
-    at = float(magnitude[counted][order][np.searchsorted(sorted_weights, SHARE * sorted_weights[-1])])
-    if at <= 0:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(at))
-    return next(step * power for step in (1, 2, 5, 10) if at <= step * power * (1 + 1e-9))
 
 
 COOLEST, HOTTEST = 1700.0, 20_000.0  # [K]

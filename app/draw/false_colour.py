@@ -16,6 +16,7 @@ from gi_core.geometry.error import luminance
 if TYPE_CHECKING:
     from gi_core.scene.types import Units
 
+SHARE = 0.95  # of the weight of values: within the end of their scale
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale
 ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
 LINE_PIXELS = 1.5  # width of isolines, at 96 dots per inch
@@ -43,7 +44,7 @@ class Scale(NamedTuple):
     def _round_numbers(self, most: int) -> list[float]:
         """Return round numbers of the scale."""
         if not self.logarithmic:
-            step = _step(self.high - self.low)
+            step = round_below((self.high - self.low) / 4)
             ends = math.ceil(self.low / step), math.floor(self.high / step * (1 + 1e-9))
             return [_rounded(k * step) for k in range(ends[0], ends[1] + 1)]
         decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
@@ -72,7 +73,7 @@ class Scale(NamedTuple):
             many = math.log10(self.high / self.low) > 2.5
             inner = [s * 10.0**k for k in decades for s in ((1.0,) if many else ROUND_STEPS[:3])]
         else:
-            step = _step(self.high - self.low)
+            step = round_below((self.high - self.low) / 4)
             inner = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
         inner = [t for t in inner if label < self.position(np.array([t]))[0] < 1 - label]
         return [self.low, *inner, self.high]
@@ -133,8 +134,8 @@ def automatic_scale(values: np.ndarray, quantity: str = ILLUMINANCE) -> Scale:
     if high <= 0:
         return Scale(0.0, 1.0, False, (), quantity)
     if low * LOGARITHMIC <= high:
-        return Scale(*_round_ends(max(low, high / 1e4), high), True, (), quantity)
-    step = _step(high)
+        return Scale(round_below(max(low, high / 1e4)), round_above(high), True, (), quantity)
+    step = round_below(high / 4)
     return Scale(0.0, _rounded(step * math.ceil(high / step - 1e-9)), False, (), quantity)
 
 
@@ -184,17 +185,30 @@ def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _step(length: float) -> float:
-    """Return the largest round number of which four fit into a length."""
-    most = length / 4
-    power = 10.0 ** math.floor(math.log10(most))
-    return max(s * power for s in ROUND_STEPS if s * power <= most * (1 + 1e-9))
+def round_below(value: float) -> float:
+    """Return the largest round number (1, 2 or 5 times a power of ten) up to a value over 0."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(s * power for s in ROUND_STEPS if s * power <= value * (1 + 1e-9))
 
 
-def _round_ends(low: float, high: float) -> tuple[float, float]:
-    """Return the next round numbers below and above."""
-    down, up = (10.0 ** math.floor(math.log10(x)) for x in (low, high))
-    return (
-        max(s * down for s in ROUND_STEPS if s * down <= low * (1 + 1e-9)),
-        min(s * up for s in ROUND_STEPS if s * up >= high * (1 - 1e-9)),
-    )
+def round_above(value: float) -> float:
+    """Return the smallest round number from a value over 0 on."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return min(s * power for s in ROUND_STEPS if s * power >= value * (1 - 1e-9))
+
+
+def round_scale(values: np.ndarray, weights: np.ndarray) -> float:
+    """Return a round number (1, 2 or 5 times a power of ten) that SHARE of the weight of |values| stays within.
+
+    For the end of a scale: nan values do not count; 1 without values.
+    """
+    magnitude = np.abs(values)
+    counted = np.isfinite(magnitude) & (weights > 0)
+    if not counted.any() or not magnitude[counted].any():
+        return 1.0
+    order = np.argsort(magnitude[counted])
+    sorted_weights = np.cumsum(np.asarray(weights, np.float64)[counted][order])
+    at = float(magnitude[counted][order][np.searchsorted(sorted_weights, SHARE * sorted_weights[-1])])
+    if at <= 0:
+        return 1.0
+    return round_above(at)

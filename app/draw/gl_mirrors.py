@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
+from app.draw.gl_targets import rectangle
 from app.draw.tonemap import BACKGROUND, srgb_decode
 from gi_core.gloss.reflectors import OMITTED_INSIDE, PLANAR, PROBE, Reflector
 from gi_core.gloss.sharp import TAPS
@@ -138,7 +139,8 @@ class GLMirrors:
             normal = model[:3, :3] @ faces.equation[:3]
             offset = faces.equation[3] + normal @ model[:3, 3]
             height = float(normal @ view.eye - offset)
-            area = _rectangle(faces.corners @ model[:3, :3].T + model[:3, 3], view.view_projection, view.size)
+            corners = faces.corners @ model[:3, :3].T + model[:3, 3]
+            area = rectangle(corners, view.view_projection, view.size, 1.0)  # a pixel more: blur reads around
             if area is None or abs(height) < bias * self.size or (faces.one_sided and height < 0):
                 continue
             mirror = np.eye(4)
@@ -279,21 +281,6 @@ def _blurs(reflectors: Iterable[Reflector]) -> bool:
 
 def _filter(blurred: bool) -> tuple[int, int]:
     return (moderngl.LINEAR_MIPMAP_LINEAR if blurred else moderngl.LINEAR), moderngl.LINEAR
-
-
-def _rectangle(corners: np.ndarray, to_clip: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
-    """Return the pixel rectangle (x, y, width, height) of points (n, 3); None: out of sight."""
-    clip = np.c_[corners, np.ones(len(corners))] @ to_clip.T
-    for axis in range(3):
-        if (clip[:, axis] < -clip[:, 3]).all() or (clip[:, axis] > clip[:, 3]).all():
-            return None
-    if clip[:, 3].min() <= 1e-6 * np.abs(clip).max():
-        return 0, 0, *size  # it reaches behind the eye
-    at = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
-    # A pixel more: blur reads around.
-    low = np.clip(np.floor(at.min(axis=0)) - 1, 0, size).astype(int)
-    high = np.clip(np.ceil(at.max(axis=0)) + 1, 0, size).astype(int)
-    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
 def _clipped(to_clip: np.ndarray, plane: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS
 from app.draw.draw_mesh import Turning, other_diagonals
-from app.draw.gl_targets import put
+from app.draw.gl_targets import put, rectangle
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
 
@@ -350,19 +350,9 @@ class DrawnObject:
     def rectangle(
         self, to_clip: np.ndarray, size: tuple[int, int], margin: float, faces: np.ndarray | None = None
     ) -> tuple[int, int, int, int]:
-        """Return the pixel rectangle (x, y, width, height) of the object, or of faces (k,) of it.
-
-        It is the whole picture if they reach behind the eye.
-        """
-        of = self._corners if faces is None else self._marked_faces(faces).corners
-        corners = np.c_[of, np.ones(len(of))] @ to_clip.T
-        w, h = size
-        if not len(corners) or corners[:, 3].min() <= 1e-6 * np.abs(corners).max():
-            return (0, 0, w, h)
-        at = (corners[:, :2] / corners[:, 3:] + 1) / 2 * size
-        low = np.clip(np.floor(at.min(axis=0) - margin - 1), 0, size).astype(int)
-        high = np.clip(np.ceil(at.max(axis=0) + margin + 1), 0, size).astype(int)
-        return (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
+        """Return the pixel rectangle (x, y, width, height) of the object, or of faces (k,) of it."""
+        corners = self._corners if faces is None else self._marked_faces(faces).corners
+        return rectangle(corners, to_clip, size, margin + 1) or (0, 0, 0, 0)
 
     def release(self) -> None:
         if self._faces is not None:

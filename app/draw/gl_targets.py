@@ -56,6 +56,25 @@ def put(program: moderngl.Program, **values) -> None:
             program[name] = value
 
 
+def rectangle(
+    points: np.ndarray, to_clip: np.ndarray, size: tuple[int, int], margin: float
+) -> tuple[int, int, int, int] | None:
+    """Return the pixel rectangle (x, y, width, height) of points (n, 3) with a margin; None: out of sight.
+
+    It is the whole picture, of a size in pixels, if they reach behind the eye.
+    """
+    clip = np.c_[points, np.ones(len(points))] @ to_clip.T
+    for axis in range(3):
+        if (clip[:, axis] < -clip[:, 3]).all() or (clip[:, axis] > clip[:, 3]).all():
+            return None
+    if clip[:, 3].min() <= 1e-6 * np.abs(clip).max():
+        return 0, 0, *size
+    at = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
+    low = np.clip(np.floor(at.min(axis=0) - margin), 0, size).astype(int)
+    high = np.clip(np.ceil(at.max(axis=0) + margin), 0, size).astype(int)
+    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
+
+
 class Targets:
     """Framebuffers of one size: multisampled, resolved, and a mask for the outline."""
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from app.settings import Settings
-from gi_core.base.vectors import frame_of
+from gi_core.base.vectors import frame_of, unit
 from gi_core.lights.daylight import LUMENS_PER_WATT
 from gi_core.scene.pose import axis_angle, least_turn, rotation, three
 from gi_core.scene.types import Daylight, DirectionalLight, Light, PhotometricLight, PointLight, Pose, Scene, SpotLight
@@ -131,11 +131,6 @@ def beam(light: SpotLight, inner: float, outer: float) -> Values:
         ("outer_degrees", outer),
         ("intensity", three(c * factor for c in light.intensity)),
     )
-
-
-def unit(v) -> np.ndarray:
-    v = np.asarray(v, np.float64)
-    return v / np.linalg.norm(v)
 
 
 def rounded(v: np.ndarray) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import imgui, imguizmo
 
+from app.draw.false_colour import round_below
 from gi_core.scene import Pose
 from gi_core.scene.pose import as_pose, carried, rotation, three
 
@@ -84,15 +85,8 @@ class Gizmo:
     def _snap(self, size: float):
         if not (self.snaps or imgui.get_io().key_ctrl):
             return None
-        step = snap_step(size) if self.mode == MOVE else 15.0  # degrees
+        step = round_below(0.01 * size) if self.mode == MOVE else 15.0  # degrees
         return G.Matrix3([step] * 3)
-
-
-def snap_step(size: float) -> float:
-    """Return the step of snapping [m] in a scene of a size [m]: 1, 2 or 5 times a power of ten."""
-    snap_share = 0.01  # of the scene's size: longest step
-    power = 10.0 ** np.floor(np.log10(snap_share * size))
-    return float(max(s * power for s in (1.0, 2.0, 5.0) if s * power <= snap_share * size * (1 + 1e-9)))  # per decade
 
 
 def moved_pose(pose: Pose, middle: np.ndarray, to: np.ndarray, turned: np.ndarray | None) -> Pose:

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from app.draw.bare_lights import bare_lights, light_faces
 from app.draw.camera import Turntable
+from app.draw.gl_textures import is_software
 from app.draw.renderer import SAMPLES, Look, Renderer
 from app.draw.tonemap import NEUTRAL
 from app.draw.vertex_colours import colours, weights
@@ -86,7 +87,7 @@ class Painter:
     def open(self) -> None:
         """Draw by the current context of OpenGL."""
         self.ctx = window.current_context()
-        self.software = window.is_software(self.ctx)
+        self.software = is_software(self.ctx)
 
     def adopt(self, session: Session) -> None:
         """Draw the meshes of a session."""

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw.colour_map import UNKNOWN_COLOUR, round_scale, signed_colours
+from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
 from app.draw.draw_mesh import dimmed
+from app.draw.false_colour import round_scale
 from app.settings import CHANGE, ERRORS, REFERENCE
 from gi_core.display.dilation import Drawn
 from gi_core.gather.estimate import Source

@@ -113,12 +113,6 @@ def current_context():
     return moderngl.create_context(require=100 * GL_VERSION[0] + 10 * GL_VERSION[1], context=Loader())  # type: ignore[arg-type]
 
 
-def is_software(ctx) -> bool:
-    """Return whether this OpenGL draws on the processor."""
-    name = ctx.info["GL_RENDERER"].lower()
-    return any(word in name for word in ("llvmpipe", "softpipe", "swiftshader", "software"))
-
-
 def runner_params(
     settings: Settings,
     viewport: Callable[[], None],

@@ -11,7 +11,7 @@ from app.cli import saved_scene
 from app.draw.camera import Bounds, from_camera
 from app.session.session import Motion, Session
 from app.window import gizmo
-from app.window.gizmo import MOVE, TURN, moved_pose, snap_step
+from app.window.gizmo import MOVE, TURN, moved_pose
 from gi_core.model import Model
 from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import as_pose, axis_angle, quaternion_of, to_world
@@ -103,10 +103,6 @@ def test_handles_move_the_middle_of_an_object(turn):
     else:
         assert moved.quaternion == pytest.approx(quaternion_of(M), abs=1e-6)
         assert as_pose(moved) == moved
-
-
-def test_steps_of_snapping_are_round():
-    assert [snap_step(size) for size in (9.65, 0.55, 100.0, 2.0)] == pytest.approx([0.05, 0.005, 1.0, 0.02])
 
 
 def test_views_are_kept_shown_and_saved(play, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.cli.writable import write_whole
-from app.draw.picture_files import next_free, png, screenshot, write_png
+from app.draw.picture_files import next_free, png, screenshot
 from app.rest.calculation_surface import NOISE
 from app.session.log import WARNING
 from app.settings import UsageError
@@ -103,38 +104,43 @@ def copy_command(window: Window) -> None:
     window.log(f"copied the command that opens this view{without}")
 
 
+def _saved(window: Window, path: str | Path, suffix: str, content: Callable[[], str | bytes]) -> str:
+    """Write a file, whose name gets a suffix where it has none in any case; return the problem, "" without one."""
+    file = Path(path)
+    file = file if file.suffix.lower() == suffix else file.with_name(file.name + suffix)
+    try:
+        write_whole(file, content())
+        window.log(f"saved {file}")
+        return ""
+    except OSError as problem:
+        return _not_saved(window, problem, file)
+
+
+def _read_outs(window: Window) -> str:
+    return view_content.readouts_csv(window.session, window.viewport.pins.shown)
+
+
 def export(window: Window) -> None:
     """Write the read-outs into a table."""
-
-    def write(path: str) -> str:
-        file = _with_suffix(path, ".csv")
-        try:
-            write_whole(file, view_content.readouts_csv(window.session, window.viewport.pins.shown))
-            window.log(f"saved {file}")
-            return ""
-        except OSError as problem:
-            return _not_saved(window, problem, file)
-
-    if len(view_content.readouts_csv(window.session, window.viewport.pins.shown).splitlines()) < 2:
+    if len(_read_outs(window).splitlines()) < 2:
         window.log("there is nothing to export: key I pins a read-out, or add a calculation surface", WARNING)
         return
     suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".csv"))
+    write = partial(_saved, window, suffix=".csv", content=partial(_read_outs, window))
     window.files.dialog.save("Export the read-outs", suggestion, dialogs.TABLES, write)
 
 
-def save_picture(window: Window, path: Path | None = None) -> str:
+def save_picture(window: Window, path: str | Path | None = None) -> str:
     """Save the picture with its parameters; return the problem, "" without one.
 
     path: None for the next free name in the working folder.
     """
-    path = path or next_free(Path.cwd())
-    metadata = window.viewport.picture.metadata(window.session.light.snapshot)
-    try:
-        write_png(path, _picture(window, window.session.settings.picture_scale), metadata)
-        window.log(f"saved {path}")
-        return ""
-    except OSError as problem:
-        return _not_saved(window, problem, path)
+
+    def content() -> bytes:
+        metadata = window.viewport.picture.metadata(window.session.light.snapshot)
+        return png(_picture(window, window.session.settings.picture_scale), metadata)
+
+    return _saved(window, path or next_free(Path.cwd()), ".png", content)
 
 
 def _picture(window: Window, scale: int = 1) -> np.ndarray:
@@ -152,32 +158,19 @@ def report(window: Window) -> None:
     from app.cli.version import version
     from app.session.report import Content, page
 
-    def write(path: str) -> str:
-        file, s = _with_suffix(path, ".html"), window.session
+    def content() -> str:
+        s = window.session
         rest = s.light.snapshot.rest.surfaces
-        content = Content(
+        return page(Content(
             s.model, s.settings, s.light.snapshot.levels, s.level, [x for x in rest if x.is_current], s.power,
             [("Picture", png(_picture(window)))], version(), NOISE,
-        )  # fmt: skip
-        try:
-            write_whole(file, page(content))
-            window.log(f"saved {file}")
-            return ""
-        except OSError as problem:
-            return _not_saved(window, problem, file)
+        ))  # fmt: skip
 
     suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".html"))
+    write = partial(_saved, window, suffix=".html", content=content)
     window.files.dialog.save("Write a report", suggestion, dialogs.PAGES, write)
 
 
 def save_picture_as(window: Window) -> None:
-    def write(path: str) -> str:
-        return save_picture(window, _with_suffix(path, ".png"))
-
+    write = partial(save_picture, window)
     window.files.dialog.save("Save the picture", str(next_free(Path.cwd())), dialogs.PICTURES, write)
-
-
-def _with_suffix(path: str, suffix: str) -> Path:
-    """Return a path that ends in a suffix; one in other letters' case counts."""
-    file = Path(path)
-    return file if file.suffix.lower() == suffix else file.with_name(file.name + suffix)

@@ -13,11 +13,18 @@ from app.draw.colour_map import (
     UNKNOWN_COLOUR,
     ZERO,
     from_oklab,
-    round_scale,
     sequential_colours,
     signed_colours,
 )
-from app.draw.false_colour import Scale, automatic_scale, false_colours, fixed_scale
+from app.draw.false_colour import (
+    Scale,
+    automatic_scale,
+    false_colours,
+    fixed_scale,
+    round_above,
+    round_below,
+    round_scale,
+)
 from app.draw.legend import of_scale
 from gi_core.geometry.error import luminance
 from gi_core.scene.types import PHOTOMETRIC
@@ -155,6 +162,12 @@ def test_ends_zero_and_beyond():
 
 def test_white_is_white():
     assert from_oklab(np.array([[1.0, 0, 0], [0, 0, 0]])) == pytest.approx(np.array([[1, 1, 1], [0, 0, 0]]), abs=1e-3)
+
+
+def test_round_numbers_are_1_2_or_5_times_a_power_of_ten():
+    numbers = 0.0965, 0.0055, 1.0, 0.02
+    assert [round_below(n) for n in numbers] == pytest.approx([0.05, 0.005, 1.0, 0.02])
+    assert [round_above(n) for n in numbers] == pytest.approx([0.1, 0.01, 1.0, 0.02])
 
 
 def test_scale_is_round_and_covers_the_bulk():
