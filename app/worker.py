@@ -1,4 +1,4 @@
-"""Threads behind the window, first of all the solver's: the window never waits for a long task.
+"""The solver's thread, and others behind the window, which never waits for a long task.
 
 Most calls last milliseconds; the index of a large scene or a move among a million photons lasts longer. They run one
 at a time, and no other thread uses the solver meanwhile.
@@ -52,8 +52,7 @@ class Worker:
     It starts with the first call, so a scene that never opens starts no thread.
     """
 
-    def __init__(self, name: str = "solver") -> None:
-        self._name = name
+    def __init__(self) -> None:
         self._calls: queue.SimpleQueue[tuple[Future, Callable] | None] = queue.SimpleQueue()
         self._started = self._closed = False
 
@@ -61,11 +60,11 @@ class Worker:
         """Run a call after those submitted before; after close() it fails at once."""
         future: Future = Future()
         if self._closed:
-            future.set_exception(RuntimeError(f"the {self._name} thread has ended"))
+            future.set_exception(RuntimeError("the solver's thread has ended"))
             return Call(future)
         if not self._started:
             self._started = True
-            daemon(self._name, _work, self._calls).start()
+            daemon("solver", _work, self._calls).start()
             _queues.add(self._calls)
         self._calls.put((future, call))
         return Call(future)

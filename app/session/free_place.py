@@ -47,7 +47,7 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
             return True
         to = place + float((high - low) @ np.abs(up)) / 2 * up - near[1]
         away = float(np.linalg.norm(to))
-        return bool(_reach(session, poses, (name,), near[1:], to[None] / away)[0] > away)
+        return bool(_reach(session.model, poses, (name,), near[1:], to[None] / away)[0] > away)
 
     free = filter(is_free, _places(session, poses, name, at if near is None else near[0]))
     place = first = next(free, None)
@@ -68,12 +68,12 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     size, (low, high) = session.chosen.scene_size, session.box_of((name,), poses)
     length, width, height = ((high - low) @ np.abs(axis) for axis in (east, north, up))
     near = near + GAP * size * up
-    below = _reach(session, poses, poses, near[None], -up[None])[0]
+    below = _reach(session.model, poses, poses, near[None], -up[None])[0]
     near = near - (below - GAP * size if np.isfinite(below) else 0) * up
-    start = near + min(height, _reach(session, poses, poses, near[None], up[None])[0]) / 2 * up
+    start = near + min(height, _reach(session.model, poses, poses, near[None], up[None])[0]) / 2 * up
     angle = 2 * np.pi * np.arange(ring_directions) / ring_directions
     ways = np.cos(angle)[:, None] * east + np.sin(angle)[:, None] * north
-    free = _reach(session, poses, poses, np.broadcast_to(start, ways.shape), ways)
+    free = _reach(session.model, poses, poses, np.broadcast_to(start, ways.shape), ways)
     radii = [max((length + width) / 4, GAP * size)]
     while radii[-1] < size:
         radii.append(1.25 * radii[-1])
@@ -81,16 +81,16 @@ def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.n
     above = np.concatenate((start[None], *rings))
     foot = np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]) / 2 @ np.stack([length * east, width * north])
     corners = (above[:, None] + foot).reshape(-1, 3)
-    drop = _reach(session, poses, (name,), corners, np.broadcast_to(-up, corners.shape)).reshape(-1, len(foot))
+    drop = _reach(session.model, poses, (name,), corners, np.broadcast_to(-up, corners.shape)).reshape(-1, len(foot))
     lands = np.isfinite(drop).all(axis=1)
     above, drop = above[lands], drop[lands]
     level = np.ptp(drop, axis=1) < SUNK * height
     return above[level] - (drop[level].min(axis=1) - GAP * size)[:, None] * up
 
 
-def _reach(session: OpenScene, poses: Mapping[str, Pose], without: Iterable[str], origins, directions) -> np.ndarray:
+def _reach(model: Model, poses: Mapping[str, Pose], without: Iterable[str], origins, directions) -> np.ndarray:
     """Return the distances (n,) [m] of rays from origins (n, 3) to the nearest faces, inf for none; without mobiles."""
-    model, far = session.model, AWAY * session.chosen.scene_size * frame_of(session.scene.up)[2]
+    far = AWAY * model.scene_size * frame_of(model.scene.up)[2]
     poses = {**poses, **{name: poses[name]._replace(position=three(poses[name].position + far)) for name in without}}
     start = np.ascontiguousarray(origins - model.origins[0], np.float32)
     ways = np.ascontiguousarray(directions, np.float32)
@@ -112,25 +112,16 @@ GAP = 1e-5  # of the scene's size between object and floor: their faces must not
 
 def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None:
     """Return the pose of an object at rest on what lies below it; None if nothing does."""
-    up = np.array(model.scene.up, np.float64)
-    up /= np.sqrt((up * up).sum())
-    o = 1 + [m.name for m in model.scene.mobiles].index(name)
-    points = model.vertices_at(o, poses) - model.origins[0]
+    up, size = frame_of(model.scene.up)[2], model.scene_size
+    points = model.vertices_at(1 + model.names.index(name), poses)
     heights = points @ up
-    size = model.scene_size
     # The lowest vertices decide on level ground, the others on steps.
     points = points[np.argsort(heights, kind="stable")[:4096]]  # 4096 rays downwards from vertices
     lift = 0.1 * max(float(np.ptp(heights)), GAP * size)  # it may begin 0.1 of its height deep in the floor
-    pose = poses[name]
-    gone = pose._replace(position=three(np.array(pose.position) + AWAY * size * up))
-    start = np.ascontiguousarray(points + lift * up, np.float32)
-    down = np.ascontiguousarray(np.broadcast_to(-up, start.shape), np.float32)
-    at = model.transforms({**poses, name: gone})
-    t, face = nearest_in_world(model.accelerator, at, start, down, np.full(len(start), np.inf, np.float32))
-    if not (face >= 0).any():
+    drop = _reach(model, poses, (name,), points + lift * up, np.broadcast_to(-up, points.shape)).min() - lift
+    if not np.isfinite(drop):
         return None
-    drop = float(t[face >= 0].min()) - lift - GAP * size
-    return pose._replace(position=three(np.array(pose.position) - drop * up))
+    return poses[name]._replace(position=three(poses[name].position - (drop - GAP * size) * up))
 
 
 FARTHEST = 4  # place tried along each way

@@ -121,7 +121,6 @@ class Painter:
             self._upload(session, viewport)
             self.uploaded = session.version
         viewport.read(at_rest=not busy)
-        self._quiet = 0 if viewport.scale_fit.is_fitting else self._quiet
         viewport.draw(self.renderer, self.uploaded)
 
     @property

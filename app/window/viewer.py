@@ -324,7 +324,6 @@ class Viewer:
         self.menus.release()
         implot.destroy_context()
         self.reload.close()
-        self.viewport.close()
         self.session.close()
         self.painter.close()
 

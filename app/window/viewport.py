@@ -145,9 +145,6 @@ class Viewport:
         """Draw again in the next frame; call after other use of the renderer."""
         self._drawn = None
 
-    def close(self) -> None:
-        self.scale_fit.close()
-
     # Input ------------------------------------------------------------------------------------------
 
     def handle_input(self, seconds: float) -> None:
