@@ -7,7 +7,7 @@ picture shows it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import moderngl
@@ -20,7 +20,7 @@ from gi_core.gloss.sharp import TAPS
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
-    from app.draw.gl_coverage import Shares
+    from app.draw.gl_objects import DrawnObject
 
 PLANE_UNIT, PROBE_UNIT = range(2, 4)  # texture units
 PROBE_TEXELS = 256  # texels along a face of a probe
@@ -45,6 +45,7 @@ class View(NamedTuple):
     compressed: bool = False  # the image holds c / (1 + max c): edges of lamps are then as smooth as in the picture
 
 
+Shares = dict[tuple[int, int], float]  # by object and its reflector: share of a view that it covers, more than 0
 Reflected = dict[int, tuple[View, tuple[int, int, int, int]]]  # by plane: the view in it, and its pixel rectangle
 
 
@@ -232,6 +233,85 @@ class GLMirrors:
             cube.release()
         self._planes, self._planes_in_probes, self._cubes, self._face = {}, {}, {}, None
         self._keys, self._seen = {}, set()
+
+
+class GLCoverage:
+    """Counts in small pictures of depths which share of a view each reflector covers.
+
+    `of` counts, or returns the shares of an earlier call with the same key.
+    """
+
+    def __init__(self, ctx: moderngl.Context, samples: int) -> None:
+        self._ctx, self._samples = ctx, min(samples, ctx.max_samples)
+        self._targets: dict[tuple[int, int], tuple] = {}
+        self._queries: list[moderngl.Query] = []
+        self._known: dict[tuple, Shares] = {}
+
+    def of(
+        self,
+        key: tuple,
+        size: tuple[int, int],
+        objects: Mapping[int, DrawnObject],
+        place: Callable[[int], None],
+        cull: bool,
+        omitted: Callable[[Reflector], bool],
+    ) -> Shares:
+        """Return the shares of a view of `size` (width, height) of some objects; key: all that they depend on.
+
+        place(o) sets up the program of the mask for object o; omitted: reflectors that the view does not show.
+        """
+        shares = self._known.pop(key, None)
+        if shares is None:
+            shares = self._counted(size, objects, place, cull, omitted)
+        self._known[key] = shares  # the latest comes last
+        if len(self._known) > 64:  # 64 views whose shares are kept, those asked for last
+            del self._known[next(iter(self._known))]
+        return shares
+
+    def _counted(self, size, objects, place, cull, omitted) -> Shares:
+        scale = 256 / max(size)  # 256 pixels along the long side of the small picture
+        width, height = (max(round(scale * n), 1) for n in size)
+        ctx = self._ctx
+        target = self._target((width, height))
+        target.use()
+        target.clear()
+        ctx.enable_only(ctx.DEPTH_TEST)
+        ctx.depth_func = "<="
+        asked: list[tuple[tuple[int, int], moderngl.Query]] = []
+        for o, drawn in objects.items():
+            place(o)
+            drawn.mark(cull, omitted)
+        for o, drawn in objects.items():
+            for k, reflector in enumerate(drawn.reflectors):
+                if omitted(reflector):
+                    continue
+                place(o)
+                query = self._query(len(asked))
+                with query:
+                    drawn.mark_reflector(k, cull)
+                asked.append(((o, k), query))
+        ctx.depth_func = "<"
+        whole = width * height * max(target.samples, 1)
+        return {which: query.samples / whole for which, query in asked if query.samples}
+
+    def _query(self, n: int) -> moderngl.Query:
+        if n == len(self._queries):
+            self._queries.append(self._ctx.query(samples=True))
+        return self._queries[n]
+
+    def _target(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        if size not in self._targets:
+            colour = self._ctx.renderbuffer(size, 1, samples=self._samples)
+            depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
+            self._targets[size] = self._ctx.framebuffer([colour], depth), colour, depth
+        return self._targets[size][0]
+
+    def release(self) -> None:
+        for things in self._targets.values():
+            for thing in things:
+                thing.release()
+        self._targets.clear()
+        self._known.clear()
 
 
 class _Image:

@@ -15,8 +15,7 @@ import numpy as np
 from app.draw.bare_lights import HIGHLIGHTS, LightFaces
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, Scale, false_colours
-from app.draw.gl_coverage import GLCoverage, Shares
-from app.draw.gl_mirrors import BACKDROP, GLMirrors, View
+from app.draw.gl_mirrors import BACKDROP, GLCoverage, GLMirrors, Shares, View
 from app.draw.gl_objects import DrawnObject
 from app.draw.gl_targets import LinearTarget, Programs, SmoothEdges, Targets, put
 from app.draw.gl_textures import GlossTexture, GLTextures

@@ -27,9 +27,8 @@ from app.window.drag import MobileDrag
 from app.window.gizmo import Gizmo
 from app.window.label import Box
 from app.window.lamp_handles import LampHandles
-from app.window.legend import of_errors
+from app.window.legend import ScaleFit, of_errors
 from app.window.pointer import Pins, Pointer, pick
-from app.window.scale_fit import ScaleFit
 from app.window.view_content import Shown, Side
 from gi_core.scene.types import UNITS, part_named
 

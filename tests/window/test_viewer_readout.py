@@ -203,7 +203,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(hand,
 
 @in_window(scene=lamp_over_floor, show="illuminance", lit=False)
 def test_nothing_is_measured_again_while_false_colours_rest(hand, viewer, monkeypatch):
-    from app.window import scale_fit as module
+    from app.window import legend as module
 
     calls, visible = [], module.visible_light
 
