@@ -186,6 +186,6 @@ def test_a_ply_opens_no_other_file(tmp_path, monkeypatch):
 def test_command_line(inner, capsys):
     (inner / "s.toml").write_text('[static]\nmesh = "../room.obj"\n')
     quick = ["info", str(inner / "s.toml"), "--photons", "100", "--radius", "0.1"]
-    assert cli.main(quick) == cli.SCENE
+    assert cli.main(quick) == cli.Exit.SCENE
     assert capsys.readouterr().err.count("\n") == 1
     assert cli.main([*quick, "--allow-outside"]) == 0

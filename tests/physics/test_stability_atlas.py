@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.measure import atlas
-from app.measure.atlas import CHAPTERS, discs, estimates, gloss, measured_rows, programs
+from app.measure.atlas import CHAPTERS, discs, estimates, gloss, measured_rows
 from app.measure.atlas import row as atlas_row
 from app.measure.atlas.row import (
     BLACK,
@@ -60,10 +60,9 @@ def check(row: AtlasRow) -> None:
 FEWER = {
     estimates.small_surfaces: 2, estimates.thin_wall: 8, estimates.corners: 8, discs.walls_and_corners: 2,
     discs.table_leg: 8, discs.curved_outside: 32, discs.larger_than_the_room: 16, discs.curved_inside: 16,
-    discs.lamp_near_a_surface: 32, discs.shadow_edge: 8, estimates.textbook: 8, estimates.bright_rooms: 16,
-    estimates.beside_a_mobile: 8, programs.soup: 8, gloss.blur: 16, gloss.grazing: 2, gloss.noise: 2,
-    gloss.shading_normals: 2, gloss.below_the_surface: 4, gloss.more_than_arrives: 4, gloss.many_rays: 8,
-    gloss.towards_a_mirror: 4,
+    discs.lamp_near_a_surface: 32, discs.shadow_edge: 8, estimates.textbook: 8,
+    estimates.beside_a_mobile: 8, gloss.blur: 16, gloss.grazing: 2, gloss.noise: 2, gloss.shading_normals: 2,
+    gloss.below_the_surface: 4, gloss.more_than_arrives: 4, gloss.many_rays: 8, gloss.towards_a_mirror: 4,
 }  # fmt: skip
 
 
@@ -83,8 +82,7 @@ def measured(monkeypatch):
 
 
 SLOW = {
-    estimates.borders, estimates.corners, discs.table_leg, estimates.textbook, estimates.bright_rooms,
-    estimates.beside_a_mobile, programs.scales, programs.drift, programs.soup,
+    estimates.borders, estimates.corners, discs.table_leg, estimates.textbook, estimates.beside_a_mobile,
 }  # fmt: skip
 ROWS = [
     pytest.param(function, marks=[pytest.mark.slow] * (function in SLOW), id=function.__name__)

@@ -16,7 +16,7 @@ import numpy as np
 from app.cli.progress import Bar, compile_kernels
 from app.cli.writable import write_whole
 from app.draw.shot import Shot
-from app.measure.atlas import discs, gloss, programs
+from app.measure.atlas import discs, gloss, structures
 from app.measure.atlas import estimates as est
 from app.measure.atlas.row import RAYS, AtlasRow, View, solved
 from app.measure.tables import document, html_table, image
@@ -82,20 +82,14 @@ CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or 
         discs.larger_than_the_room, discs.smaller_and_smaller, discs.shadow_edge, discs.lamp_near_a_surface,
     ),
     "Impact count, sums and series": (
-        est.textbook, est.small_faces, est.naive_sums, est.bright_rooms, est.beside_a_mobile,
-    ),
-    "Mobiles and lamps in odd places": (
-        discs.sparks, discs.swallowed, discs.laid_over, discs.under_a_box, discs.odd_places,
-    ),
-    "Scale, meshes, time": (
-        programs.drift, programs.at_rest, programs.scales, programs.soup, programs.at_edges, programs.next_to_nothing,
+        est.textbook, est.small_faces, est.naive_sums, est.beside_a_mobile,
     ),
     "Gloss at vertices": (gloss.noise, gloss.grazing, gloss.blur, gloss.shading_normals),
     "Gloss at its limits": (
         gloss.towards_a_mirror, gloss.sharper_than_drawn, gloss.below_the_surface, gloss.two_sided,
-        gloss.few_rays, gloss.many_rays, gloss.from_below, gloss.more_than_arrives,
+        gloss.few_rays, gloss.many_rays, gloss.more_than_arrives,
     ),
-    "Structures of rays": (programs.ray_structures,),
+    "Structures of rays": (structures.ray_structures,),
 }  # fmt: skip
 
 

@@ -255,25 +255,6 @@ def naive_sums() -> AtlasRow:
     )  # fmt: skip
 
 
-def bright_rooms() -> Iterator[AtlasRow]:
-    """Flux arriving in a closed room is Phi (1 + rho + rho^2 ...), and so is the mean number of a path's segments."""
-    for rho in (0.5, 0.9, 0.98, 0.999):
-        room = furnace(4, reflectance=rho)
-
-        def run(seed, room=room):
-            solver = solved(room, 6000, seed, **COUNT)
-            arrived = float((solver.irradiance[:, 1] * solver.receivers.areas).sum()) / (6 * math.pi)
-            return arrived, solver.frame.segments / solver.frame.photons
-
-        arrived, segments = over_seeds(run, SEEDS)
-        yield AtlasRow(
-            f"rho_{rho:g}", f"closed room of reflectance {rho:g}: flux that arrives",
-            "1 / (1 - ρ): paths end by survival alone", 1 / (1 - rho), arrived,
-            "mean number of segments of a path: 1 / (1 - ρ), too", segments, aim=1 / (1 - rho),
-            quantity="flux that arrives / emitted; segments per path", title="Closed rooms that reflect nearly all",
-        )  # fmt: skip
-
-
 def beside_a_mobile() -> AtlasRow:
     """The foot of a mobile on the floor: the part of a disc that it covers is missing, as beside a wall."""
     glow, grey = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0)), Material("grey", (0.5,) * 3)

@@ -326,16 +326,6 @@ def many_rays() -> AtlasRow:
     )  # fmt: skip
 
 
-def from_below() -> AtlasRow:
-    """An eye below the plane of a one-sided face."""
-    solver = solved(sheets_under_the_sky(SATIN), 10_000, radius=SMALL, gloss=LIST)
-    seen = radiance_of(solver, *rays_of(solver), -eye_at(0.5))
-    return AtlasRow(
-        "gloss_from_below", "lit gloss seen from below its surface", "nothing is sent there", 0.0,
-        Number(float(np.abs(seen).max())), quantity="largest radiance",
-    )  # fmt: skip
-
-
 def more_than_arrives() -> Iterator[AtlasRow]:
     """Phong's lobe over cos i is refused where it reflects more than arrives, or darkened to all that arrives."""
     steep = 85.0  # degrees of incidence

@@ -89,7 +89,6 @@ def markdown(facts: dict, measured: dict, pretests: dict, estimators: dict) -> s
         _voxels(more, VOXELS_20000, TREE_RADII),
         section("Table 2.4: second tree, 20,000 photons", _searches(second, SECOND_20000, SECOND_RADII)),
         _voxels(second, VOXELS_SECOND, SECOND_RADII),
-        section("Where the two cross", "\n".join(_crossovers(measured))),
         _pretests(pretests),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -139,32 +138,6 @@ def _voxels(measured: dict, theirs: dict, radii) -> str:
     return markdown_table(["b) best", *(f"{r:g}" for r in radii)], lines)
 
 
-def _crossovers(measured: dict) -> list[str]:
-    out = []
-    for key, name in (("tree 10000", "Tree, 10,000 photons, report between 0.03 and 0.04"),
-                      ("tree 20000", "Tree, 20,000 photons, report between 0.02 and 0.03"),
-                      ("second 20000", "Second tree, 20,000 photons, report between 0.05 and 0.10")):  # fmt: skip
-        for which in ("every", "frame"):
-            scope = "all segments" if which == "every" else "a frame"
-            out.append(f"- {name}, {scope}: {crossover(measured[key], which)}")
-    return out
-
-
-def crossover(measured: dict, which: str) -> str:
-    """Return the radius from which the ray cache is faster for all receivers, interpolated, in words."""
-    radii = sorted(r for receivers, search, r in measured if receivers == "whole" and search == RAY_CACHE)
-    gain = [getattr(measured["whole", DISC_INDEX, r], which) / getattr(measured["whole", RAY_CACHE, r], which)
-            for r in radii]  # fmt: skip
-    ratios = ", ".join(f"{g:.2f} at {r:g}" for g, r in zip(gain, radii, strict=True))
-    faster = [g > 1 for g in gain]
-    if all(faster) or not any(faster):
-        word = "the ray cache is faster" if all(faster) else "disc indexing is faster"
-        return f"{word} at every radius (disc indexing time / ray cache time: {ratios})"
-    k = faster.index(not faster[0])
-    at = radii[k - 1] + (radii[k] - radii[k - 1]) * (1 - gain[k - 1]) / (gain[k] - gain[k - 1])
-    return f"they cross at {at:.3f} (disc indexing time / ray cache time: {ratios})"
-
-
 def _pretests(measured: dict) -> str:
     lines = []
     for name, seconds in PRETESTS.items():
@@ -187,16 +160,14 @@ LEAST_SECONDS = 0.02  # of all repeats of a count
 
 def tables(settings: Settings, out: Path) -> str:
     """Measure, write DIR/tables.md, return its text. Raises SceneError, UsageError, OSError."""
-    more_radii = (0.05, 0.07, 0.10)  # beyond the report's: the searches cross there
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out must name a folder, got {out}")
     with Bar() as bar:
         compile_kernels(bar, settings.rays)
         tree, second = _solver("tree", settings, bar), _solver("second_tree", settings, bar)
         measured = {
-            "tree 10000": _search_times(tree, 10_000, TREE_RADII + more_radii, {"whole": None}, bar)
-            | _search_times(tree, 10_000, TREE_RADII, {"tree": TREE, "ground": GROUND}, bar),
-            "tree 20000": _search_times(tree, 20_000, TREE_RADII + more_radii, {"whole": None}, bar),
+            "tree 10000": _search_times(tree, 10_000, TREE_RADII, {"whole": None, "tree": TREE, "ground": GROUND}, bar),
+            "tree 20000": _search_times(tree, 20_000, TREE_RADII, {"whole": None}, bar),
             "second 20000": _search_times(second, 20_000, SECOND_RADII, {"whole": None}, bar),
         }
         pretests, estimators = _timed_pretests(tree, bar), _timed_estimators(tree, bar)
