@@ -1,4 +1,4 @@
-"""`bench --sweep`: rows, resumption, complete files, tables; variants of a scene."""
+"""`bench --sweep`: rows, resumption, complete files, tables."""
 
 import json
 import os
@@ -6,17 +6,14 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from app import __main__ as cli
 from app.measure.bench import sweep as bench_sweep
-from app.measure.bench.sweep import markdown, measure_row, photons_key, rows, run_apart, triangles_key, vary
-from app.settings import Settings, UsageError, make_solver
-from gi_core.files.load import load_scene
-from gi_core.geometry.surfaces import face_normals
+from app.measure.bench.sweep import markdown, measure_row, photons_key, rows, run_apart
+from app.settings import Settings, UsageError
 
 TREE = Settings("tree")
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,10 +21,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def numbers(spec: dict, ms: float = 2.0) -> dict:
     """Return invented numbers of the shape that a row's process returns."""
-    s, v = spec["settings"], spec["variant"]
-    triangles = v.get("triangles", 72_000)
+    s = spec["settings"]
     return {
-        "scene": s["scene"], "triangles": triangles, "receivers": triangles,
+        "scene": s["scene"], "triangles": 72_000, "receivers": 72_000,
         "photons": s["photons"], "estimator": s["estimator"], "control": s["control"], "radius": 0.01, "threads": 2,
         "frame_ms": {"median": ms, "p95": 2 * ms, "cpu": 1.5 * ms}, "load": 0.3,
         "stages_ms": {"scan": 0.5, "estimate": 1.5},
@@ -41,9 +37,7 @@ def test_rows_match_the_table():
     assert len(set(keys)) == len(keys)
     for photons in (10_000, 100_000, 1_000_000):
         assert {photons_key(photons, e) for e in ("tangent_plane", "photon_map", "impact_count")} <= set(keys)
-    for triangles in (72_000, 300_000, 1_000_000):
-        assert {triangles_key(triangles, r) for r in ("scaled", "fixed")} <= set(keys)
-    assert {"one-sided", "two-sided", bench_sweep.SLOW} <= set(keys)
+    assert [row.step for row in rows(TREE, 100) if row.key == bench_sweep.SLOW] == [0.003]
     for row in rows(TREE, 100):
         assert row.settings.control is row.key.endswith("artifact control") and row.settings.neighbours == 50
         assert json.loads(json.dumps(row.spec())) == row.spec(), "or every row would be measured again on resuming"
@@ -160,16 +154,15 @@ def test_the_command_writes_and_prints_the_tables(tmp_path, monkeypatch, capsys)
 
 def test_tables_hold_measurements_and_flag_differing_bits():
     every = {row.key: numbers(row.spec(), ms=20.0) for row in rows(TREE, 10)}
-    every["two-sided"]["frame_ms"]["median"] = 24.0
+    every[bench_sweep.SLOW]["frame_ms"]["median"] = 24.0
     sweep = {"scene": "tree", "commit": "abc", "processor": "chip", "rows": every, "failed": {}}
     text = markdown(sweep)
-    assert "| two-sided | 1,000 | 24 | 40 | 30 | 0.5 | 23.50 | 50 | 25 x | 400 | 900 |" in text
+    assert f"| {bench_sweep.SLOW} | 10,000 | 24 | 40 | 30 | 0.5 | 2.35 | 50 | 25 x | 400 | 900 |" in text
     assert "| 10000 photons, tangent_plane | 100 | 20 | 40 | 30 | 0.5 | 195.00 |" in text, "all else per cut photon"
-    assert "| 1,000,000 | 1,000,000 | 0.01 | 20 | 1 x | 100 |" in text
     assert "| estimate | 1.5 |" in text and "| whole frame | 20 |" in text
     assert "same bits" in text
-    every["one-sided"]["bits_equal"] = False
-    assert "differs from scratch in: one-sided" in markdown(sweep)
+    every[bench_sweep.SLOW]["bits_equal"] = False
+    assert f"differs from scratch in: {bench_sweep.SLOW}" in markdown(sweep)
 
 
 def test_row_in_a_child_process_equals_a_row_in_process():
@@ -184,37 +177,3 @@ def test_failed_child_process_reports_its_reason():
     spec = rows(Settings("nowhere.toml"), 3)[0].spec()
     with pytest.raises(UsageError, match="nowhere.toml"):
         run_apart(spec)
-
-
-# Variants of a scene ----------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def tree():
-    return load_scene("tree")
-
-
-def test_refinement_keeps_surfaces_and_never_coarsens():
-    room = load_scene("cornell")
-    settings, faces = Settings("cornell", photons=100, control=False), len(room.static.faces)
-    same, _ = vary(room, settings, {"triangles": 100, "radius": "fixed"})
-    finer, _ = vary(room, settings, {"triangles": 4 * faces, "radius": "fixed"})
-    assert same.static is room.static and finer.mobiles == room.mobiles
-    assert len(finer.static.faces) == pytest.approx(4 * faces, rel=0.15)
-    assert face_normals(finer.static)[1].sum() == pytest.approx(face_normals(room.static)[1].sum(), rel=1e-9)
-
-
-def test_sides_and_radius_of_a_row(tree):
-    settings = replace(TREE, photons=1000, control=False)
-    two, _ = vary(tree, settings, {"two_sided": True})
-    one, _ = vary(tree, settings, {"two_sided": False})
-    receivers = [len(make_solver(s, settings).irradiance) for s in (one, two)]
-    assert receivers[1] == 2 * receivers[0]
-    room, settings = load_scene("cornell"), replace(settings, scene="cornell")
-    own, more = make_solver(room, settings).setting.radius, 2 * len(room.static.faces)
-    _, fixed = vary(room, settings, {"triangles": more, "radius": "fixed"})
-    finer, scaled = vary(room, settings, {"triangles": more, "radius": "scaled"})
-    assert fixed.radius == own
-    counts = [make_solver(x, settings).surfaces.receiver_range(0).stop for x in (room, finer)]
-    assert counts[1] > 1.2 * counts[0]
-    assert counts[0] * own**2 == pytest.approx(counts[1] * scaled.radius**2), "as many discs on a line"

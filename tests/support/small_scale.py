@@ -79,7 +79,6 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))
     patch.setattr(sweep, "COUNTS", (1000,))
-    patch.setattr(sweep, "SWEPT_TRIANGLES", (300,))
     patch.setattr(sweep.sweep, "__defaults__", (sweep.measure_row,))
     for name, value in TABLES.items():
         patch.setattr(f"app.measure.bench.{name}", value)

@@ -81,7 +81,7 @@ CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or 
         discs.walls_and_corners, discs.table_leg, discs.curved_inside, discs.curved_outside,
         discs.larger_than_the_room, discs.smaller_and_smaller, discs.shadow_edge, discs.lamp_near_a_surface,
     ),
-    "Impact count, sums and series": (
+    "Impact count and sums": (
         est.textbook, est.small_faces, est.naive_sums, est.beside_a_mobile,
     ),
     "Gloss at vertices": (gloss.noise, gloss.grazing, gloss.blur, gloss.shading_normals),

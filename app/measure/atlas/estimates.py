@@ -1,4 +1,4 @@
-"""Failures of photon maps, impact count, sums and series."""
+"""Failures of photon maps, impact count and sums."""
 
 from __future__ import annotations
 

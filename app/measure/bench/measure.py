@@ -7,28 +7,25 @@ before anything is timed.
 
 from __future__ import annotations
 
+import json
 import time
 from collections import defaultdict
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.cli.progress import Bar, solve
+from app.cli.progress import Bar, opened, solve
+from app.cli.terminal import say
 from app.cli.version import commit
+from app.cli.writable import check_writable, write_whole
 from app.draw import motion
 from app.measure.results import load, peak_rss_mb, processor
-from app.settings import STEP_PER_FRAME, Settings, make_solver
+from app.settings import STEP_PER_FRAME, Settings, make_solver, open_moving_scene
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
-import json
-from pathlib import Path
-
-from app.cli.progress import opened
-from app.cli.terminal import say
-from app.cli.writable import check_writable, write_whole
-from app.settings import open_moving_scene
 
 FORMAT = "gi-viewer bench 4"
 

@@ -1,4 +1,4 @@
-"""`gi-viewer bench SCENE --sweep --out DIR`: settings and variants of the scene, into sweep.json and sweep.md.
+"""`gi-viewer bench SCENE --sweep --out DIR`: settings of a scene, into sweep.json and sweep.md.
 
 Both files are whole at any time. A sweep that was stopped resumes with the rows that are missing or failed. A separate
 process measures each row: it has its own peak memory, and its failure ends no other row.
@@ -7,78 +7,61 @@ process measures each row: it has its own peak memory, and its failure ends no o
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 import tempfile
-from dataclasses import asdict, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-
-from app.settings import STEP_PER_FRAME, Settings, UsageError
-from gi_core.estimators import DEFAULT, ESTIMATORS
-from gi_core.instruments import child
-
-if TYPE_CHECKING:
-    from gi_core.solver import Solver
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from functools import partial
+from pathlib import Path
+from typing import NamedTuple
 
 from app.cli.progress import Bar
 from app.cli.version import commit
 from app.cli.writable import write_whole
 from app.measure.results import Failure, attempted, processor
 from app.measure.tables import Column, cells, digits, fixed, markdown_table, section, times
+from app.settings import STEP_PER_FRAME, Settings, UsageError
+from gi_core.estimators import DEFAULT, ESTIMATORS
+from gi_core.instruments import child
 
 COUNTS = (10_000, 100_000, 1_000_000)
-SWEPT_TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
-RADII = ("scaled", "fixed")  # of discs in finer meshes: see `vary`
 SLOW = f"{COUNTS[-1]} photons, {DEFAULT}, slow drag"
 
 
 class Row(NamedTuple):
-    """One measurement; `variant` has keys of `vary`."""
+    """One measurement."""
 
     key: str
     settings: Settings
     frames: int
-    variant: dict
+    step: float  # of a mobile per frame / scene size
 
     def spec(self) -> dict:
         """Return the input of a row's process as JSON returns it: lists for tuples."""
-        spec = {"settings": asdict(self.settings), "frames": self.frames, "variant": self.variant}
+        spec = {"settings": asdict(self.settings), "frames": self.frames, "step": self.step}
         return json.loads(json.dumps(spec))
 
 
 def rows(settings: Settings, frames: int) -> list[Row]:
     """Return all rows, cheap ones first; artifact control is off except in its own rows."""
-    growth_photons = 100_000  # of rows that vary triangles or sides
     base = replace(settings, control=False, neighbours=settings.neighbours or 50)
     out = []
 
-    def add(key: str, photons: int, estimator: str = DEFAULT, control: bool = False, **variant) -> None:
+    def add(key: str, photons: int, estimator=DEFAULT, control=False, step=STEP_PER_FRAME) -> None:
         wanted = replace(base, photons=photons, estimator=estimator, control=control)
-        out.append(Row(key, wanted, frames, variant))
+        out.append(Row(key, wanted, frames, step))
 
     for photons in COUNTS:
         for estimator in ESTIMATORS:
             add(photons_key(photons, estimator), photons, estimator)
         add(photons_key(photons, DEFAULT, control=True), photons, control=True)
     add(SLOW, COUNTS[-1], step=0.003)  # of the scene size: 3 mm in a room of 1 m
-    for sides in ("one-sided", "two-sided"):
-        add(sides, growth_photons, two_sided=sides == "two-sided")
-    for triangles in SWEPT_TRIANGLES:
-        for radius in RADII:
-            add(triangles_key(triangles, radius), growth_photons, triangles=triangles, radius=radius)
     return out
 
 
 def photons_key(photons: int, estimator: str, control: bool = False) -> str:
     return f"{photons} photons, {estimator}" + (", artifact control" if control else "")
-
-
-def triangles_key(triangles: int, radius: str) -> str:
-    return f"{triangles} triangles, radius {radius}"
 
 
 def run_apart(spec: dict) -> dict:
@@ -113,67 +96,24 @@ def main() -> int:
 
 
 def measure_row(spec: dict) -> dict:
-    """Open the scene, make the row's variant, measure. Raises SceneError, UsageError."""
-    from app.cli.progress import Bar, compile_kernels
+    """Open the scene, measure. Raises SceneError, UsageError."""
+    from app.cli.progress import compile_kernels
     from app.measure.bench.measure import measure, warm_up
     from app.settings import open_moving_scene
 
     settings = Settings(**{name: _tuples(value) for name, value in spec["settings"].items()})
-    scene, settings = vary(open_moving_scene(settings), settings, spec["variant"])
+    scene = open_moving_scene(settings)
     with Bar() as bar:
         compile_kernels(bar, settings.rays)
         warm_up(scene, settings)
-        return measure(scene, settings, spec["frames"], bar, spec["variant"].get("step", STEP_PER_FRAME))
+        return measure(scene, settings, spec["frames"], bar, spec["step"])
 
 
 def _tuples(value):
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-def vary(scene, settings: Settings, variant: dict):
-    """Return scene and settings of a variant with the keys `two_sided` (bool), or `triangles` (int) and `radius`.
-
-    Mobiles cut the same photons in all variants of triangles. Discs of radius "scaled" shrink with the area per
-    receiver, so that a segment crosses as many of them; of radius "fixed" they do not.
-    """
-    from app.settings import make_solver
-
-    if "two_sided" in variant:
-        scene = replace(scene, materials=tuple(m._replace(two_sided=variant["two_sided"]) for m in scene.materials))
-    if "triangles" in variant:
-        own = make_solver(scene, settings)
-        scene = replace(scene, static=_finer(scene.static, variant["triangles"]))
-        settings = replace(settings, radius=own.setting.radius)
-        if variant["radius"] == "scaled":
-            share = _static_receivers(own) / _static_receivers(make_solver(scene, settings))
-            settings = replace(settings, radius=own.setting.radius * math.sqrt(share))
-    return scene, settings
-
-
-def _static_receivers(solver: Solver) -> int:
-    return solver.surfaces.receiver_range(0).stop
-
-
-def _finer(mesh, triangles: int):
-    """Return a mesh cut finer until it has about the number of triangles wanted; one with as many is not changed."""
-    from gi_core.geometry.surfaces import face_normals
-    from gi_core.geometry.tessellation import tessellate
-
-    close = 0.02 * triangles
-    if len(mesh.faces) >= triangles - close:
-        return mesh
-    edge, best = 1.5 * math.sqrt(face_normals(mesh)[1].sum() / triangles), mesh
-    for _ in range(8):  # 8 guesses of the longest edge
-        tried = tessellate(mesh, edge)
-        if abs(len(tried.faces) - triangles) < abs(len(best.faces) - triangles):
-            best = tried
-        if abs(len(tried.faces) - triangles) <= close:
-            break
-        edge *= math.sqrt(len(tried.faces) / triangles)  # half the edge: four times the triangles
-    return best
-
-
-FORMAT = "gi-viewer sweep 3"
+FORMAT = "gi-viewer sweep 4"
 
 
 def sweep(settings: Settings, frames: int, out: Path, run: Callable = run_apart) -> dict:
@@ -230,7 +170,7 @@ def _resumed(file: Path, started: dict) -> dict:
 def markdown(sweep: dict) -> str:
     """Return the whole report."""
     have = sweep["rows"]
-    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _stages(have)]
+    parts = [_head(sweep), _rows(have), _stages(have)]
     parts.append(section("Failed", "\n".join(f"- {key}: {why}" for key, why in sweep["failed"].items())))
     return "\n\n".join(p for p in parts if p) + "\n"
 
@@ -273,31 +213,11 @@ ROW = (
     Column("first frame", lambda r: r["first_frame_ms"], digits),
     Column("peak MB", lambda r: r["peak_rss_mb"], "{:,.0f}".format),
 )
-GROWTH = (
-    Column("triangles", lambda r: r["triangles"], "{:,}".format),
-    Column("receivers", lambda r: r["receivers"], "{:,}".format),
-    Column("radius m", lambda r: r["radius"], "{:.4g}".format),
-    Column("frame", lambda r: r["frame_ms"]["median"], digits),
-    Column("ratio", lambda r: r["frame_ms"]["median"] / r["of"], times),
-    Column("segments changed", lambda r: r["segments_changed"], "{:,.0f}".format),
-)
 
 
 def _rows(have: dict) -> str:
-    """Return the table of all rows but those of triangles; frames should grow with the photons cut, plus a scan."""
-    grown = {triangles_key(n, radius) for n in SWEPT_TRIANGLES for radius in RADII}
-    return section("Rows", markdown_table(*cells(ROW, [r | {"key": k} for k, r in have.items() if k not in grown])))
-
-
-def _growth_with_triangles(have: dict) -> str:
-    parts = []
-    for radius in RADII:
-        measured = [have[key] for n in SWEPT_TRIANGLES if (key := triangles_key(n, radius)) in have]
-        if measured:
-            least = measured[0]["frame_ms"]["median"]
-            made = markdown_table(*cells(GROWTH, [r | {"of": least} for r in measured]))
-            parts.append(f"Radius {radius}:\n\n{made}")
-    return section("Growth with static triangles (the same surfaces cut finer)", "\n\n".join(parts))
+    """Return the table of all rows; frames should grow with the photons cut, plus a scan."""
+    return section("Rows", markdown_table(*cells(ROW, [r | {"key": k} for k, r in have.items()])))
 
 
 def _stages(have: dict) -> str:
