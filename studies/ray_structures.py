@@ -24,7 +24,7 @@ import numpy as np
 
 from app.cli.progress import Bar
 from app.cli.writable import write_whole
-from app.measure.bench.report import draw_partitionings, measured_structures, partitionings, scene_camera
+from app.measure.bench.report import measured_structures, partitionings, scene_camera
 from app.measure.chart.figure import need_matplotlib
 from app.measure.tables import markdown_table
 from app.settings import Settings, open_scene
@@ -66,7 +66,6 @@ def rays_over(mesh: Mesh, n: int) -> Rays:
 
 def growth(low: int, high: int, out: Path) -> str:
     """Measure each structure from `low` to `high` triangles; write growth.md and growth.svg, return the table."""
-    need_matplotlib()
     counts = [round(x) for x in np.geomspace(low, high, 5)]
     found: dict[str, list] = {name: [] for name in STRUCTURES}
     with Bar() as bar:
@@ -104,6 +103,31 @@ def _draw(found: dict[str, list], out: Path) -> None:
     for axis in (left, right):
         axis.grid(linewidth=0.4, which="both")
     left.legend(fontsize=8)
+    figure.savefig(out, metadata={"Date": None})
+    pyplot.close(figure)
+
+
+def draw_partitionings(costs_of: dict[str, list], out: Path) -> None:
+    """Draw time per random ray over the leaf size, one panel per scene, into rays.svg. Raises OSError."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(
+        1, len(costs_of), figsize=(4 * len(costs_of) + 2, 4), sharey=True, layout="constrained"
+    )
+    for axis, (title, rows) in zip([axes] if len(costs_of) == 1 else axes, costs_of.items(), strict=True):
+        for k, name in enumerate(dict.fromkeys(s.name for s, _ in rows)):
+            own = [(s.leaf, 1e6 * c["random"].seconds) for s, c in rows if s.name == name]
+            if len(own) > 1:
+                axis.plot(*zip(*own, strict=True), "o-", color=f"C{k}", label=name)
+            elif name != "none":
+                axis.axhline(own[0][1], color=f"C{k}", linestyle="--", label=name)
+        axis.set(xscale="log", yscale="log", title=title, xlabel="triangles per leaf or cell")
+        axis.grid(linewidth=0.4, which="both")
+    figure.axes[0].set_ylabel("us per random ray")
+    figure.axes[-1].legend(fontsize=8)
     figure.savefig(out, metadata={"Date": None})
     pyplot.close(figure)
 
@@ -191,6 +215,7 @@ def main() -> int:
         for scene in asked.scenes:
             print(on_threads(scene, asked.threads), flush=True)
         return 0
+    need_matplotlib()
     asked.out.mkdir(parents=True, exist_ok=True)
     if asked.growth:
         print(growth(*asked.growth, asked.out))

@@ -1,6 +1,6 @@
 """`gi-viewer bench --tables --out DIR`: tables 2.1 to 2.5 of the report beside ours, as Markdown.
 
-Then its space partitionings (section 3.4.1) beside bvh and Embree: a table per scene, and a plot.
+Then its space partitionings (section 3.4.1) beside bvh and Embree: a table per scene.
 
 The report's times are seconds on a computer of 2003. Searches run on one thread, the least time of several counts; a
 few minutes in all.
@@ -21,7 +21,6 @@ from app.cli.version import commit
 from app.cli.writable import write_whole
 from app.draw import motion
 from app.draw.camera import from_camera, scene_bounds
-from app.measure.chart.figure import need_matplotlib
 from app.measure.results import processor
 from app.measure.tables import markdown_table, section
 from app.settings import STEP_PER_FRAME, Settings, UsageError, make_solver, open_scene
@@ -181,7 +180,6 @@ def tables(settings: Settings, out: Path) -> str:
     text = markdown(facts, measured, pretests, estimators) + "\n" + partitionings(rays) + "\n"
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "tables.md", text)
-    draw_partitionings(rays, out / "rays.svg")
     return text
 
 
@@ -340,29 +338,3 @@ def _over_leaves(rows) -> str:
                 f"{1e6 * c['random'].seconds:.3g} at {s.leaf:g}" for s, c in own
             ))  # fmt: skip
     return "\n".join(lines)
-
-
-def draw_partitionings(costs_of: dict[str, list[tuple[Structure, dict[str, Cost]]]], out: Path) -> None:
-    """Draw time per random ray over the leaf size, one panel per scene, into rays.svg. Raises UsageError, OSError."""
-    need_matplotlib()
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(
-        1, len(costs_of), figsize=(4 * len(costs_of) + 2, 4), sharey=True, layout="constrained"
-    )
-    for axis, (title, rows) in zip([axes] if len(costs_of) == 1 else axes, costs_of.items(), strict=True):
-        for k, name in enumerate(dict.fromkeys(s.name for s, _ in rows)):
-            own = [(s.leaf, 1e6 * c["random"].seconds) for s, c in rows if s.name == name]
-            if len(own) > 1:
-                axis.plot(*zip(*own, strict=True), "o-", color=f"C{k}", label=name)
-            elif name != "none":
-                axis.axhline(own[0][1], color=f"C{k}", linestyle="--", label=name)
-        axis.set(xscale="log", yscale="log", title=title, xlabel="triangles per leaf or cell")
-        axis.grid(linewidth=0.4, which="both")
-    figure.axes[0].set_ylabel("us per random ray")
-    figure.axes[-1].legend(fontsize=8)
-    figure.savefig(out, metadata={"Date": None})
-    pyplot.close(figure)
