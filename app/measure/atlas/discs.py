@@ -21,7 +21,6 @@ from app.measure.atlas.row import (
     box,
     control_off_and_on,
     floor,
-    floor_under,
     furnace,
     joined,
     near,
@@ -180,7 +179,7 @@ def lamp_near_a_surface() -> AtlasRow:
     """A point light a height h over the floor: the disc's mean of I h / (h² + x²)^1.5, over I / h² at its foot."""
     h, radius = 0.1, 0.2
     lamp = PointLight("lamp", (0, 0, h), (4 * math.pi,) * 3)
-    ground = floor_under(lamp, 40)
+    ground = scene(floor(40), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
     coarse, fine = {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.01}
     (m,), (n,) = ratios(ground, 200_000, [near((0, 0, 0))], [coarse, fine], truth=1 / h**2)
     return AtlasRow(

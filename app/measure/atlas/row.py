@@ -11,7 +11,6 @@ import numpy as np
 
 from gi_core.geometry.mesh_parts import join
 from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Scene
-from gi_core.scene.types import Light
 from gi_core.solver import Solver
 
 SEEDS = 8  # runs per standard error
@@ -135,11 +134,6 @@ def sheet(corner, u, v, divisions=(1, 1), material: int = 0) -> Mesh:
 def floor(divisions: int) -> Mesh:
     """Return a square of 2 m about the origin that faces up."""
     return sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (divisions, divisions))
-
-
-def floor_under(light: Light, divisions: int) -> Scene:
-    """Return a black floor under one light."""
-    return scene(floor(divisions), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (light,))
 
 
 def fan(place, degrees: float, step: float = 30.0) -> Mesh:
