@@ -15,7 +15,7 @@ from tests.support.mesh_writers import write_scene
 from tests.support.scene_builders import furnace_scene
 
 TABLES = {  # of `bench --tables`
-    "report.TREE": ("wall",), "report.GROUND": ("lamp",), "report.REFERENCE": 4096,
+    "report.TREE": ("wall",), "report.GROUND": ("lamp",),
     "report.REPEATS": 1, "report.LEAST_SECONDS": 0.0, "report.SCENES": (),
     "report.measured_structures.__defaults__": (100,),
 }  # fmt: skip

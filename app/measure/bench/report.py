@@ -1,4 +1,4 @@
-"""`gi-viewer bench --tables --out DIR`: tables 2.1 to 2.5 of the report beside ours, as Markdown.
+"""`gi-viewer bench --tables --out DIR`: tables 2.2 to 2.5 of the report beside ours, as Markdown.
 
 Then its space partitionings (section 3.4.1) beside bvh and Embree: a table per scene.
 
@@ -14,17 +14,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from app.cli.progress import Bar, compile_kernels, solve
 from app.cli.version import commit
 from app.cli.writable import write_whole
-from app.draw import motion
 from app.draw.camera import from_camera, scene_bounds
 from app.measure.results import processor
 from app.measure.tables import markdown_table, section
-from app.settings import STEP_PER_FRAME, Settings, UsageError, make_solver, open_scene
-from gi_core.estimators import CHEAPEST, DEFAULT
+from app.settings import Settings, UsageError, make_solver, open_scene
+from gi_core.estimators import CHEAPEST
 from gi_core.model import Model
 from gi_core.solver import Solver
 
@@ -35,9 +32,6 @@ if TYPE_CHECKING:
 
 
 RAY_CACHE, DISC_INDEX = "ray_cache", "disc_index"
-
-# Table 2.1: simulation, illumination, total [s], error.
-ESTIMATORS = {"tangent_plane": (50_000, 0.05, 0.80, 0.85, 16.10), "impact_count": (1_000_000, 1.09, 0.02, 1.11, 139.54)}
 
 # Tables 2.2 to 2.4 a): seconds per frame by radius, of receivers "whole", "tree" or "ground".
 TREE_RADII = (0.01, 0.02, 0.03, 0.04)
@@ -76,12 +70,11 @@ class Times(NamedTuple):
     cells: tuple[float, float] | None  # of a grid: edge [radii], discs per occupied cell
 
 
-def markdown(facts: dict, measured: dict, pretests: dict, estimators: dict) -> str:
+def markdown(facts: dict, measured: dict, pretests: dict) -> str:
     """Return the whole text; measured: `Times` by scene and photons, then by (receivers, search, radius)."""
     tree, more, second = measured["tree 10000"], measured["tree 20000"], measured["second 20000"]
     parts = [
         _head(facts),
-        _estimators(estimators),
         section("Table 2.2: tree, 10,000 photons", _searches(tree, TREE_10000, TREE_RADII)),
         _voxels(tree, VOXELS_10000, TREE_RADII),
         section("Table 2.3: tree, 20,000 photons", _searches(more, TREE_20000, TREE_RADII)),
@@ -95,23 +88,12 @@ def markdown(facts: dict, measured: dict, pretests: dict, estimators: dict) -> s
 
 def _head(facts: dict) -> str:
     return (
-        f"# Tables 2.1 to 2.5 of the report\n\n{facts['machine']}. Our times are milliseconds, the report's (in "
+        f"# Tables 2.2 to 2.5 of the report\n\n{facts['machine']}. Our times are milliseconds, the report's (in "
         'brackets) seconds of a computer of 2003. Our times are for all segments of the photons, and after "frame" '
         "for the segments that one move of the mobile removes and adds at 20,000 photons. The report times a frame "
         f"and gives no number of rays. Tree scene: {facts['tree']}, as many as the report's; leaves are two-sided "
         f"here. Second tree: {facts['second']} (the report gives no number)."
     )
-
-
-def _estimators(measured: dict) -> str:
-    lines = []
-    for name, (photons, *theirs) in ESTIMATORS.items():
-        a, b, error = measured[name]
-        lines.append([f"{name}, {photons:,} photons", *(f"{x:.3g} ({y:g})" for x, y in
-                      zip((a, b, a + b), theirs[:3], strict=True)), f"{error:.1f} % ({theirs[3]:g} %)"])  # fmt: skip
-    body = markdown_table(["", "simulation", "illumination", "total", "error"], lines)
-    note = "Error against tangent_plane with 1,000,000 photons (the report: 100 million), radius 1 %; all threads."
-    return section("Table 2.1: frames by estimator", f"{body}\n\n{note}")
 
 
 def _searches(measured: dict, theirs: dict, radii) -> str:
@@ -151,8 +133,6 @@ def _pretests(measured: dict) -> str:
 
 
 GROUND, TREE = ("ground", "skirt"), ("bark", "leaf")  # materials of the scene `tree`
-REFERENCE = 1_000_000  # photons of the reference of table 2.1
-FRAMES = 8  # the median counts
 REPEATS = 5  # of a count; the least time counts
 LEAST_SECONDS = 0.02  # of all repeats of a count
 
@@ -169,7 +149,7 @@ def tables(settings: Settings, out: Path) -> str:
             "tree 20000": _search_times(tree, 20_000, TREE_RADII, {"whole": None}, bar),
             "second 20000": _search_times(second, 20_000, SECOND_RADII, {"whole": None}, bar),
         }
-        pretests, estimators = _timed_pretests(tree, bar), _timed_estimators(tree, bar)
+        pretests = _timed_pretests(tree, bar)
         asked = {name: Settings(scene=name) for name in SCENES} | {settings.scene: settings}
         rays = {Path(name).stem: measured_structures(Model(open_scene(s)), bar) for name, s in asked.items()}
     facts = {
@@ -177,7 +157,7 @@ def tables(settings: Settings, out: Path) -> str:
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
         "second": f"{_static(second):,} static triangles and a mobile of {len(second.scene.mobiles[0].mesh.faces)}",
     }
-    text = markdown(facts, measured, pretests, estimators) + "\n" + partitionings(rays) + "\n"
+    text = markdown(facts, measured, pretests) + "\n" + partitionings(rays) + "\n"
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "tables.md", text)
     return text
@@ -228,32 +208,6 @@ def _timed_pretests(solver: Solver, bar: Bar) -> dict[tuple[str, str], tuple[flo
         for search in (RAY_CACHE, DISC_INDEX):
             made = SEARCHES[search](discs, pretest)
             out[search, pretest] = best_seconds(search_run(made, every)), best_seconds(search_run(made, changed))
-    return out
-
-
-def _timed_estimators(solver: Solver, bar: Bar) -> dict[str, tuple[float, float, float]]:
-    """Return simulation and illumination [ms] per frame and the error [%] of the estimators of table 2.1."""
-    solver.configure(estimator=DEFAULT, radius=0.01 * solver.scene_size, photons=REFERENCE)
-    solve(solver, bar)
-    lap = motion.walk(motion.paths_of(solver), STEP_PER_FRAME * solver.scene_size, FRAMES)
-    static = solver.surfaces.receiver_range(0)
-    area = solver.receivers.areas[static]
-    solver.move_all(lap[-1])
-    truth = solver.irradiance[static].mean(axis=1)
-    out = {}
-    for k, (name, (photons, *_)) in enumerate(ESTIMATORS.items()):
-        bar(f"table 2.1: {name}", k / len(ESTIMATORS))
-        solver.configure(estimator=name, photons=photons)
-        solve(solver, bar)
-        taken = []
-        for poses in lap:
-            solver.move_all(poses)
-            t = solver.frame.timings
-            light = sum(t.get(stage, 0.0) for stage in ("estimate", "read out"))
-            taken.append((1e3 * (sum(t.values()) - light), 1e3 * light))
-        error = area * np.abs(solver.irradiance[static].mean(axis=1) - truth)
-        simulation, illumination = np.median(taken, axis=0)
-        out[name] = float(simulation), float(illumination), 100 * float(error.sum() / (area * truth).sum())
     return out
 
 
