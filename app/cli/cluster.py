@@ -46,25 +46,21 @@ class Machines:
         """Return the answer of each process."""
         return list(self.client.run(question).values())
 
-    def crew(self, prepare: Callable, job: Any) -> Crew:
-        """Give a job to all processes. Each calls prepare(job, threads) once, before its first task."""
+    def crew(self, prepare: Callable, job: Any) -> Callable[[Callable, Iterable[tuple]], Iterator[Any]]:
+        """Give a job to all processes. Each calls prepare(job, threads) once, before its first task.
+
+        Return a function of run and tasks: it yields run(prepared, *task) of each, in order, and raises what that
+        raises.
+        """
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the scheduler keeps the job, however large: a lost process loses nothing
-            return Crew(self, self.client.submit(bytes, pickle.dumps((prepare, job, self._threads))))
+            return functools.partial(self._map, self.client.submit(bytes, pickle.dumps((prepare, job, self._threads))))
 
-
-class Crew:
-    """Processes with a job that all their tasks share."""
-
-    def __init__(self, machines: Machines, data) -> None:
-        self.machines, self._data = machines, data
-
-    def map(self, run: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
-        """Yield run(prepared, *task) of each task, in order. Raises what it raises."""
+    def _map(self, data, run: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
         waiting: list = []
         for task in tasks:
-            waiting.append(self.machines.client.submit(_run, self._data, run, task, pure=False))
-            if len(waiting) >= 4 * self.machines.processes:  # 4 tasks per process that are not waited for
+            waiting.append(self.client.submit(_run, data, run, task, pure=False))
+            if len(waiting) >= 4 * self.processes:  # 4 tasks per process that are not waited for
                 yield waiting.pop(0).result()
         while waiting:
             yield waiting.pop(0).result()

@@ -66,6 +66,12 @@ def budget(add: Callable, off: str) -> None:
     _add(add, "budget", help=text)
 
 
+def error(add: Callable) -> None:
+    """Add --error of what is path traced."""
+    text = "stop at this noise, relative to the light [%%] (1)"
+    add("--error", type=values.percent, default=1.0, metavar="PCT", help=text)
+
+
 def seconds(add: Callable) -> None:
     """Add --seconds."""
     text = f"time for gathering light, as the window does at rest; 0: none, and always the same bytes ({SECONDS:g})"

@@ -26,8 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
     options.surface(add)
-    add("--error", type=values.percent, default=1.0, metavar="PCT",
-        help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
+    options.error(add)
     add("--shares", action="store_true", help="light of probes and pins by lamp, last surface and bounces")
     add("--csv", type=Path, metavar="FILE.csv", help="write the table with all points")
 

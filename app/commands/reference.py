@@ -6,7 +6,6 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from app import values
 from app.cli import cluster, options
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
@@ -23,8 +22,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
     options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
-    add("--error", type=values.percent, default=1.0, metavar="PCT",
-        help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
+    options.error(add)
     cluster.options(add)
 
 

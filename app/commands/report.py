@@ -6,7 +6,6 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from app import values
 from app.cli import options
 from app.cli.options import settings_of
 from app.cli.progress import opened, solve
@@ -25,8 +24,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.surface(add)
     add("--out", type=Path, required=True, metavar="FILE.html", help="the page, which needs no other file")
     add("--json", type=Path, metavar="FILE.json", help="write its numbers too")
-    add("--error", type=values.percent, default=1.0, metavar="PCT",
-        help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
+    options.error(add)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -258,22 +258,17 @@ def gather(
     """
     if machines is None:
         return store.gather(error)
-    # Each step of the reference has eight tasks per process.
-    return store.gather(error, SpreadPaths(machines, store, scene, rays), 8 * PATHS_PER_TASK * machines.processes)
+    job = PathJob(scene, rays, store.positions, store.normals, store.seed, store.poses, store.levels)
+    crew = machines.crew(_ready, job)
 
-
-class SpreadPaths:
-    """Replaces `Gatherer.paths` of a reference."""
-
-    def __init__(self, machines: Machines, store: ReferenceStore, scene: Scene, rays: str | None) -> None:
-        job = PathJob(scene, rays, store.positions, store.normals, store.seed, store.poses, store.levels)
-        self._crew = machines.crew(_ready, job)
-
-    def __call__(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
+    def paths(rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
         """Return estimates (rows, count, channels) as `Gatherer.paths` does, bit for bit."""
         size = max(PATHS_PER_TASK // count, 1)
         tasks = [(rows[k : k + size], first, count, m, stream) for k in range(0, len(rows), size)]
-        return np.concatenate(list(self._crew.map(Gatherer.paths, tasks)))
+        return np.concatenate(list(crew(Gatherer.paths, tasks)))
+
+    # Each step of the reference has eight tasks per process.
+    return store.gather(error, paths, 8 * PATHS_PER_TASK * machines.processes)
 
 
 def _ready(job: PathJob, threads: int | None) -> Gatherer:

@@ -150,7 +150,7 @@ def elsewhere(
     settings = replace(asked, photons=solver.frame.photons_at_rest, exposure=shot.exposure)
     gathered = solver.frame_light.static.gathered
     film = Film(scene, settings, shot.scale, None if gathered is None else gathered.estimate, linear, shot.paths)
-    yield from machines.crew(_ready, film).map(_drawn, [(at,) for at in poses])
+    yield from machines.crew(_ready, film)(_drawn, [(at,) for at in poses])
 
 
 def _ready(film: Film, threads: int | None) -> tuple[Shot, bool]:

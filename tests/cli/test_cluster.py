@@ -17,7 +17,7 @@ import pytest
 
 from app import __main__ as cli
 from app.cli import cluster
-from app.cli.cluster import Crew, Machines
+from app.cli.cluster import Machines
 from app.commands import bake, reference, render
 from app.measure.chart.measure import Run
 from app.measure.chart.page import _processes
@@ -61,16 +61,16 @@ def a_scene(monkeypatch, tmp_path):
 @pytest.fixture
 def one_is_killed(machines, monkeypatch):
     """Kill a process after the first result; return the list of those killed."""
-    killed, give = [], Crew.map
+    killed, give = [], Machines._map
 
-    def give_and_kill(self, run, tasks):
-        for result in give(self, run, tasks):
+    def give_and_kill(self, *of):
+        for result in give(self, *of):
             if not killed:
                 killed.append(next(iter(machines.client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
             yield result
 
-    monkeypatch.setattr(Crew, "map", give_and_kill)
+    monkeypatch.setattr(Machines, "_map", give_and_kill)
     return killed
 
 
@@ -144,7 +144,7 @@ def test_restored_light_is_what_it_was():
 
 def test_a_failed_task_raises_here(machines):
     with pytest.raises(ZeroDivisionError):
-        list(machines.crew(_nothing, None).map(_divide, [(1,), (0,)]))
+        list(machines.crew(_nothing, None)(_divide, [(1,), (0,)]))
 
 
 def _nothing(job, threads) -> int:

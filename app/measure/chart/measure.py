@@ -395,7 +395,7 @@ class Run:
             made: Iterator = (run(self.measurer, what, walk) for run, what in tasks)
         else:
             job = Job(self.scene, self.settings, self.effort, counts, walk)
-            made = self.machines.crew(_ready, job).map(_measured, tasks)
+            made = self.machines.crew(_ready, job)(_measured, tasks)
         total, done, started = fixed + sum(fixed + c.photons for c in (*todo, *rival)), 0, time.monotonic()
         for rows in made:
             for row in rows:
