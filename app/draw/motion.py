@@ -47,8 +47,6 @@ def walk(paths: dict[str, KeyFrames], step: float, frames: int) -> list[dict[str
 
 def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
     """Return the times [s] at which the repeated path reaches the distances [m]."""
-    if len(path.times) == 1:
-        return np.full(len(distances), path.times[0])
     # 32 samples of a path's length per key-frame interval
     fine = np.interp(np.arange(0, len(path.times) - 1 + 1e-9, 1 / 32), np.arange(len(path.times)), path.times)
     points = np.stack([np.interp(fine, path.times, path.positions[:, k]) for k in range(3)], axis=1)
@@ -57,12 +55,17 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
     if not length > 0:  # rotation in place: a step is 1/100 of its time
         gone, length = fine - fine[0], fine[-1] - fine[0]
         distances = np.arange(len(distances)) * length / 100
-    closed = np.sqrt(((points[-1] - points[0]) ** 2).sum()) < 1e-3 * length
-    if closed:
-        distances = np.mod(distances, length)
-    else:
-        distances = length - np.abs(np.mod(distances, 2 * length) - length)
-    return np.interp(distances, gone, fine)
+    return np.interp(_within(path, distances, length), gone, fine)
+
+
+def _within(path: KeyFrames, gone, length: float):
+    """Return what is gone of a path of `length`, in its unit: a closed path repeats, an open one reverses."""
+    if not length > 0:  # a path of one pose
+        return 0.0 * gone
+    closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(
+        abs(float(np.dot(path.quaternions[0], path.quaternions[-1]))), 1.0
+    )
+    return np.mod(gone, length) if closed else length - np.abs(np.mod(gone, 2 * length) - length)
 
 
 def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
@@ -86,13 +89,7 @@ def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
     )
 
 
-def play_head(path, seconds: float) -> float:
+def play_head(path: KeyFrames, seconds: float) -> float:
     """Return the path time [s] after `seconds` of playback: a closed path repeats, an open one reverses."""
-    first, length = float(path.times[0]), float(path.times[-1] - path.times[0])
-    closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(
-        abs(float(np.dot(path.quaternions[0], path.quaternions[-1]))), 1.0
-    )
-    if closed:
-        return first + seconds % length
-    at = seconds % (2 * length)
-    return first + (at if at <= length else 2 * length - at)
+    first, last = float(path.times[0]), float(path.times[-1])
+    return first + float(_within(path, seconds, last - first))
