@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
+from trimesh.triangles import closest_point, points_to_barycentric
 
 from app.draw.camera import Turntable
 from app.draw.shot import Shot
@@ -355,33 +356,13 @@ def _texels(p: np.ndarray, width: int, height: int) -> tuple[np.ndarray, ...]:
     f = np.repeat(np.arange(len(p)), counts)
     k = np.arange(len(f)) - np.repeat(np.cumsum(counts) - counts, counts)
     centre = low[f] + np.stack([k % size[f, 0], k // size[f, 0]], axis=1)
-    shares = _nearest_on(p[f], centre)
-    off = (shares[:, :, None] * p[f]).sum(axis=1) - centre
-    away = (off * off).sum(axis=1)
+    corners, at = (np.pad(a, [*[(0, 0)] * (a.ndim - 1), (0, 1)]) for a in (p[f], centre))  # in the plane z = 0
+    nearest = closest_point(corners, at)
+    shares = points_to_barycentric(corners, nearest, "cross")
+    away = ((nearest - at) ** 2).sum(axis=1)
     away[away < 1e-18] = 0.0
     inside = ((centre >= 0) & (centre < (width, height))).all(axis=1) & (away <= SEAM * SEAM)
     return f[inside], centre[inside, 1] * width + centre[inside, 0], shares[inside], away[inside]
-
-
-def _nearest_on(p: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the barycentric weights (n, 3) of the points on triangles (n, 3, 2) that are nearest to points (n, 2)."""
-    a, e, g = p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    d, area = x - a, e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0]
-    v, w = (d[:, 0] * g[:, 1] - d[:, 1] * g[:, 0]) / area, (e[:, 0] * d[:, 1] - e[:, 1] * d[:, 0]) / area
-    best = np.stack([1 - v - w, v, w], axis=1)
-    outside = np.flatnonzero((best < 0).any(axis=1))
-    least = np.full(len(outside), np.inf)
-    for i in range(3):
-        j = (i + 1) % 3
-        start, edge = p[outside, i], p[outside, j] - p[outside, i]
-        way = x[outside] - start
-        t = np.clip((way * edge).sum(axis=1) / np.maximum((edge * edge).sum(axis=1), 1e-30), 0, 1)
-        off = way - t[:, None] * edge
-        closer = (away := (off * off).sum(axis=1)) < least
-        least[closer], rows = away[closer], outside[closer]
-        best[rows] = 0.0
-        best[rows, i], best[rows, j] = 1 - t[closer], t[closer]
-    return best
 
 
 def _fill(light: np.ndarray, filled: np.ndarray, width: int, height: int) -> None:
