@@ -42,7 +42,7 @@ class Scale(NamedTuple):
         return self._replace(lines=tuple(sorted(set(values)))[:MOST_ISOLINES])
 
     def _round_numbers(self, most: int) -> list[float]:
-        """Return round numbers of the scale."""
+        """Return round numbers of the scale; of a logarithmic one powers of ten alone if there are more than `most`."""
         if not self.logarithmic:
             step = round_below((self.high - self.low) / 4)
             ends = math.ceil(self.low / step), math.floor(self.high / step * (1 + 1e-9))
@@ -68,14 +68,7 @@ class Scale(NamedTuple):
                     inner.append(t)
                     last = at
             return [self.low, *inner, self.high]
-        if self.logarithmic:
-            decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-            many = math.log10(self.high / self.low) > 2.5
-            inner = [s * 10.0**k for k in decades for s in ((1.0,) if many else ROUND_STEPS[:3])]
-        else:
-            step = round_below((self.high - self.low) / 4)
-            inner = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
-        inner = [t for t in inner if label < self.position(np.array([t]))[0] < 1 - label]
+        inner = [t for t in self._round_numbers(7) if label < self.position(np.array([t]))[0] < 1 - label]
         return [self.low, *inner, self.high]
 
     @property
