@@ -282,7 +282,7 @@ class GLCoverage:
             place(o)
             drawn.mark(cull, omitted)
         for o, drawn in objects.items():
-            for k, reflector in enumerate(drawn.reflectors):
+            for k, reflector in enumerate(drawn.mesh.reflectors):
                 if omitted(reflector):
                     continue
                 place(o)

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from app.draw.draw_mesh import DrawMesh, GlossVertices
     from app.draw.gl_textures import GLTextures
-    from gi_core.display.edges import Edges
     from gi_core.gloss.light import Directions
     from gi_core.gloss.reflectors import Reflector
     from gi_core.scene.types import Texture
@@ -93,7 +92,7 @@ class DrawnObject:
             triangles=mesh.triangles[order].astype(np.int32), quads=mesh.quads._replace(faces=places[mesh.quads.faces])
         )
         self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
-        self._mesh = mesh
+        self.mesh = mesh
         self._back = np.full((self._vertices, 3), -1.0, np.float32)  # it stays where one-sided: see surface.frag
         self._corners = _box(mesh.positions)
         # GL has no empty buffers; a scene may have an empty object.
@@ -127,23 +126,15 @@ class DrawnObject:
 
     @property
     def _vertices(self) -> int:
-        return len(self._mesh.positions)
+        return len(self.mesh.positions)
 
     @property
     def has_holes(self) -> bool:
         return any(call.texture is not None and call.texture.cover is not None for call in self._calls)
 
-    @property
-    def has_panes(self) -> bool:
-        return self._mesh.pane is not None
-
-    @property
-    def is_textured(self) -> bool:
-        return self._places is not None
-
     def draws(self, mesh: DrawMesh) -> bool:
         """Return whether its buffers are those of a mesh, with any emission."""
-        return all(a is b for a, b in zip(self._mesh._replace(emission=mesh.emission), mesh, strict=True))
+        return all(a is b for a, b in zip(self.mesh._replace(emission=mesh.emission), mesh, strict=True))
 
     def _layer(self, k: int) -> Layer:
         """Return a layer, creating it at first use."""
@@ -155,7 +146,7 @@ class DrawnObject:
             attributes: list[tuple] = [(self._positions, "3f", "position"), (weights, "2f", "weights")]
             attributes += [(front, "3f", "front"), (back, "3f", "back")]
             irradiance = sent = None
-            if self.is_glossy:
+            if self.mesh.gloss is not None:
                 irradiance, sent = (self.ctx.buffer(bytes(24 * self._vertices), dynamic=True) for _ in range(2))
                 attributes.append((self._gloss.lobes, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
                 attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
@@ -182,7 +173,7 @@ class DrawnObject:
 
     def dim(self, emission: np.ndarray) -> None:
         """Set the emission (D, 3) [W/m2/sr] under textures."""
-        self._mesh = self._mesh._replace(emission=emission)
+        self.mesh = self.mesh._replace(emission=emission)
         self._calls = [call._replace(emission=tuple(emission[call.vertex])) for call in self._calls]
 
     def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
@@ -198,19 +189,15 @@ class DrawnObject:
             self._back[self._two_sided] = back[self._two_sided]
             first, last = self._two_sided[[0, -1]]
             of.back.write(self._back[first : last + 1], offset=self._back.strides[0] * int(first))
-        if of.turning.turn(other_diagonals(self._mesh, front, back, weights)):
+        if of.turning.turn(other_diagonals(self.mesh, front, back, weights)):
             of.triangles.write(of.turning.triangles)
-
-    @property
-    def edges(self) -> Edges:
-        return self._mesh.edges
 
     def radiance_at(self, edge: np.ndarray, face: np.ndarray, layer: np.ndarray, textured: bool) -> np.ndarray:
         """Return the mean radiance (n, 3) of faces at edges (n,), without gloss.
 
         face (n,): 2 k for the front of an edge's face k, 2 k + 1 for its back; layer (n,).
         """
-        mesh, v, out = self._mesh, self.edges.corners[edge, face // 2], np.zeros((len(edge), 3))
+        mesh, v, out = self.mesh, self.mesh.edges.corners[edge, face // 2], np.zeros((len(edge), 3))
         for k, sides in self._radiance.items():
             for back in range(2):
                 rows = np.flatnonzero((layer == k) & (face % 2 == back))
@@ -225,7 +212,7 @@ class DrawnObject:
 
     def light(self, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under gloss."""
-        mesh = self._mesh
+        mesh = self.mesh
         lit = np.c_[np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back])].astype(np.float32)
         self._light[layer] = irradiance
         self._layer(layer).irradiance.write(lit)
@@ -246,12 +233,8 @@ class DrawnObject:
         which = self._gloss.at_vertices if len(directions.offsets) > 1 else self._gloss.tabulated
         for layer, irradiance in self._light.items():
             seen = np.zeros((self._vertices, 6), np.float32)
-            seen[which] = np.c_[gloss_colours(self._mesh, directions, irradiance, eye, which)]
+            seen[which] = np.c_[gloss_colours(self.mesh, directions, irradiance, eye, which)]
             self._layer(layer).sent.write(seen)
-
-    @property
-    def is_glossy(self) -> bool:
-        return self._gloss.lobes is not None
 
     def draw(self, program: moderngl.Program, cull: bool, layer: int = 0) -> None:
         """Draw all triangles in vertex colours."""
@@ -274,7 +257,7 @@ class DrawnObject:
         that shows a reflection, None: there is no image of it; left_out: faces that are not drawn.
         """
         for call in self._calls:
-            reflector = None if call.reflector < 0 else self._mesh.reflectors[call.reflector]
+            reflector = None if call.reflector < 0 else self.mesh.reflectors[call.reflector]
             if call.pane is not None or (reflector is not None and left_out(reflector)):
                 continue
             holed = call.texture is not None and call.texture.cover is not None
@@ -294,15 +277,11 @@ class DrawnObject:
                 program["pane"] = call.pane
                 self._part(self._array(program, layer), call.first, call.indices, False)
 
-    @property
-    def reflectors(self) -> tuple[Reflector, ...]:
-        return self._mesh.reflectors
-
     def mark(self, cull: bool = False, omitted: Callable[[Reflector], bool] = lambda reflector: False) -> None:
         """Draw all triangles with the program of the mask, but those of omitted reflectors."""
-        if any(map(omitted, self.reflectors)):
+        if any(map(omitted, self.mesh.reflectors)):
             for call in self._calls:
-                if call.reflector < 0 or not omitted(self.reflectors[call.reflector]):
+                if call.reflector < 0 or not omitted(self.mesh.reflectors[call.reflector]):
                     self._part(self._marked, call.first, call.indices, cull and call.one_sided)
             return
         split = self._one_sided_indices if cull else 0
@@ -331,12 +310,12 @@ class DrawnObject:
         return self._faces
 
     def _made(self, faces: np.ndarray) -> MarkedFaces:
-        triangles = self._mesh.triangles[self._mesh.pieces(faces)].astype(np.int32)
-        two_sided = self._mesh.back[triangles[:, 0]] >= 0
+        triangles = self.mesh.triangles[self.mesh.pieces(faces)].astype(np.int32)
+        two_sided = self.mesh.back[triangles[:, 0]] >= 0
         buffer = self.ctx.buffer(triangles[np.argsort(two_sided, kind="stable")].tobytes() or bytes(12))
         vertices = self.ctx.vertex_array(self._mask, [(self._positions, "3f", "position")], buffer)
         counts = 3 * len(triangles), 3 * int((~two_sided).sum())
-        return MarkedFaces(faces, buffer, vertices, *counts, _box(self._mesh.positions[triangles.ravel()]))
+        return MarkedFaces(faces, buffer, vertices, *counts, _box(self.mesh.positions[triangles.ravel()]))
 
     def _part(self, vertices, first: int, count: int, cull: bool) -> None:
         if not count:

@@ -160,7 +160,7 @@ class Renderer:
 
     def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
-        if self._objects[o].is_glossy:
+        if self._objects[o].mesh.gloss is not None:
             self._objects[o].light(irradiance, layer)
             self._mirrors.forget()
 
@@ -230,14 +230,13 @@ class Renderer:
             return to_display(light, look.exposure, look.tone_map, look.gains)
 
         to_clip = [look.view_projection @ model for model in look.models]
-        edges = [o.edges for o in self._objects]
+        edges = [o.mesh.edges for o in self._objects]
         self._edges.smooth(self._targets.picture, depths, edges, to_clip, look.cull, colours)
 
     def _linear_target(self, look: Look) -> LinearTarget | None:
         """Return the target of a picture with panes, which is drawn before its tone map; None: it shows none."""
-        if not (
-            look.is_light and look.scale is None and look.eye is not None and any(o.has_panes for o in self._objects)
-        ):
+        has_panes = any(o.mesh.pane is not None for o in self._objects)
+        if not (has_panes and look.is_light and look.scale is None and look.eye is not None):
             return None
         assert self._targets is not None
         self._linear = self._linear or LinearTarget(self.ctx, self._programs)
@@ -253,7 +252,7 @@ class Renderer:
         linear.drawn.depth_mask = False
         program["eye_at"], program["exposure"] = tuple(look.eye), tuple(2.0**look.exposure * np.array(look.gains))
         for o, model in zip(self._objects, look.models, strict=True):
-            if o.has_panes:
+            if o.mesh.pane is not None:
                 _place(program, look.view_projection, model)
                 o.draw_panes(program, layer)
         linear.drawn.depth_mask = True
@@ -352,7 +351,7 @@ class Renderer:
         """
         objects = dict(enumerate(self._objects))
         if view.skipped >= 0:
-            objects = {o: d for o, d in objects.items() if o == 0 or any(r.plane is not None for r in d.reflectors)}
+            objects = {o: d for o, d in objects.items() if o == 0 or any(r.plane for r in d.mesh.reflectors)}
 
         def place(o: int) -> None:
             _place(self._mask, view.view_projection, look.models[o])
@@ -393,14 +392,15 @@ class Renderer:
             return program
 
         for o, model in zip(self._objects, look.models, strict=True):
-            kind = ["GLOSS"] * (o.is_glossy and shows_gloss)
+            kind = ["GLOSS"] * (o.mesh.gloss is not None and shows_gloss)
 
             def program_of(*defines: str, model=model, kind=kind) -> moderngl.Program:
                 program = ready_program(*defines, *kind)
                 _place(program, view.view_projection, model, view.eye)
                 return program
 
-            if not (o.is_textured and (look.textured or o.has_holes)) and not o.reflectors and not o.has_panes:
+            by_texture = o.mesh.uv is not None and (look.textured or o.has_holes)
+            if not (by_texture or o.mesh.reflectors or o.mesh.pane is not None):
                 o.draw(program_of(), look.cull, layer)
                 continue
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.files.edits import Edit, Values
     from gi_core.lights.power import Power
     from gi_core.model import Model
-    from gi_core.scene import Scene
+    from gi_core.scene import KeyFrames, Scene
     from gi_core.scene.types import CalculationSurface, Daylight, Light
 
 
@@ -68,7 +68,7 @@ class OpenScene:
         self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
         self._finishes: dict[tuple[str, bool, str], Finished] = {}
         self._parts: dict[str, tuple[str, ...]] = {}
-        self._paths: dict = {}
+        self.paths: dict[str, KeyFrames] = {}  # by mobile: the scene's, else a circle for the first one
         self.kept: KeptLight | None = None  # light A
         self._grids: dict[CalculationSurface, tuple[tuple, Grid]] = {}  # poses that they are of, and points
 
@@ -82,7 +82,7 @@ class OpenScene:
         self._given = self._scene = solver.scene
         self.model, self.chosen = solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)
-        self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
+        self.paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
         self.__dict__.pop("level", None)
         self._grids = {}
@@ -198,11 +198,6 @@ class OpenScene:
     def gathered(self) -> GatherProgress | None:
         """Progress of the static part's gathered light; None: the settings ask for photons only."""
         return self.light.snapshot.rest.gathered if self.settings.of_solver["light"] == "best" else None
-
-    @property
-    def paths(self) -> dict:
-        """Paths by mobile: the scene's, else a circle for the first mobile."""
-        return self._paths
 
     @property
     def _method_parts(self) -> MethodParts | None:
