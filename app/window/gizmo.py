@@ -94,15 +94,13 @@ def moved_pose(pose: Pose, middle: np.ndarray, to: np.ndarray, turned: np.ndarra
 
     A matrix of float32 is rounded to the nearest rotation.
     """
-    R = rotation(pose)
-    out = np.eye(4)
-    out[:3, :3] = R
-    if turned is not None:
-        u, _, v = np.linalg.svd(np.asarray(turned, np.float64))
-        out[:3, :3] = u @ v
-    out[:3, 3] = to - out[:3, :3] @ R.T @ (middle - np.array(pose.position))
+    from_middle = np.array(pose.position) - middle
     if turned is None:
-        return pose._replace(position=three(out[:3, 3]))
+        return pose._replace(position=three(to + from_middle))
+    u, _, v = np.linalg.svd(np.asarray(turned, np.float64))
+    out = np.eye(4)
+    out[:3, :3] = u @ v
+    out[:3, 3] = to + u @ v @ rotation(pose).T @ from_middle
     return as_pose(out)
 
 
