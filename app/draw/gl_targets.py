@@ -115,13 +115,11 @@ class LinearTarget:
         """Set width and height in pixels, and samples per pixel."""
         if self._key == (size, samples):
             return
-        self._free()
+        self.release()
         self._key = size, samples
         samples = samples if samples > 1 else 0  # llvmpipe takes 4 samples for 1
-        self._light, depth = (
-            self._ctx.texture(size, 4, samples=samples, dtype="f2"),
-            self._ctx.depth_renderbuffer(size, samples=samples),
-        )
+        self._light = self._ctx.texture(size, 4, samples=samples, dtype="f2")
+        depth = self._ctx.depth_renderbuffer(size, samples=samples)
         self.drawn = self._ctx.framebuffer([self._light], depth)
         self._owned = self.drawn, self._light, depth
 
@@ -136,12 +134,9 @@ class LinearTarget:
         put(program, light=0, background=BACKGROUND, unlit=UNLIT)
         self._programs.cover(program)
 
-    def _free(self) -> None:
+    def release(self) -> None:
         for thing in self._owned:
             thing.release()
-
-    def release(self) -> None:
-        self._free()
 
 
 MOST_EDGES = 100_000  # in a picture

@@ -16,6 +16,7 @@ from app.settings import Settings
 
 TITLE = "gi-viewer"
 GL_VERSION = (3, 3)  # macOS has at most 4.1
+DRIVERS = "install an OpenGL driver (Debian, Ubuntu: `apt install libgl1 libegl1 libgl1-mesa-dri`)"
 RENDER_HINT = "`gi-viewer render SCENE --out a.png` needs no window"
 
 
@@ -41,15 +42,15 @@ def why_no_window() -> str | None:
         glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
         window = glfw.create_window(64, 64, TITLE, None, None)
         if not window:
-            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} is not available{_quoted(messages)}", *_drivers())
+            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} is not available{_quoted(messages)}", DRIVERS)
         glfw.make_context_current(window)
         try:
             current_context()
         except Exception as problem:  # moderngl raises plain Exception for anything GL
-            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} does not start ({problem})", *_drivers())
+            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} does not start ({problem})", DRIVERS)
         return None
     except Exception as problem:  # glfw's wrapper may raise its errors
-        return _sentence(f"no window opens ({problem})", *_drivers())
+        return _sentence(f"no window opens ({problem})", DRIVERS)
     finally:
         if window:
             glfw.make_context_current(None)
@@ -260,10 +261,6 @@ def _sentence(cause: str, remedy: str) -> str:
 
 def _quoted(messages: list[str]) -> str:
     return f" ({messages[-1]})" if messages else ""
-
-
-def _drivers() -> tuple[str]:
-    return ("install an OpenGL driver (Debian, Ubuntu: `apt install libgl1 libegl1 libgl1-mesa-dri`)",)
 
 
 def _missing_library(problem: str) -> tuple[str, str]:
