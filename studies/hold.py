@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from gi_core.lights.least_power import Requirements, least_power
+from gi_core.frames.held_light import Requirements, least_power
 
 POINTS, LAMPS, RUNS = 199, 12, 100
 

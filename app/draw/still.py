@@ -20,9 +20,8 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
 from gi_core.display.fine_points import halfway
-from gi_core.display.pixel_sites import alike, around, group, spans, start_rays
+from gi_core.display.pixel_light import LOG2_SET, PixelLight, Sites, alike, around, group, spans, start_rays
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
-from gi_core.gather.pixel_light import LOG2_SET, PixelLight, Sites
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import LIFT
 
@@ -51,7 +50,7 @@ class PixelSites(NamedTuple):
     strips: list[Strip]
 
     def mean(self, kernel: Callable, values: np.ndarray, *options, pixels: np.ndarray | None = None) -> np.ndarray:
-        """Return what a kernel of `pixel_sites.py` writes for all sites; pixels: others than these."""
+        """Return what a kernel of `pixel_light.py` writes for all sites; pixels: others than these."""
         out, places = np.empty_like(values), self.places
         of = self.pixels if pixels is None else pixels, places.key, places.turn(0), places.normal, values, *options
         run_ranges(lambda _, a, b: kernel(*of, a, out[a:b]), len(out), self.threads, 1 << 12)

@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 
 from app.settings import CLICKED
 from app.window import label, theme
-from gi_core.gloss.hemisphere import SIDE, directions, disc_of, on_disc
+from gi_core.gloss.hemisphere import SIDE, directions, disc_of
 from gi_core.photons.paths import ADDED, KEPT, REMOVED
 
 if TYPE_CHECKING:
@@ -52,8 +52,9 @@ def draw_hemisphere(viewport: Viewport, view: HemisphereView, colours: dict[int,
         drawing.add_circle_filled(place, theme.pixels(2.6), imgui.get_color_u32(cell_border), 8)
         drawing.add_circle_filled(place, theme.pixels(1.6), imgui.get_color_u32(colours[kind]), 8)
     eye = viewport.view.camera.eye() - viewport.session.model.origins[0]
-    values = view.lobe_towards(eye, directions(_grid())).reshape(LOBE_GRID, LOBE_GRID)
-    grid = on_disc(_grid()).reshape(LOBE_GRID, LOBE_GRID, 2)
+    ways = directions(_grid())
+    values = view.lobe_towards(eye, ways).reshape(LOBE_GRID, LOBE_GRID)
+    grid = disc_of(ways).reshape(LOBE_GRID, LOBE_GRID, 2)
     for level, opacity in ((0.5, 1.0), (0.1, 0.55), (0.01, 0.3)):  # fraction of the lobe's maximum
         colour = imgui.get_color_u32((*theme.ACCENT, opacity))
         ends = places(_contour(values, grid, level * float(values.max())))
@@ -73,7 +74,7 @@ def _cell_outlines() -> list[np.ndarray]:
     t = np.arange(EDGE_STEPS) / EDGE_STEPS
     zero, one = np.zeros(EDGE_STEPS), np.ones(EDGE_STEPS)
     unit = np.concatenate([np.c_[t, zero], np.c_[one, t], np.c_[1 - t, one], np.c_[zero, 1 - t]])
-    return [on_disc(2 * (unit + (i, j)) / SIDE - 1) for i in range(SIDE) for j in range(SIDE)]
+    return [disc_of(directions(2 * (unit + (i, j)) / SIDE - 1)) for i in range(SIDE) for j in range(SIDE)]
 
 
 def _grid() -> np.ndarray:

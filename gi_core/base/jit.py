@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import platformdirs
 from numba import types
 from numba.extending import overload
@@ -75,6 +76,17 @@ allocating = _decorator()
 
 # For short functions of inner loops: a call that passes six arrays costs 60 ns.
 inlined = _decorator(inline="always")
+
+_DE_BRUIJN = np.uint64(0x077CB531)
+_PLACE = np.zeros(32, np.int64)
+_PLACE[[(0x077CB531 << k & 0xFFFFFFFF) >> 27 for k in range(32)]] = np.arange(32)
+
+
+@inlined
+def lowest_bit(bits):
+    """Return the index of the lowest bit set in a uint32 that is not 0 (Leiserson et al. 1998)."""
+    lowest = np.uint64(bits ^ (bits & (bits - np.uint32(1))))
+    return _PLACE[(np.uint32(lowest * _DE_BRUIJN)) >> np.uint32(27)]
 
 
 def by_type(functions: dict[type, Callable], otherwise: Callable | None = None) -> Callable:

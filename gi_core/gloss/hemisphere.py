@@ -115,16 +115,6 @@ def even_light() -> np.ndarray:
     return np.c_[share, share, share, (weight * rays).sum(axis=1) / weight.sum(axis=1)]
 
 
-def on_disc(square: np.ndarray) -> np.ndarray:
-    """Return the places (n, 2) on the unit disc of points (n, 2) of the square [-1, 1]^2: the concentric map."""
-    a, b = square.T
-    wide = np.abs(a) >= np.abs(b)
-    r = np.where(wide, a, b)
-    turn = np.pi / 4 * np.where(wide, b / np.where(a == 0, 1, a), a / np.where(b == 0, 1, b))
-    x, y = np.where(wide, r * np.cos(turn), r * np.sin(turn)), np.where(wide, r * np.sin(turn), r * np.cos(turn))
-    return np.stack([x, y], axis=1)
-
-
 def directions(square: np.ndarray) -> np.ndarray:
     """Return the unit directions (n, 3) of points (n, 2) of the square [-1, 1]^2."""
     out = np.empty((len(square), 3))

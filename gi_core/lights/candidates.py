@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base import owen_sobol, random_numbers
+from gi_core.base import random_numbers
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
@@ -68,7 +68,7 @@ def _draw(seed, lights, point, normal, density, power, colour, face, pick, sets)
     for i in range(len(face)):
         # A Hammersley set: its first number ascends, so a stratum is a run of points.
         u = (i % n + random_numbers.independent(seed, i, 0, LIGHT_U)) / n
-        v = owen_sobol.unit(np.uint64(i % n), random_numbers.hashed(seed, i // n, 0, LIGHT_V))
+        v = random_numbers.scrambled(np.uint64(i % n), random_numbers.hashed(seed, i // n, 0, LIGHT_V))
         e, density[i], p = point_on_lamp(lights, min(u, 1.0 - 2.0**-53), v)
         radiance = row(lights.radiance, e)
         face[i], power[i] = e, dot((RED, GREEN, BLUE), radiance)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base import owen_sobol, random_numbers
+from gi_core.base import random_numbers
 from gi_core.base.jit import inlined
 from gi_core.base.vec import difference, dot, row
 from gi_core.lights import sun
@@ -92,7 +92,7 @@ def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: 
 def _pairs(seed: int, count: int) -> np.ndarray:
     """Return a Hammersley set of pairs in [0, 1), (count, 2)."""
     key, k = np.uint64(random_numbers.hashed(seed, 0, 0, LIGHT_V)), np.arange(count)
-    return np.stack([(k + 0.5) / count, [owen_sobol.unit(np.uint64(i), key) for i in k]], axis=1)
+    return np.stack([(k + 0.5) / count, [random_numbers.scrambled(np.uint64(i), key) for i in k]], axis=1)
 
 
 @inlined

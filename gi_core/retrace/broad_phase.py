@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.bits import lowest_bit
-from gi_core.base.jit import inlined, kernel
+from gi_core.base.jit import inlined, kernel, lowest_bit
 from gi_core.base.threads import run_ranges
 from gi_core.photons.paths import PathVertices
 from gi_core.rays.accelerator import FAR, Transforms

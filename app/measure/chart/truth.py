@@ -12,11 +12,10 @@ from app.draw.draw_mesh import DrawMesh, meshes_of, with_vertices
 from app.draw.shot import home_camera
 from app.draw.vertex_colours import gloss_colours
 from app.rest.reference_store import ReferenceStore
-from gi_core.gather.gloss_reference import gloss_views, reference_gloss
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import CLOUD_REACH, luminance
 from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
-from gi_core.instruments.gloss_rays import shining_faces
+from gi_core.instruments.gloss_rays import gloss_views, reference_gloss, shining_faces
 from gi_core.solver import Solver
 
 SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the sample

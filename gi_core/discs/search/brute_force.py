@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.base.bits import lowest_bit
-from gi_core.base.jit import kernel
+from gi_core.base.jit import kernel, lowest_bit
 from gi_core.base.vec import row
 from gi_core.discs.search.predicate import (
     LANES,

@@ -23,9 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.bits import lowest_bit
 from gi_core.base.grouping import components
-from gi_core.base.jit import inlined, kernel
+from gi_core.base.jit import inlined, kernel, lowest_bit
 from gi_core.base.vec import row
 from gi_core.discs.search.predicate import (
     LANES,

@@ -19,8 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.bits import lowest_bit
-from gi_core.base.jit import allocating, inlined, kernel
+from gi_core.base.jit import allocating, inlined, kernel, lowest_bit
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.vec import difference, dot, row
 from gi_core.discs.search.predicate import (

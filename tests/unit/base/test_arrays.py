@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gi_core.base import vectors
-from gi_core.base.bits import lowest_bit
 from gi_core.base.grouping import components, group_of, order_of
+from gi_core.base.jit import lowest_bit
 from gi_core.base.nearest_points import count_within, nearest
 
 

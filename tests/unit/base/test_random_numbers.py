@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from gi_core.base import owen_sobol, random_numbers
+from gi_core.base import random_numbers
 from gi_core.base.jit import allocating
 from gi_core.geometry.surfaces import flatten
 from gi_core.lights.emission import build_emitters, emit
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 WORST = 1.1  # error over that of independent numbers
 T_OF_DIMENSION = (0, 0, 1, 2, 2, 3)  # degree of the primitive polynomial less 1 (Sobol 1967); they add up
-USED = range(owen_sobol.DIMENSIONS)
+USED = range(random_numbers.DIMENSIONS)
 PROJECTIONS = [p for d in (2, 3) for p in itertools.combinations(USED, d)]
 
 

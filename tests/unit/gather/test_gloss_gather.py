@@ -12,7 +12,6 @@ from gi_core.base.pause import steps
 from gi_core.bsdf.models import lobe
 from gi_core.gather import static
 from gi_core.gather.gloss_gather import RAYS, STAGE, GlossGather
-from gi_core.gather.gloss_reference import gloss_views, reference_gloss
 from gi_core.gather.path_ends import in_known_light, starts
 from gi_core.gather.path_tracer import PathTracer
 from gi_core.gather.reference import reference_irradiance
@@ -21,6 +20,7 @@ from gi_core.gloss.cells import as_light
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, centres, direction_of, even_light
 from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
 from gi_core.gloss.sharp import sharp_lobe
+from gi_core.instruments.gloss_rays import gloss_views, reference_gloss
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver

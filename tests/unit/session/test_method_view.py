@@ -15,7 +15,7 @@ from app.session.method_view import MOST_DRAWN, hemisphere_view
 from app.window import method_marks
 from gi_core.estimators import ESTIMATORS
 from gi_core.files.load import load_scene
-from gi_core.gloss.hemisphere import CELLS, cell_of, direction_of, on_disc
+from gi_core.gloss.hemisphere import CELLS, cell_of, direction_of, directions, disc_of
 from gi_core.gloss.sharp import is_sharp
 from gi_core.photons.flux_sums import NOT_ADDITIVE
 from gi_core.photons.paths import ADDED, KEPT, REMOVED
@@ -222,14 +222,14 @@ def test_the_grid_of_the_lobe_lies_on_the_disc():
     a, b = method_marks._grid().T
     for k in range(0, len(a), 37):
         x, y, z = direction_of(a[k], b[k])
-        r = np.hypot(*on_disc(np.array([[a[k], b[k]]]))[0])
+        r = np.hypot(*disc_of(np.array([[x, y, z]]))[0])
         assert z == pytest.approx(1 - r * r, abs=1e-12) and math.hypot(x, y) == pytest.approx(r * math.sqrt(2 - r * r))
 
 
 def test_contours_lie_on_their_level():
     """Of a cone about a point: a circle about it, closed."""
     square = method_marks._grid()
-    disc, middle, radius = on_disc(square), np.array([0.2, -0.1]), 0.4
+    disc, middle, radius = disc_of(directions(square)), np.array([0.2, -0.1]), 0.4
     values = -np.linalg.norm(disc - middle, axis=1)
     ends = method_marks._contour(values.reshape(GRID, GRID), disc.reshape(GRID, GRID, 2), -radius)
     np.testing.assert_allclose(np.linalg.norm(ends - middle, axis=1), radius, atol=4e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from gi_core.lights.least_power import CERTAIN, Requirements, least_power
+from gi_core.frames.held_light import CERTAIN, Requirements, least_power
 
 BOTH = np.ones(2, bool)
 
