@@ -24,15 +24,14 @@ from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import cross, difference, dot, rotate, rotate_back
+from gi_core.base.vec import cross, difference, dot, rotate, rotate_back, row
 from gi_core.discs.region import COS, PROBES, RAYS, SIN, Regions, levels, look_from, polygon_areas
-from gi_core.discs.search.brute_force import BruteForce
-from gi_core.discs.search.disc_index import DiscGrid
-from gi_core.discs.search.predicate import Discs, lines, longest_extension, to_list
+from gi_core.discs.search.disc_index import CELL_RADII, DiscIndex
+from gi_core.discs.search.predicate import Discs, lines, longest_extension
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
-from gi_core.photons.hit_grid import HitGrid, Hits, build, cell_of
+from gi_core.photons.hit_grid import cell_of
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.retrace.cuts import Wanted
@@ -152,7 +151,7 @@ class ContactSearch:
         self._accelerator = model.accelerator.opaque
 
     def build(self) -> None:
-        """Index static receivers and surfaces."""
+        """Place receivers, and mark cells near surfaces."""
         m, s = self._model, self._model.surfaces
         self._origins, self._normals = [], []
         for o in range(s.objects):
@@ -160,9 +159,6 @@ class ContactSearch:
             self._origins.append(np.ascontiguousarray(points, np.float32))
             self._normals.append(np.ascontiguousarray(normals))
             pause()
-        n = len(self._origins[0])
-        nothing = np.zeros((n, 3), np.int32), np.arange(n), *np.zeros((2, n), np.int32), np.zeros(n, np.uint8)
-        self._grid: HitGrid = build(Hits(self._origins[0], self._origins[0], *nothing), 2 * self._radius)
         self._cells = surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
 
     def at(self, at: Transforms, mobiles: bool) -> PoseContacts:
@@ -225,9 +221,7 @@ class ContactSearch:
         pad = self._radius + CUT_PAD * world.size
         box = world.box_low[b], world.box_high[b]
         if o == 0:
-            (_, _, _, index, *_), corner, cell, shape, first = self._grid
-            low, high = _box_in_world(R[b], p[b], *box, pad)
-            listed = out[: _in_cells(index, corner, cell, shape, first, low, high, out)]
+            listed = out[: _in_box(origins, *_box_in_world(R[b], p[b], *box, pad), out)]
         else:
             off = _to_world(R[o], p[o], world.sphere_centre[o]) - _to_world(R[b], p[b], world.sphere_centre[b])
             if np.sqrt((off * off).sum()) > world.sphere_radius[o] + world.sphere_radius[b] + 1.1 * pad:
@@ -260,19 +254,14 @@ def _box_in_world(R: np.ndarray, p: np.ndarray, low: np.ndarray, high: np.ndarra
 
 
 @kernel
-def _in_cells(index, corner, cell, shape, first, low, high, out):
-    """List the receivers in the cells that a box covers; return their number."""
+def _in_box(points, low, high, out):
+    """List the points (n, 3) in a box; return their number."""
     n = 0
-    x0, x1 = max(cell_of(low[0], corner[0], cell), 0), min(cell_of(high[0], corner[0], cell), shape[0] - 1)
-    y0, y1 = max(cell_of(low[1], corner[1], cell), 0), min(cell_of(high[1], corner[1], cell), shape[1] - 1)
-    z0, z1 = max(cell_of(low[2], corner[2], cell), 0), min(cell_of(high[2], corner[2], cell), shape[2] - 1)
-    for x in range(x0, x1 + 1):
-        for y in range(y0, y1 + 1):
-            for z in range(z0, z1 + 1):
-                c = (x * shape[1] + y) * shape[2] + z
-                for h in range(first[c], first[c + 1]):
-                    out[n] = index[h]
-                    n += 1
+    for k in range(len(points)):
+        x, y, z = row(points, k)
+        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+            out[n] = k
+            n += 1
     return n
 
 
@@ -330,9 +319,6 @@ def _rays(rows, which, origins, normals, at, world, o, b, radius, out):
                 place[n] = j * RAYS + k
                 n += 1
     return n
-
-
-FEW_DISCS = 128  # discs: with more, a grid over them (a millisecond) pays
 
 
 def room_for_contacts(region: Regions) -> Regions:
@@ -440,7 +426,7 @@ class ContactDiscs:
         if not n:
             return rows, np.zeros((0, channels), np.int64)
         discs = self.static_discs(contacts)
-        search = BruteForce(discs) if n <= FEW_DISCS else DiscGrid(discs, np.flatnonzero(to_list(discs)))
+        search = DiscIndex(discs, cell_radii=CELL_RADII)
         sums = [Sums.zeros(n, channels) for _ in range(self.model.threads)]
         for segments in parts:
 

@@ -151,8 +151,7 @@ def boxes_crossed(low: np.ndarray, high: np.ndarray, rays: Rays) -> np.ndarray:
 
 def cells_of(search: Search) -> tuple[float, float] | None:
     """Return the edge of a grid's cells [radii] and the discs per occupied cell; None for a search without a grid."""
-    grid = search.grids[0] if isinstance(search, DiscIndex) else None
-    return (grid.cell_radii, grid.discs_a_cell) if grid is not None else None
+    return (search.cell_radii, search.discs_a_cell) if isinstance(search, DiscIndex) else None
 
 
 def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:

@@ -163,17 +163,6 @@ def test_frames_in_contact_equal_the_naive_twin():
     assert min(stale[:2]) > 5 and min(on_mobiles[:4]) > 5 and stale[4] == on_mobiles[4] == 0
 
 
-def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
-    """The same bits however they are searched."""
-    case = control_scenes.leg(True)
-    irradiance = []
-    for few in (10_000, 1):
-        monkeypatch.setattr("gi_core.discs.stale_receivers.FEW_DISCS", few)
-        solver = solve(case.scene, photons=20_000, radius=case.radius)
-        irradiance.append(solver.irradiance)
-    assert np.array_equal(*irradiance)
-
-
 def test_warm_up_compiles_contact_kernels():
     """Its mobile enters a disc of the floor, and the floor discs on it: the first contact compiles no kernel."""
     solver = solve(_tiny_scene(), photons=64, radius=0.1)

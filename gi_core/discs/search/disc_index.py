@@ -1,13 +1,10 @@
-"""Disc index (report 2.7): one uniform grid over the discs, plus one per dense cluster, walked by each segment.
+"""Disc index (report 2.7): a uniform grid over the discs, walked by each segment.
 
 A disc is listed in every cell that its padded box touches. Each cell accepts only intersections in its half-open
 interval of t, so each disc counts once and no mailbox is needed. The discs of a cell lie in blocks that vector
 instructions test at once.
 
-Cells of a few radii are best, but memory bounds their number. A teapot in a stadium would then lie in a single cell.
-Such clusters get separate grids, and a segment traverses each grid.
-
-The cell size of a grid has the lowest predicted cost of traversal and disc tests. The report tuned the number of discs
+The cell size has the lowest predicted cost of traversal and disc tests. The report tuned the number of discs
 per voxel by hand; the best number grows with the discs. In radii the best cells shrink, from 6 or 12 for sparse discs
 to 2 for dense ones. Cells visited per metre of a random line are proportional to 1 / edge, so the mean over all cells
 gives its cost.
@@ -15,7 +12,6 @@ gives its cost.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from functools import cached_property
@@ -23,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.grouping import components
 from gi_core.base.jit import inlined, kernel, lowest_bit
 from gi_core.base.vec import row
 from gi_core.discs.search.predicate import (
@@ -74,23 +69,17 @@ class Visits(NamedTuple):
         )
 
 
-def box_of(discs: Discs, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return low and extent (3,) float64 [m] of a box around some discs."""
-    p, r = discs.positions[rows].astype(np.float64), 1.01 * float(discs.radius)
-    if not len(p):
-        return np.zeros(3), np.ones(3)
-    return p.min(axis=0) - r, np.maximum(np.ptp(p, axis=0) + 2 * r, 1e-12)
-
-
-def cell_for(extent: np.ndarray, radius: float, cell_radii: float = CELL_RADII) -> float:
-    """Return the edge [m] of a grid's cells: cell_radii radii, or more if memory requires it."""
-    return max(cell_radii * radius, float(extent.max()) / MOST_ALONG, float(extent.prod() / MAX_CELLS) ** (1 / 3))
-
-
 def discs_in_cells(discs: Discs, rows: np.ndarray, cell_radii: float):
-    """Return the grid of some discs: edge and low (3,) [m], shape (3,), discs per cell (C,)."""
-    low, extent = box_of(discs, rows)
-    cell = cell_for(extent, float(discs.radius), cell_radii)
+    """Return the grid of some discs: edge and low (3,) [m], shape (3,), discs per cell (C,).
+
+    The edge is cell_radii radii, or more if memory requires it.
+    """
+    p, around = discs.positions[rows].astype(np.float64), 1.01 * float(discs.radius)
+    low, extent = np.zeros(3), np.ones(3)
+    if len(p):
+        low, extent = p.min(axis=0) - around, np.maximum(np.ptp(p, axis=0) + 2 * around, 1e-12)
+    cell = max(cell_radii * float(discs.radius), float(extent.max()) / MOST_ALONG)
+    cell = max(cell, float(extent.prod() / MAX_CELLS) ** (1 / 3))
     # A border of empty cells: traversal inside the grid needs no test for its end.
     low, shape = low - cell, np.maximum(1, np.ceil(extent / cell)).astype(np.int64) + 2
     count = np.zeros(int(shape.prod()), np.int64)
@@ -98,12 +87,16 @@ def discs_in_cells(discs: Discs, rows: np.ndarray, cell_radii: float):
     return cell, low, shape, count
 
 
-class DiscGrid:
-    """A uniform grid over some of the discs, those of the given rows (n,)."""
+class DiscIndex:
+    """A uniform grid over discs."""
 
-    def __init__(self, discs: Discs, rows: np.ndarray, pretest: str = "none", cell_radii: float = CELL_RADII):
-        self.discs, self.cell_radii = discs, cell_radii
-        cell, low, shape, count = discs_in_cells(discs, rows, cell_radii)
+    parts_share_lines = False
+
+    def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float | None = None):
+        """cell_radii: edge of the cells in disc radii; None: chosen."""
+        rows = np.flatnonzero(to_list(discs))
+        self.discs, self.cell_radii = discs, cell_radii or best_cell_radii(discs, rows)
+        cell, low, shape, count = discs_in_cells(discs, rows, self.cell_radii)
         room = (count + LANES - 1) // LANES
         first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
         ids = np.full(int(first[-1]) * LANES, -1, np.int32)
@@ -113,7 +106,7 @@ class DiscGrid:
         self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
-        """Add sign x flux of a share of the lines to the sums of the discs they cross; return their number."""
+        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         first, last = share(len(lines.low), part, parts)
         visits = Visits.of(VISITS)
         return _accumulate(self.cells, self.blocks, self.discs, self.pretest, lines, first, last, sign, sums, visits)
@@ -126,7 +119,8 @@ class DiscGrid:
 
     def summary(self) -> str:
         """Return size and occupancy of the cells, in words."""
-        return f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs per occupied cell"
+        cells = f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs per occupied cell"
+        return f"disc_index: {cells}"
 
 
 def _half_extents(discs: Discs, pad: float) -> np.ndarray:
@@ -260,66 +254,6 @@ def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
 
 
 TRIED_CELL_RADII = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # radii
-
-
-class DiscIndex:
-    """Grids over discs; each disc is in one grid."""
-
-    parts_share_lines = False
-
-    def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float | None = None):
-        """cell_radii: edge of the cells in disc radii; None: chosen per grid."""
-        self.discs = discs
-        parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii or CELL_RADII)
-        self.grids = [DiscGrid(discs, rows, pretest, cell_radii or best_cell_radii(discs, rows)) for rows in parts]
-
-    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
-        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
-        return sum(grid.accumulate(lines, sign, sums, part, parts) for grid in self.grids)
-
-    def summary(self) -> str:
-        """Return a summary of the grids."""
-        return "disc_index: " + ", ".join(grid.summary() for grid in self.grids)
-
-
-def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarray]:
-    """Return the rows (n,) of discs per grid."""
-    least_crowd = 512  # discs: for fewer, clipping every segment against a grid does not pay
-    low, extent = box_of(discs, rows)
-    wanted = cell_radii * float(discs.radius)
-    # grids with cells larger than 1.5 times the wanted one are searched for clusters
-    if cell_for(extent, float(discs.radius), cell_radii) <= 1.5 * wanted or len(rows) < least_crowd:
-        return [rows]
-    edge = float(extent.max()) / 32  # 32 cells along the longest axis of the cluster search
-    at = tuple(((discs.positions[rows] - low) / edge).astype(np.int64).T)
-    held = np.zeros([int(a.max()) + 1 for a in at], np.int64)
-    np.add.at(held, at, 1)
-    crowd_of = _touching(held > 32)[at]  # 32 discs per such cell are a crowd
-    size = np.bincount(crowd_of[crowd_of >= 0])
-    parts, rest = [], np.ones(len(rows), bool)
-    for crowd in np.argsort(-size)[:8]:  # 8 clusters at most
-        inside = crowd_of == crowd
-        # a cluster's box must be smaller than 0.5 of the box, so that the recursion ends
-        if size[crowd] >= least_crowd and box_of(discs, rows[inside])[1].max() < 0.5 * extent.max():
-            parts += _crowds(discs, rows[inside], cell_radii)
-            rest &= ~inside
-    return [*parts, rows[rest]] if rest.any() else parts
-
-
-def _touching(crowded: np.ndarray) -> np.ndarray:
-    """Return the cluster of each cell (X, Y, Z), -1 for cells with few discs.
-
-    Cells that share a face, an edge or a corner belong to the same cluster.
-    """
-    crowd = np.full(np.array(crowded.shape) + 2, -1)  # a border, so that every cell has 26 neighbours
-    cells = np.argwhere(crowded) + 1
-    crowd[tuple(cells.T)] = np.arange(len(cells))
-    pairs = []
-    for step in itertools.product((-1, 0, 1), repeat=3):
-        neighbour = crowd[tuple((cells + step).T)]
-        pairs.append(np.stack([np.arange(len(cells)), neighbour], axis=1)[neighbour >= 0])
-    crowd[tuple(cells.T)] = components(np.concatenate(pairs), len(cells))
-    return crowd[1:-1, 1:-1, 1:-1]
 
 
 def best_cell_radii(discs: Discs, rows: np.ndarray) -> float:

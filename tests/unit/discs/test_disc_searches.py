@@ -1,7 +1,6 @@
 """Every search with every pre-test equals testing every pair, in hard cases: lines in the planes of discs, far
 
-origins, coincident discs, tiny and huge radii. Sums are integers, so equal means equal bits. The disc index where a
-uniform grid is the wrong structure.
+origins, coincident discs, tiny and huge radii. Sums are integers, so equal means equal bits.
 """
 
 import math
@@ -14,15 +13,11 @@ import pytest
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search import PRETESTS, SEARCHES
-from gi_core.discs.search.disc_index import MAX_CELLS, DiscGrid
 from gi_core.discs.search.predicate import Discs, Lines
 from gi_core.discs.search.ray_cache import RayCache, stack_spheres
 from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND
 from gi_core.photons.flux_sums import Sums
-from gi_core.scene.types import PointLight, Scene
-from gi_core.solver import Solver
-from tests.support.scene_builders import floor, grey, merge, sphere
 
 COUNT = 600  # discs, and lines
 LAMPS = 3
@@ -160,37 +155,3 @@ def test_the_best_cells_are_found_downhill():
     crowded, apart = case(0.4).discs, case(0.003).discs
     every = np.arange(COUNT)
     assert best_cell_radii(crowded, every) < best_cell_radii(apart, every)
-
-
-def stadium() -> Scene:
-    """Two detailed balls on a floor a kilometre wide."""
-    static = merge(floor(1000.0, 8), sphere((200.0, 100.0, 1.0), 0.5, 4), sphere((-300.0, 50.0, 1.0), 0.5, 4))
-    lights = [PointLight(f"lamp {k}", (x, y, 2.5), (100.0,) * 3) for k, (x, y) in enumerate([(200, 101), (-300, 51)])]
-    return Scene(static, (grey(0.5),), (), tuple(lights), up=(0.0, 0.0, 1.0), name="stadium")
-
-
-def index_of(scene: Scene, radius: float, search: str = "disc_index"):
-    solver = Solver(scene, photons=20_000, radius=radius, search=search)
-    solver.solve()
-    return solver, solver.frame.background.estimate.searches[0]
-
-
-def test_dense_clusters_get_separate_grids():
-    _, index = index_of(stadium(), 0.05)
-    assert len(index.grids) == 3
-    whole = DiscGrid(index.discs, np.arange(len(index.discs.positions)))
-    most = max(int(np.diff(g.cells.first).max()) for g in index.grids)
-    assert most < 0.1 * int(np.diff(whole.cells.first).max())  # blocks in the fullest cell
-    assert sum(len(g.cells.first) for g in index.grids) < MAX_CELLS
-
-
-@pytest.mark.parametrize("search", SEARCHES)
-def test_dense_clusters_give_the_same_bits(search):
-    expected = index_of(stadium(), 0.05, "brute_force")[0].irradiance
-    assert expected.max() > 0
-    assert np.array_equal(index_of(stadium(), 0.05, search)[0].irradiance, expected)
-
-
-def test_an_ordinary_scene_has_one_grid():
-    _, index = index_of(stadium(), 5.0)
-    assert len(index.grids) == 1
