@@ -23,7 +23,6 @@ from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.held_light import Held
-from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.receivers import Receivers
@@ -171,16 +170,16 @@ class Solver:
     def _goal(self) -> int:
         return self.photons if len(self.model.emitters.kind) else 0
 
-    def gather_steps(self, state: ReferenceState | None = None) -> Iterator[Progress]:
+    def gather_steps(self) -> Iterator[Progress]:
         """Gather the static part's light, used where `light` is "best", in steps of some 10 ms to 0.7 % noise.
 
         May be abandoned between steps and begun again. state: an earlier run's `gathered.state`, for the same scene and
         seed, else ValueError is raised.
         """
-        return steps(partial(self._gather, state))
+        return steps(self._gather)
 
-    def _gather(self, state: ReferenceState | None) -> None:
-        self.frame_light.gather(state, lambda: self.frame.background, self._refresh)
+    def _gather(self) -> None:
+        self.frame_light.gather(lambda: self.frame.background, self._refresh)
         pause(Progress("done", 1.0, False))
 
     def _refresh(self) -> None:

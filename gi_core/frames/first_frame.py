@@ -186,7 +186,7 @@ class FirstFrame:
         paths = EARLY_PATHS if b.added < DRAGGED else ALL_PATHS
         if self._light.setting.takes_gathered and static.is_early(paths):
             pause(Progress("gathering", b.added / wanted, False))
-            static.gather(None, lambda: b, take, paths)
+            static.gather(lambda: b, take, paths)
         if not is_shown:
             self.show(b, wanted, show)
 

@@ -21,7 +21,6 @@ from gi_core.frames.static_light import StaticLight
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Source
 from gi_core.gather.pose_gather import PoseGather, Static
-from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.error import luminance
 from gi_core.gloss.light import GlossLight
 from gi_core.model import Model
@@ -89,12 +88,10 @@ class FrameLight:
         if self.setting.takes_gathered and b.estimate.photons:
             self.static.of_photons(b)
 
-    def gather(
-        self, state: ReferenceState | None, shown: Callable[[], Background | None], refresh: Callable[[], None]
-    ) -> None:
+    def gather(self, shown: Callable[[], Background | None], refresh: Callable[[], None]) -> None:
         """Gather static light, and the directions of each result.
 
-        state, shown: as for StaticLight; refresh: computes the frame on show again, after each result that frames take.
+        shown: as for StaticLight; refresh: computes the frame on show again, after each result that frames take.
         """
 
         def take() -> None:
@@ -108,7 +105,7 @@ class FrameLight:
                 E = self.static.irradiance(b, self.setting.levels)
                 self.gloss.gather(b, static, E, np.arange(len(E)), self.setting, refresh)
 
-        self.static.gather(state, shown, take)
+        self.static.gather(shown, take)
 
     # -- direct light -----------------------------------------------------------------------------
 

@@ -27,7 +27,6 @@ from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
 from gi_core.gather.denoise import smoothed_by_subset
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
-from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance, noise_from_subset, relative_noise, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
@@ -212,17 +211,13 @@ class StaticLight:
             self._around = dict([*self._around.items(), (distance, table)][-2:])
         return self._around[distance]
 
-    def gather(
-        self, state: ReferenceState | None, shown: Callable[[], Background | None], new: Callable[[], None],
-        early: float = math.inf,
-    ) -> None:  # fmt: skip
-        """Gather from `state` or continued (StaticGather).
+    def gather(self, shown: Callable[[], Background | None], new: Callable[[], None], early: float = math.inf) -> None:
+        """Gather, or go on (StaticGather).
 
-        shown: returns the background on show; new: called at first and after each result; early: as for it. Raises
-        ValueError for the state of another scene.
+        shown: returns the background on show; new: called at first and after each result; early: as for it.
         """
-        if self.gathered is None or state is not None:
-            self.gathered = StaticGather(self._model, self._seed, state)
+        if self.gathered is None:
+            self.gathered = StaticGather(self._model, self._seed)
         new()
         self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b), new, early)
 

@@ -126,13 +126,10 @@ class StaticGather:
     inf before. state: the whole paths, or None. All errors are those at the levels of the scene file.
     """
 
-    def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
-        """state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene."""
+    def __init__(self, model: Model, seed: int):
         rows = model.surfaces.receiver_range(0)
         points, normals = model.evaluation_points
         self._areas = model.object_receivers.areas[rows].copy()
-        if state is not None and len(state.sets) != len(self._areas):
-            raise ValueError(f"the state has {len(state.sets)} points, but there are {len(self._areas)}")
         self._model, self._seed, self._channels = model, seed, model.emitters.lamps.channels
         self._points = points[rows], normals[rows]
         self._radiosity = Radiosity(model, seed, *self._points, self._areas)
@@ -141,7 +138,8 @@ class StaticGather:
         self._sample: ErrorSample | None = None
         self._sampled: ReferenceRounds | None = None  # that change its state
         self._near = model.adjacency
-        self.state, self.noise = state, float("inf")
+        self.state: ReferenceState | None = None
+        self.noise = float("inf")
         self.estimate: Estimate | None = None
         self._first_phase = self._fraction = 0.0  # fractions done
         lit = len(self.weights) and len(model.emitters.kind)
@@ -155,16 +153,10 @@ class StaticGather:
         self._radiosity.weights = self._paid
 
     def _weigh_by(self, photons: Callable[[], Estimate | None]) -> None:
-        """Weigh receivers once, by whole paths of an earlier run or by photons; arguments as for gather()."""
-        if self._is_weighed:
+        """Weigh receivers once, by photons; arguments as for gather()."""
+        if self._is_weighed or (theirs := photons()) is None:
             return
-        if self.state is not None and self.state.rounds > 1:
-            light = self.state.mean[:, :3]
-        elif (theirs := photons()) is not None:
-            light = theirs.irradiance
-        else:
-            return
-        E = self._pooled(luminance(light)[:, None])[:, 0]
+        E = self._pooled(luminance(theirs.irradiance)[:, None])[:, 0]
         self._weigh(self._areas * visual_shares(self._model, E, self._areas))
         self._is_weighed = True
 

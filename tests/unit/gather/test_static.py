@@ -12,7 +12,7 @@ from gi_core.gather import radiosity, reference, static
 from gi_core.gather.denoise import denoise
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.reference import ReferenceState, reference_irradiance
-from gi_core.gather.static import StaticGather
+from gi_core.gather.static import Kept, StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.surfaces import evaluation_points
@@ -33,8 +33,17 @@ def solved(photons: int, **settings) -> Solver:
     return solver
 
 
-def kept(state: ReferenceState) -> ReferenceState:
-    return ReferenceState(*(a.copy() for a in state))
+def kept(solver: Solver) -> Kept:
+    """Return a copy of the whole paths that a solver has gathered, as another session finds them."""
+    state = solver.frame_light.static.gathered.state
+    return Kept(None, ReferenceState(*(a.copy() for a in state)), None, np.zeros(0), np.array([np.inf, 0, 0, np.inf]))
+
+
+def going_on(solver: Solver, light: Kept) -> Solver:
+    """Return a solver that goes on from light of another session."""
+    solver.frame_light.static.gathered = g = StaticGather(solver.model, solver.seed)
+    assert g.go_on_from(light)
+    return solver
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +125,11 @@ def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
         whole += first.frame_light.static.gathered.state is not None
         if whole == 5:
             break
-    state = kept(first.frame_light.static.gathered.state)
+    light = kept(first)
     for _ in first.gather_steps():  # as after a drag
         pass
-    later = solved(5_000)
-    for _ in later.gather_steps(state):
+    later = going_on(solved(5_000), light)
+    for _ in later.gather_steps():
         pass
     assert np.array_equal(
         first.frame_light.static.gathered.estimate.irradiance, gathered.frame_light.static.gathered.estimate.irradiance
@@ -165,11 +174,10 @@ def test_light_without_noise_is_used_soon():
 
 
 def test_gathering_leaves_the_light_of_photons_unchanged(gathered):
-    state = kept(gathered.frame_light.static.gathered.state)
-    solver = solved(5_000)
+    solver = going_on(solved(5_000), kept(gathered))
     solver.configure(light="photons")
     before = solver.irradiance
-    for progress in solver.gather_steps(state):
+    for progress in solver.gather_steps():
         assert not progress.picture
     assert solver.irradiance is before
     solver.configure(light="best")
@@ -214,10 +222,10 @@ def test_a_scene_without_light_needs_nothing():
     assert not dark.irradiance.any()
 
 
-def test_a_state_of_another_scene_is_refused(gathered):
-    state = ReferenceState(*(a[:-1].copy() for a in gathered.frame_light.static.gathered.state))
-    with pytest.raises(ValueError, match="the state has"):
-        list(solved(100).gather_steps(state))
+def test_light_of_another_scene_is_refused(gathered):
+    light = kept(gathered)
+    light = light._replace(state=ReferenceState(*(a[:-1] for a in light.state)))
+    assert not StaticGather(gathered.model, gathered.seed).go_on_from(light)
 
 
 def test_settings_of_a_twin_are_separate(gathered):
@@ -244,7 +252,7 @@ def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gather
     monkeypatch.setattr(static, "ENOUGH", 0.012)
     monkeypatch.setattr(radiosity, "SMALLEST", 0)
     solver = Solver(SCENE, photons=5_000, radius=0.06, light="best")
-    for _ in solver.gather_steps(kept(gathered.frame_light.static.gathered.state)):
+    for _ in going_on(solver, kept(gathered)).gather_steps():
         if np.isfinite(solver.frame_light.static.gathered.noise):
             break
     stored = solver.frame_light.static.gathered
