@@ -29,7 +29,6 @@ from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lamps
 from gi_core.model import Model
-from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.scene.errors import shown
 from gi_core.scene.rules import one_of
 from gi_core.scene.types import Pose, Scene
@@ -84,7 +83,7 @@ class Solver:
         self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
-        self.frame_light, self._buffers = FrameLight(self.model, self.seed), ScanBuffers()
+        self.frame_light = FrameLight(self.model, self.seed)
         store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
         self.frame, self.budget = Frame(self.model.start_poses(), black, black, self.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.frame_light)
@@ -173,8 +172,7 @@ class Solver:
     def gather_steps(self) -> Iterator[Progress]:
         """Gather the static part's light, used where `light` is "best", in steps of some 10 ms to 0.7 % noise.
 
-        May be abandoned between steps and begun again. state: an earlier run's `gathered.state`, for the same scene and
-        seed, else ValueError is raised.
+        May be abandoned between steps and begun again.
         """
         return steps(self._gather)
 
@@ -250,7 +248,7 @@ class Solver:
         setting, levels = self.frame_light.setting, self.frame_light.setting.levels
         try:
             with undivided():
-                frame = next_frame(b, self.frame_light, poses, size, self._buffers, again)
+                frame = next_frame(b, self.frame_light, poses, size, again)
         except BaseException:
             setting.levels = levels  # those of the frame on show
             raise
@@ -265,7 +263,7 @@ class Solver:
         It starts as this one is or, `fresh`, with nothing estimated yet.
         """
         other, light = copy.copy(self), self.frame_light.twin(fresh)
-        other.budget, other._buffers, other.frame_light = FrameBudget(), ScanBuffers(), light
+        other.budget, other.frame_light = FrameBudget(), light
         other._first_frame = self._first_frame.twin(light, self.frame.store)
         if fresh:
             other.frame = Frame(self.poses, self.irradiance, self.irradiance, self.frame.levels, self.frame.store)

@@ -20,7 +20,6 @@ from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import is_sharp
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE
 from gi_core.photons.paths import ADDED, KEPT, REMOVED, Segments, rows_of, segments_at
-from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import Wanted, change
 
 if TYPE_CHECKING:
@@ -229,7 +228,7 @@ def _change(solver: Solver, photons: int) -> PoseChange:
     model, store = solver.model, solver.frame.store
     at, wanted = model.transforms(solver.frame.poses), Wanted.changes(model, False)
     paths, coarse = store.subset(photons)
-    return change(model, paths, coarse, at, store.seed, wanted, ScanBuffers(), lambda stage: None)
+    return change(model, paths, coarse, at, store.seed, wanted, lambda stage: None)
 
 
 def recomputed(solver: Solver) -> np.ndarray | None:

@@ -73,8 +73,6 @@ class TangentPlane:
         self.subsets = self._background.subsets
         self._intersections = IntersectionCache()  # of background segments with static discs
         self._contact: ContactDiscs | None = None
-        self._areas = self.area.copy()  # (R,) [m2] of the last frame ...
-        self._differ = np.empty(0, np.int64)  # ... and where they are not `area`
         self._frame = FrameSums(len(self.area), self._channels, self._static, model.threads)
 
     def copied(self, model: Model, setting: Setting) -> TangentPlane:
@@ -108,7 +106,6 @@ class TangentPlane:
             pause()
         self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self.searches], self.control)
         self._contact.build()
-        self._areas = self.area.copy()
 
     def crossing(self, receiver: int, segments: Segments, at: Transforms) -> np.ndarray:
         """Return which segments (n,) bool count at a receiver, at the poses `at`."""
@@ -188,11 +185,13 @@ class TangentPlane:
         return out._replace(direct=frame.direct)
 
     def _areas_of(self, contacts: PoseContacts) -> np.ndarray:
-        """Return the areas (R,) [m2] with these contacts, valid until the next call; few differ from `area`."""
-        self._areas[self._differ] = self.area[self._differ]
-        self._differ, areas = self._contact.areas_of(contacts)
-        self._areas[self._differ] = areas
-        return self._areas
+        """Return the areas (R,) [m2] with these contacts; few differ from `area`."""
+        rows, areas_there = self._contact.areas_of(contacts)
+        if not len(rows):
+            return self.area
+        areas = self.area.copy()
+        areas[rows] = areas_there
+        return areas
 
     def counted(self, place: Place, find: Find) -> Counts:
         """Return the segments that count at the disc of a receiver.
@@ -230,9 +229,7 @@ class TangentPlane:
         added.move_to(sums)
         new_suffixes.move_to(behind_cuts)
         new_flux = behind_cuts.reshape(len(sums), self._channels // 3, 3).sum(axis=2)
-        areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(contacts)
-        areas[rows] = areas_there
-        rows = contacts.regions[0].rows
+        areas, rows = self._areas_of(contacts), contacts.regions[0].rows
         sums[rows], new_flux[rows] = stale, NOT_ADDITIVE
         return Evaluated.of_all(sums, areas, new_flux, cut, direct)
 

@@ -27,25 +27,6 @@ DRAGGED = 1 << 17  # photons, as many as frames of a drag take: the rest of radi
 RECENT = 3  # backgrounds kept: one per shipped estimator
 
 
-class Schedule:
-    """Photon counts at which the first frame shows a picture."""
-
-    def __init__(self, b: Background, replaced: int, pictures: bool):
-        """replaced: photons of the light on show; a new setting is shown once it has as many."""
-        self._due = max(FIRST_PICTURE, replaced, _after(b)) if pictures else MAX_PHOTONS
-
-    def next_goal(self, added: int, wanted: int) -> int:
-        """Return the photons up to which to work without a pause: the next picture or level, at most `wanted`."""
-        return min(wanted, max(self._due, added + 1), next_level(added))
-
-    def is_due(self, added: int, wanted: int) -> bool:
-        """Return whether a picture is due; that of all photons is no part of the schedule."""
-        return self._due <= added < wanted
-
-    def shown(self, b: Background) -> None:
-        self._due = _after(b)
-
-
 def _after(b: Background) -> int:
     """Return the photons of the picture after that of all photons in a background."""
     # Where sums are additive, a picture costs one frame, little compared with 262,144 photons; else it estimates again.
@@ -132,18 +113,19 @@ class FirstFrame:
         replaced = self._worth(shown) if returns and not self._compare(b) else 0
         if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
             self.show(b, wanted(), show)
-        schedule = Schedule(b, replaced, pictures)
+        due = max(FIRST_PICTURE, replaced, _after(b)) if pictures else MAX_PHOTONS  # photons of the next picture
         while b.added < (goal := self._affordable(wanted(), b)):
             if b.added not in b.estimate.subsets and _is_subset(b, goal, pictures):
                 _prepare(b, max(b.added, first) / goal)
             had = b.added
-            work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
+            until = min(goal, max(due, had + 1), next_level(had))  # the next picture or level
+            work = self._photons.bring_in(b, until, goal, seconds)
             pause(Progress(work.value, max(b.added, first) / goal, False))
             if b.added == had:
                 continue
-            if schedule.is_due(b.added, goal):
+            if due <= b.added < goal:
                 self._show_early(b, goal, show)
-                schedule.shown(b)
+                due = _after(b)
                 seconds = step_seconds if pictures else long_step_seconds
         f, as_asked = frame(), (self._light.size(goal), self._light.is_gathered, True)
         as_shown = f.size, f.gathered, f.gloss is None or f.gloss.opened == OPENED[self._light.setting.gloss]

@@ -27,7 +27,6 @@ from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates, add_fates
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
 from gi_core.scene.types import Pose
 
@@ -150,18 +149,17 @@ class StageTimer:
 
 
 def next_frame(
-    b: Background, light: FrameLight, poses: dict[str, Pose], size: FrameSize, room: ScanBuffers,
+    b: Background, light: FrameLight, poses: dict[str, Pose], size: FrameSize,
     shown: Frame | None = None,
 ) -> Frame:  # fmt: skip
     """Return the frame of a background at poses, from `size.photons` of its photons.
 
-    shown: a frame at the same poses, whose sums are used again if they still exist. room: buffers that the frame's path
-    changes stay in, until the next frame overwrites them. Pauses every few ms.
+    shown: a frame at the same poses, whose sums are used again if they still exist. Pauses every few ms.
     """
     clock, at = StageTimer(), b.model.transforms(poses)
     reach = light.gloss.reach(b.setting.radius, size.paths, light.setting.gloss)
     with overlapped(light.mobiles.rays_ahead(at, size.paths), b.model.threads):
-        changed, evaluated = _sums(b, light, at, size, reach, room, clock, shown)
+        changed, evaluated = _sums(b, light, at, size, reach, clock, shown)
         held = light.hold(_held(b, light, changed, evaluated) if size.photons else None)
         clock("hold")
         if size.photons:
@@ -187,7 +185,7 @@ def _held(b: Background, light: FrameLight, changed: PoseChange, sums: Evaluated
 
 
 def _sums(
-    b: Background, light: FrameLight, at: Transforms, size: FrameSize, reach: float, room: ScanBuffers,
+    b: Background, light: FrameLight, at: Transforms, size: FrameSize, reach: float,
     clock: StageTimer, shown: Frame | None,
 ) -> tuple[PoseChange, Evaluated]:  # fmt: skip
     """Return the change of paths and the sums of a frame; arguments as for next_frame().
@@ -203,7 +201,7 @@ def _sums(
     if reach:
         wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, reach))
     clock("contact")
-    changed = change(b.model, paths, coarse, at, b.store.seed, wanted, room, clock)
+    changed = change(b.model, paths, coarse, at, b.store.seed, wanted, clock)
     needed = changed._replace(near_mobiles=()) if size.paths else changed
     needed = needed.bounced() if bounced else needed
     b.evaluated = estimate.evaluate(needed)

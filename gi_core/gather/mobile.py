@@ -103,7 +103,6 @@ class MobileGather:
         self._light: tuple[Lights | None, np.ndarray | None, np.ndarray | None] = None, None, None
         self._luminance = np.zeros(len(self._faces.face))
         self._aimed: dict[int, tuple[bytes, Lights, BrightFaces]] = {}  # by mobile: cell of its position, lights there
-        self._views: dict[int, tuple[bytes, np.ndarray]] = {}  # by mobile: its cell, and its view of `_faces`
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._near = near_receivers(self._positions, self._normals, corners - self.first)
         self._kinds = kinds(self._near)
@@ -112,7 +111,6 @@ class MobileGather:
         glossy = glossy_receivers(s, besides=is_sharp(s))
         self._glossy = np.unique(np.searchsorted(s.first_receiver, glossy[glossy >= self.first], side="right") - 1)
         self._shares = self._bounce_shares()
-        self._bounced = np.empty((0, 3, 1), np.float32)  # see PathLight
         self.path_light: PathLight | None = None  # of the last call, until the next; None without glossy mobiles
 
     def irradiance(
@@ -136,7 +134,7 @@ class MobileGather:
         counts = self._bounces(paths)
         for count in {paths, *np.unique(counts).tolist()} - set(self._directions):
             self._directions[count] = shared_directions(self._seed, count, KINDS)
-        by_path = self._room_by_path(paths)
+        by_path = np.empty((n if len(self._glossy) else 0, 3, paths), np.float32)  # see PathLight
         exchange, lit = self._gather_batches(world, at, static, paths, light, by_path)
         direct, bounced = light.direct / paths, light.bounced / paths
         reached_corners(exchange.corners, direct + bounced, exchange.share)
@@ -174,13 +172,6 @@ class MobileGather:
         """Return the bounces (n,) int64 of each receiver."""
         return np.maximum(np.rint(paths * self._shares), 1.0).astype(np.int64)
 
-    def _room_by_path(self, paths: int) -> np.ndarray:
-        """Return room for the bounces of each receiver (n, 3, paths), where a mobile is glossy."""
-        shape = len(self._positions) if len(self._glossy) else 0, 3, paths
-        if self._bounced.shape != shape:
-            self._bounced = np.empty(shape, np.float32)
-        return self._bounced
-
     def _light_by(self, lights: Lights | None, resting: np.ndarray | None, reflectance: np.ndarray) -> None:
         """Use this light from now on; arguments as for irradiance()."""
         lights = lights or self._light[0] or self._model.lights_at(self._model.emitters.lamps.full())
@@ -202,10 +193,9 @@ class MobileGather:
         radius = max(float(world.sphere_radius[o]), LIFT * float(np.abs(centre).max()), 1e-9)
         centre = steady(centre, radius)
         cell, lights = centre.tobytes(), self._light[0]
-        if self._views.get(o, (None,))[0] != cell:
-            self._views[o] = cell, self._faces.view(centre, radius)
         if self._aimed.get(o, (None,))[0] != cell:
-            bright = self._faces.bright(self._luminance, self._views[o][1], len(world.face_object))
+            view = self._faces.view(centre, radius)
+            bright = self._faces.bright(self._luminance, view, len(world.face_object))
             self._aimed[o] = cell, lights._replace(area=aimed(lights.area, centre, radius)), bright
         return self._aimed[o][1:]
 

@@ -18,7 +18,7 @@ from gi_core.geometry.receivers import NONE
 from gi_core.gloss.hemisphere import GRAZING, add_ray, axes_of, cell_towards, weight_of
 from gi_core.model import Model
 from gi_core.photons.flux_sums import IntersectionLog, Sums
-from gi_core.photons.paths import Segments, take
+from gi_core.photons.paths import Segments, rows_of
 from gi_core.rays.accelerator import Transforms
 
 SEGMENT_GRAIN = 256  # segments per thread
@@ -92,7 +92,7 @@ class GlossDiscs:
 
         def work(_, first, last):
             ranges = [(max(first - a, 0), min(last, b) - a) for a, b in itertools.pairwise(ends)]
-            return [(k, find(take(parts[k], slice(*r)))) for k, r in enumerate(ranges) if r[0] < r[1]]
+            return [(k, find(rows_of(parts[k], slice(*r)))) for k, r in enumerate(ranges) if r[0] < r[1]]
 
         return list(itertools.chain(*run_ranges(work, int(ends[-1]), model.threads, SEGMENT_GRAIN)))
 

@@ -11,7 +11,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
 from gi_core.base.vec import difference, dot, rotate
 from gi_core.geometry.receivers import NONE
-from gi_core.photons.paths import Segments, take
+from gi_core.photons.paths import Segments, rows_of
 from gi_core.photons.trace import World
 from gi_core.rays.accelerator import Transforms
 
@@ -60,7 +60,7 @@ class HitGrid(NamedTuple):
 
 def hits_of(segments: Segments, world: World, patch: np.ndarray, at: Transforms) -> Hits:
     """Return the hits at the ends of segments; `patch` (F,) of faces, `at`: poses of the mobiles."""
-    s = take(segments, segments.hit_side != NONE)
+    s = rows_of(segments, segments.hit_side != NONE)
     own = 2 * patch[s.hit_side >> 1] + (s.hit_side & 1)
     normal = np.empty((s.size, 3), np.float32)
     _side_normals(s.hit_side, world.normals, at.rotation, world.face_object, normal)

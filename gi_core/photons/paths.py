@@ -159,12 +159,7 @@ def empty_segments(n: int) -> Segments:
 
 def bounced(segments: Segments) -> Segments:
     """Return the segments that surfaces have reflected."""
-    return take(segments, ~segments.direct)
-
-
-def take(segments: Segments, rows) -> Segments:
-    """Return the segments of the given rows."""
-    return Segments(*(a[rows] for a in segments))
+    return rows_of(segments, ~segments.direct)
 
 
 def concatenate(parts: list[Segments]) -> Segments:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel, lowest_bit
 from gi_core.base.threads import run_ranges
-from gi_core.photons.paths import PathVertices
+from gi_core.photons.paths import PathVertices, grown
 from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.two_level import World
 
@@ -76,9 +76,7 @@ class CoarseStore:
         starts = np.cumsum([self._count, *(len(p.side) for p in parts)])
         n = int(starts[-1])
         room = max(room, n) + LANES
-        if room > len(self._photon):
-            self._levels = [_grown(a, self._count, room) for a in self._levels]
-            self._photon = _grown(self._photon, self._count, room)
+        self._levels, self._photon = [grown(a, room) for a in self._levels], grown(self._photon, room)
 
         def work(_, a, b):
             for p, photon, start in zip(parts[a:b], photons[a:b], starts[a:b], strict=True):
@@ -92,12 +90,6 @@ class CoarseStore:
         """Return views of the first `vertices` vertices."""
         n = vertices + LANES
         return Coarse(*(a[:n] for a in self._levels), self._photon[:n], self.grid)
-
-
-def _grown(array: np.ndarray, used: int, room: int) -> np.ndarray:
-    out = np.empty(room, array.dtype)
-    out[:used] = array[:used]
-    return out
 
 
 @kernel
@@ -138,9 +130,9 @@ def _near(x, y, z, first, cx, cy, cz, r2):
 
 @kernel
 def _scan(x, y, z, first, last, centres, radii, out):
-    """List the vertices first .. last - 1 whose segment to the next vertex passes near any mobile.
+    """List the vertices first .. last - 1 whose segment to the next vertex passes near any mobile; return their number.
 
-    Returns their number, which may exceed the length of `out`.
+    out (last - first,).
     """
     n = 0
     for block in range(first, last, LANES):
@@ -153,8 +145,7 @@ def _scan(x, y, z, first, last, centres, radii, out):
             k = block + lowest_bit(bits)
             bits &= bits - np.uint32(1)
             if k < last:
-                if n < len(out):
-                    out[n] = k
+                out[n] = k
                 n += 1
     return n
 
@@ -173,25 +164,7 @@ def _segments_only(photon, rows, photons):
     return n
 
 
-class ScanBuffers:
-    """Output buffers of the scan, one per thread, reused across frames and grown when too small."""
-
-    def __init__(self):
-        self._rows: list[np.ndarray] = []
-
-    def part(self, k: int, n: int) -> np.ndarray:
-        if len(self._rows[k]) < n:
-            self._rows[k] = np.empty(n, np.int64)
-        return self._rows[k]
-
-    def for_threads(self, threads: int) -> None:
-        while len(self._rows) < threads:
-            self._rows.append(np.empty(4096, np.int64))
-
-
-def find_near(
-    world: World, coarse: Coarse, at: Transforms, margin, room: ScanBuffers, threads: int
-) -> tuple[np.ndarray, np.ndarray]:
+def find_near(world: World, coarse: Coarse, at: Transforms, margin, threads: int) -> tuple[np.ndarray, np.ndarray]:
     """Return photon and vertex (n,) int64 of background segments within a margin of a mobile's sphere, in order.
 
     margin: [m], one number or (mobiles,).
@@ -204,16 +177,11 @@ def find_near(
             x = R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2] + at.position[o, i]
             centres[o - 1, i] = (x - grid.low[i]) * grid.per_metre
     radii = ((world.sphere_radius[1:] + margin + PAD * world.size) * grid.per_metre + 2).astype(np.float32)
-    room.for_threads(threads)
     vertices, levels = len(coarse.photon) - LANES, (coarse.x, coarse.y, coarse.z)
 
-    def work(part, first, last):
-        rows = room.part(part, 4096)
-        while True:
-            n = _scan(*levels, first, last, centres, radii, rows)
-            if n <= len(rows):
-                break
-            rows = room.part(part, n * 3 // 2)
+    def work(_, first, last):
+        rows = np.empty(last - first, np.int64)  # untouched memory costs nothing
+        n = _scan(*levels, first, last, centres, radii, rows)
         photons = np.empty(n, np.int64)
         n = _segments_only(coarse.photon, rows[:n], photons)
         return photons[:n], rows[:n]

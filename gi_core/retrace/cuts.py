@@ -26,15 +26,15 @@ from gi_core.photons.paths import (
     bounced,
     concatenate,
     empty_segments,
+    rows_of,
     segments_at,
     segments_behind,
-    take,
 )
 from gi_core.photons.trace import Fates, add_fates_behind, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile
-from gi_core.retrace.broad_phase import PAD, Coarse, ScanBuffers, find_near
+from gi_core.retrace.broad_phase import PAD, Coarse, find_near
 
 
 class RemovedSuffixes(NamedTuple):
@@ -144,7 +144,6 @@ def change(
     at: Transforms,
     seed: int,
     wanted: Wanted,
-    room: ScanBuffers,
     clock,
 ) -> PoseChange:
     """Return the difference of current paths from the background at the poses `at`.
@@ -162,7 +161,7 @@ def change(
         return PoseChange(at, photons, nothing, removed_suffixes, nothing, near, nothing, unchanged)
 
     # Find the first segment of each photon that any mobile cuts.
-    rows = candidate_segments(model, coarse, at, wanted, room)
+    rows = candidate_segments(model, coarse, at, wanted)
     clock("scan")
     near = _lines(paths, *rows, model.threads)
     cut, cut_side = _cuts(model, at, near)
@@ -183,10 +182,10 @@ def change(
     return PoseChange(at, photons, kept_prefixes, removed_suffixes, new_suffixes, near_mobiles, near_boxes, fates)
 
 
-def candidate_segments(model: Model, coarse: Coarse, at: Transforms, wanted: Wanted, room: ScanBuffers):
+def candidate_segments(model: Model, coarse: Coarse, at: Transforms, wanted: Wanted):
     """Return photon and vertex (n,) int64 of the background segments that pass the broad phase."""
     margin = np.maximum(wanted.reach, wanted.around - model.world.sphere_radius[1:])
-    return find_near(model.world, coarse, at, margin, room, model.threads)
+    return find_near(model.world, coarse, at, margin, model.threads)
 
 
 def _lines(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, threads: int) -> _Lines:
@@ -228,7 +227,7 @@ def _seen(
         before = _before_cut(photon, bounce, kept_prefixes.photon, kept_prefixes.bounce)
         background = segments_at(paths, photon[before], vertex[before], model.threads)
         parts = zip((kept_prefixes, new_suffixes), changed, strict=True)
-        return concatenate([background, *(take(segments, np.flatnonzero(passes[o])) for segments, passes in parts)])
+        return concatenate([background, *(rows_of(segments, np.flatnonzero(passes[o])) for segments, passes in parts)])
 
     near_boxes, *near_mobiles = (collected(o) for o in range(len(at.position) if wanted.mobiles else 1))
     return near_boxes, tuple(near_mobiles)
@@ -303,7 +302,7 @@ def split_at_cuts(segments: Segments) -> tuple[Segments, Segments]:
     first = np.full(photon.max(initial=-1) + 1, MAX_PATH, np.int64)
     np.minimum.at(first, photon[cut], segments.bounce[cut])
     kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
-    return take(segments, kept_prefixes), take(segments, segments.bounce > first[photon])
+    return rows_of(segments, kept_prefixes), rows_of(segments, segments.bounce > first[photon])
 
 
 # Culling against boxes: those of mobiles, padded by the reach of a disc, and those of a frame's stale receivers -----

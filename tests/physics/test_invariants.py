@@ -20,7 +20,7 @@ from gi_core.discs.search import PRETESTS, SEARCHES
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.frames.held_light import Held
 from gi_core.model import Model
-from gi_core.photons.paths import take
+from gi_core.photons.paths import rows_of
 from gi_core.rays.structures import DEFAULT as RAYS
 from gi_core.rays.structures import STRUCTURES
 from gi_core.retrace.cuts import current_segments
@@ -188,7 +188,7 @@ def test_sums_without_segments_that_leave_lamps(monkeypatch, estimator, cached):
     away = model.transforms(dict.fromkeys(solver.poses, AWAY))
     segments = current_segments(model, away, SEED, 0, PHOTONS)[0]
     static = solver.surfaces.receiver_range(0)
-    direct = take(segments, segments.bounce == 0)
+    direct = rows_of(segments, segments.bounce == 0)
     alone = b.estimate.from_scratch([direct], away).sums[static]
     whole, rest = (b.estimate.background(PHOTONS, direct)[0] for direct in (True, False))
     assert alone.any() and rest.any() and np.array_equal(whole - rest, alone)
@@ -244,7 +244,7 @@ def test_comparison_detects_mutations(monkeypatch, estimator, mutation):
         deposited = np.unique(segments.photon[segments.hit_side >= 0])
         victims = deposited[: 12 if estimator == "photon_map" else 4]
         if skipped:
-            return frame._replace(new_suffixes=take(segments, ~np.isin(segments.photon, victims)))
+            return frame._replace(new_suffixes=rows_of(segments, ~np.isin(segments.photon, victims)))
         return frame._replace(
             removed_suffixes=frame.removed_suffixes.of(~np.isin(frame.removed_suffixes.photon, victims))
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gi_core.retrace.broad_phase import PAD, ScanBuffers, find_near
+from gi_core.retrace.broad_phase import PAD, find_near
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
@@ -24,7 +24,7 @@ def test_near_segments_are_found_in_order_with_few_others(solved, place, photons
     model = solved.model
     at = model.transforms({"one": Pose(place), "two": Pose((0.8, 0.2, 0.7))})
     paths, coarse = solved.frame.store.subset(photons)
-    found_photon, found = find_near(model.world, coarse, at, MARGIN, ScanBuffers(), threads=1)
+    found_photon, found = find_near(model.world, coarse, at, MARGIN, threads=1)
 
     first = np.setdiff1d(np.arange(len(paths.side)), paths.offsets[1:] - 1)  # vertices that start a segment
     o, d = paths.position[first].astype(float), np.diff(paths.position, axis=0)[first].astype(float)
@@ -44,8 +44,8 @@ def test_near_segments_are_found_in_order_with_few_others(solved, place, photons
     assert np.array_equal(found_photon, np.searchsorted(paths.offsets, found, side="right") - 1)
 
 
-def test_buffers_grow_with_the_results(solved):
+def test_all_segments_may_be_near(solved):
     paths, coarse = solved.frame.store.subset(4000)
     at = solved.model.transforms({"one": Pose((0.5, 0.5, 0.5)), "two": Pose((0.5, 0.5, 0.5))})
-    _, all_of_them = find_near(solved.model.world, coarse, at, 10.0, ScanBuffers(), threads=1)
+    _, all_of_them = find_near(solved.model.world, coarse, at, 10.0, threads=1)
     assert len(all_of_them) == len(paths.side) - 4000 > 4096
