@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, GlossVertices, quads_of
-from gi_core.display.fine_points import FinePoints, fine_points, halfway
+from gi_core.display.fine_points import FinePoints, fine_points
 from gi_core.frames.first_frame import EARLY_PATHS
 from gi_core.gather.estimate import Source
 
@@ -42,17 +42,17 @@ def fine_points_of(solver: Solver, mesh: DrawMesh) -> FinePoints | None:
 def fine_mesh(mesh: DrawMesh, points: FinePoints) -> DrawMesh:
     """Return a mesh with each face in the pieces that fine points cut it into.
 
-    The first further ids of the points are draw vertices. A new vertex takes the means of its two parents, and the
+    The first further ids of the points are draw vertices. A new vertex takes values between its two ends, and the
     directions of light of the first one.
     """
     pairs, ids, source = points.pairs[0], points.ids[..., 2], points.source
-    count, corner = len(mesh.positions) + len(pairs), mesh.triangles[source, 0]
+    count, corner = len(mesh.positions) + len(pairs.shares), mesh.triangles[source, 0]
 
-    def mean(values: np.ndarray | None) -> np.ndarray | None:
+    def between(values: np.ndarray | None) -> np.ndarray | None:
         if values is None:
             return None
-        out = np.concatenate([values, np.empty((len(pairs), values.shape[1]))])
-        halfway(pairs, len(values), out)
+        out = np.concatenate([values, np.empty((len(pairs.shares), values.shape[1]))])
+        pairs.fill(len(values), out)
         return out.astype(values.dtype)
 
     def of_face(values: np.ndarray | None) -> np.ndarray | None:
@@ -70,12 +70,14 @@ def fine_mesh(mesh: DrawMesh, points: FinePoints) -> DrawMesh:
 
     gloss = mesh.gloss
     if gloss is not None:
-        receivers = np.concatenate([gloss.receivers, np.empty((len(pairs), 2), np.int32)])
-        halfway(pairs, len(gloss.receivers), receivers)
-        gloss = GlossVertices(of_face(gloss.lobe), receivers, mean(gloss.normal), mean(gloss.tangent), gloss.tables)
-    triangles, uv = ids.astype(np.int32), mean(mesh.uv)
+        receivers = np.concatenate([gloss.receivers, np.empty((len(pairs.shares), 2), np.int32)])
+        pairs.fill(len(gloss.receivers), receivers)
+        gloss = GlossVertices(
+            of_face(gloss.lobe), receivers, between(gloss.normal), between(gloss.tangent), gloss.tables
+        )
+    triangles, uv = ids.astype(np.int32), between(mesh.uv)
     emission = of_face(mesh.emission)
-    positions = mean(mesh.positions)
+    positions = between(mesh.positions)
     whole = np.bincount(source, minlength=len(mesh.triangles))[source] == 1
     if mesh.reflector is not None:
         whole &= mesh.reflector[source] < 0
@@ -84,11 +86,11 @@ def fine_mesh(mesh: DrawMesh, points: FinePoints) -> DrawMesh:
         triangles=triangles,
         front=at_corners(0),
         back=at_corners(1),
-        reflectance=mean(mesh.reflectance),
+        reflectance=between(mesh.reflectance),
         emission=emission,
         texture=of_face(mesh.texture),
         uv=uv,
-        texel=mean(mesh.texel),
+        texel=between(mesh.texel),
         lamp=of_face(mesh.lamp),
         pane=of_face(mesh.pane),
         gloss=gloss,

@@ -19,7 +19,6 @@ from app.draw.visible import PIXEL_OFFSETS, PictureScene, PictureView, Strip
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
-from gi_core.display.fine_points import halfway
 from gi_core.display.pixel_light import LOG2_SET, PixelLight, Sites, alike, around, group, spans, start_rays
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.geometry.error import luminance
@@ -165,8 +164,8 @@ def _vertex_normals(lit: LitScene, fine: FinePoints | None) -> np.ndarray:
     """Return the normals (D, 3) float64 of all draw vertices on their fronts, in the world."""
     of = lit.model.object_receivers.normals
     if fine is not None:
-        of = np.concatenate([of, np.empty((len(fine.parents), 3))])
-        halfway(fine.parents, len(lit.model.object_receivers.normals), of)
+        of = np.concatenate([of, np.empty((len(fine.parents.shares), 3))])
+        fine.parents.fill(len(lit.model.object_receivers.normals), of)
     return np.concatenate([of[mesh.front] @ lit.at.rotation[o].T for o, mesh in enumerate(lit.meshes)])
 
 

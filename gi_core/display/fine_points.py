@@ -1,14 +1,15 @@
 """Fine points: drawn points between receivers, where direct light bends along the static part.
 
 A picture interpolates light between receivers, which blurs contact shadows and draws teeth along borders of sunlight.
-Edges of flat faces are halved where direct light in their middle differs from the mean of its ends. All faces at an
-edge are cut, so no picture has a gap. Light at a fine point is the interpolated light of receivers without their direct
-light, plus direct light at the point itself (section 4.1 of the report). Light of the sky is interpolated: it bends
-little, and has many points. Receivers and their light do not change.
+Edges of flat faces are cut where direct light differs most from the line between their ends, so that pieces follow
+the borders of shadows. All faces at an edge are cut, so no picture has a gap. Light at a fine point is the interpolated
+light of receivers without their direct light, plus direct light at the point itself (section 4.1 of the report). Light
+of the sky is interpolated: it bends little, and has many points. Receivers and their light do not change.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,25 +27,39 @@ from gi_core.lights.light_points import DELTA, FACE
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 
-# Of direct light, or of half its mean: difference in the middle of an edge. 0: error beside things 1.3 to 2.4 %.
+# Of direct light, or of half its mean: difference from the line between ends. 0: error beside things 1.3 to 2.4 %.
 BENT = 0.05
 SHORTEST_EDGE = 1e-3  # of the scene's size: edges that are not cut. 0: the same light for 25 % more time
 
 
 def compile_kernels() -> None:
     """Run each kernel without points."""
-    none, light = np.zeros((0, 2), np.int64), np.zeros((1, 3))
-    _between_receivers(none, 1, light, np.ones(1, np.float32))
-    _visible_shares(none, 1, np.zeros(1), np.zeros(1))
-    halfway(none, 1, light)
-    halfway(none, 1, np.zeros((1, 2), np.int32))
+    none, light = Cuts(np.zeros((0, 2), np.int64), np.zeros(0)), np.zeros((1, 3))
+    _between_receivers(*none, 1, light, np.ones(1, np.float32))
+    _visible_shares(*none, 1, np.zeros(1), np.zeros(1))
+    none.fill(1, light)
+    none.fill(1, np.zeros((1, 2), np.int32))
+
+
+class Cuts(NamedTuple):
+    """n new ids on edges."""
+
+    ends: np.ndarray  # (n, 2) int64, the earlier ids that each lies between
+    shares: np.ndarray  # (n,) float64, of the way from the first end to the second
+
+    def fill(self, first: int, values: np.ndarray) -> None:
+        """Write values (first + n, c): those between the ends; of integers those of the first end."""
+        if np.issubdtype(values.dtype, np.integer):
+            _inherit(self.ends, first, values)
+        else:
+            _interpolate(*self, first, values)
 
 
 class FinePoints(NamedTuple):
     """n points, numbered after the R receivers."""
 
-    parents: np.ndarray  # (n, 2) int64, the two receivers or earlier points that each lies between
-    pairs: tuple[np.ndarray, ...]  # per further id of corners: (m, 2) int64, the same for these
+    parents: Cuts  # between receivers or earlier points
+    pairs: tuple[Cuts, ...]  # per further id of corners
     source: np.ndarray  # (f,) int64, the face of the static part that each drawn face is a piece of
     ids: np.ndarray  # (f, 3, 2 + k) int64, of corners: point on the front, on the back (-1: none), further ids
     weights: np.ndarray  # (f, 3, 3) float64, of the source's corners, per corner
@@ -52,13 +67,13 @@ class FinePoints(NamedTuple):
     poses: Transforms  # that the points suit
 
     def between(self, drawn: Drawn) -> Drawn:
-        """Return light (R + n, 3) of receivers and points, and its weights: means at points."""
-        E, parents = drawn.irradiance, self.parents
-        light, weights = np.empty((len(E) + len(parents), 3)), np.ones(len(E) + len(parents), np.float32)
+        """Return light (R + n, 3) of receivers and points, and its weights: interpolated at points."""
+        E, n = drawn.irradiance, len(drawn.irradiance) + len(self.parents.shares)
+        light, weights = np.empty((n, 3)), np.ones(n, np.float32)
         light[: len(E)] = E
         if drawn.weights is not None:
             weights[: len(E)] = drawn.weights
-        _between_receivers(parents, len(E), light, weights)
+        _between_receivers(*self.parents, len(E), light, weights)
         return Drawn(light, weights)
 
     def at(self, at: Transforms, levels: np.ndarray) -> FineLight:
@@ -71,12 +86,15 @@ class FinePoints(NamedTuple):
         receivers = of_receivers.at(at, levels)
         if all(map(np.array_equal, at, self.poses)):
             return FineLight(self, receivers, of_points.at(at, levels))
-        own, first = mix(of_points.per_lamp, levels), int(self.ids[..., :2].max(initial=-1)) + 1 - len(self.parents)
+        own, first = (
+            mix(of_points.per_lamp, levels),
+            int(self.ids[..., :2].max(initial=-1)) + 1 - len(of_points.per_lamp),
+        )
         full, share = np.zeros(first + len(own)), np.ones(first + len(own))
         full[: len(receivers)], full[first:] = luminance(mix(of_receivers.per_lamp, levels)), luminance(own)
         lit = full[: len(receivers)] > 0
         share[: len(receivers)][lit] = luminance(receivers[lit]) / full[: len(receivers)][lit]
-        _visible_shares(self.parents, first, full, share)
+        _visible_shares(*self.parents, first, full, share)
         return FineLight(self, receivers, own * share[first:, None])
 
 
@@ -97,58 +115,50 @@ class FineLight(NamedTuple):
 
 
 @kernel
-def _between_receivers(parents, first, light, weights):
-    """Write light (R + n, 3) and weights (R + n,) of points from `first` on: weighted means of their two parents.
+def _between_receivers(ends, shares, first, light, weights):
+    """Write light (R + n, 3) and weights (R + n,) of points from `first` on: weighted means of their two ends.
 
     A point between a receiver that light reaches and one that it does not is reached.
     """
-    for k in range(len(parents)):
-        p, q, r = parents[k, 0], parents[k, 1], first + k
-        a, b = weights[p], weights[q]
+    for k in range(len(ends)):
+        p, q, r = ends[k, 0], ends[k, 1], first + k
+        a, b = (1.0 - shares[k]) * weights[p], shares[k] * weights[q]
         for c in range(3):
             light[r, c] = (a * light[p, c] + b * light[q, c]) / (a + b)
-        weights[r] = max(a, b)
+        weights[r] = max(weights[p], weights[q])
 
 
 @kernel
-def _visible_shares(parents, first, full, share):
-    """Write the shares (R + n,) of direct light of points from `first` on that mobiles leave: means of their parents.
+def _visible_shares(ends, shares, first, full, visible):
+    """Write the shares (R + n,) of direct light of points from `first` on that mobiles leave: means of their ends.
 
     full (R + n,): luminance of direct light without mobiles, which weighs them.
     """
-    for k in range(len(parents)):
-        p, q = parents[k, 0], parents[k, 1]
-        a, b = full[p], full[q]
-        share[first + k] = (a * share[p] + b * share[q]) / (a + b) if a + b > 0.0 else 1.0
-
-
-def halfway(pairs: np.ndarray, first: int, values: np.ndarray) -> None:
-    """Write values (first + m, c) of pairs (m, 2): the means of their parents; of integers those of the first one."""
-    if np.issubdtype(values.dtype, np.integer):
-        _inherit(pairs, first, values)
-    else:
-        _halve(pairs, first, values)
+    for k in range(len(ends)):
+        p, q = ends[k, 0], ends[k, 1]
+        a, b = (1.0 - shares[k]) * full[p], shares[k] * full[q]
+        visible[first + k] = (a * visible[p] + b * visible[q]) / (a + b) if a + b > 0.0 else 1.0
 
 
 @kernel
-def _halve(pairs, first, values):
-    for k in range(len(pairs)):
+def _interpolate(ends, shares, first, values):
+    for k in range(len(ends)):
         for c in range(values.shape[1]):
-            values[first + k, c] = 0.5 * (values[pairs[k, 0], c] + values[pairs[k, 1], c])
+            values[first + k, c] = (1.0 - shares[k]) * values[ends[k, 0], c] + shares[k] * values[ends[k, 1], c]
 
 
 @kernel
-def _inherit(pairs, first, values):
-    for k in range(len(pairs)):
+def _inherit(ends, first, values):
+    for k in range(len(ends)):
         for c in range(values.shape[1]):
-            values[first + k, c] = values[pairs[k, 0], c]
+            values[first + k, c] = values[ends[k, 0], c]
 
 
-def fine_points(model: Model, seed: int, at: Transforms, corners: np.ndarray, most: int = 60_000) -> FinePoints | None:
+def fine_points(model: Model, seed: int, at: Transforms, corners: np.ndarray, most: int = 40_000) -> FinePoints | None:
     """Return the fine points of the static part at poses, of lamps at full level; None where lights have no points.
 
-    corners (F, 3, k) int: further ids of corners, such as draw vertices; most: points. llvmpipe draws the office at
-    1280 x 800 in 450 CPU ms with 50,000, in 250 without; 110,000 would leave 5.2 for 5.4 % near other things there.
+    corners (F, 3, k) int: further ids of corners, such as draw vertices; most: points. 60,000 leave
+    direct light 3.5 for 4.8 % off in the classroom, 1.5 for 1.6 in the office, with 40,000 more faces to draw.
     """
     direct = DirectLight(model, seed, (FACE, DELTA)).measured_at(Places.of_receivers(model))
     if not direct.is_known:
@@ -157,6 +167,22 @@ def fine_points(model: Model, seed: int, at: Transforms, corners: np.ndarray, mo
     while cutting.count < most and cutting.go_on(most):
         pause()
     return cutting.points()
+
+
+class _Bends(NamedTuple):
+    """Where light bends most along n edges, of the places looked at."""
+
+    ends: np.ndarray  # (n, 2) int64
+    share: np.ndarray  # (n,) of the way between the ends
+    bend: np.ndarray  # (n,)
+
+    def look(self, rows: np.ndarray, step: float, bend_at: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
+        """Look a step to both sides along edges `rows`; bend_at(ends, share): returns the bend there."""
+        ends, share = self.ends[rows], self.share[rows]
+        for aside in share - step, share + step:
+            bend = bend_at(ends, aside)
+            more = bend > self.bend[rows]
+            self.share[rows[more]], self.bend[rows[more]] = aside[more], bend[more]
 
 
 class _Cutting:
@@ -171,6 +197,7 @@ class _Cutting:
         self._places = _padded(Places.of_receivers(model), receivers)
         self._light = np.zeros(receivers)  # luminance of direct light at receivers and points
         self._light[:n] = self._luminance(direct)
+        self._resolved = direct.resolves(self._places.positions)
         areas = model.object_receivers.areas[:n]
         self._floor = 0.5 * float((areas * self._light[:n]).sum() / areas.sum())
         place, front = weld(surfaces.vertices[0]), surfaces.corner_front[of]
@@ -184,8 +211,8 @@ class _Cutting:
         # Cut, they leave 7.1 for 6.7 % beside things in the showroom.
         curved = dot(normals, np.roll(normals, 1, axis=1)).min(axis=1) < 1 - 1e-3
         self._asked = np.unique(self._edges()[curved])  # edges that are not to be asked about, or have been
-        self._parents: list[np.ndarray] = []
-        self._pairs: list[list[np.ndarray]] = [[] for _ in range(corners.shape[2])]
+        self._parents: list[Cuts] = []
+        self._pairs: list[list[Cuts]] = [[] for _ in range(corners.shape[2])]
         self._next = [receivers, receivers, *(ids[..., 2:].max(axis=(0, 1), initial=-1) + 1).tolist()]
 
     @property
@@ -203,68 +230,85 @@ class _Cutting:
 
     def go_on(self, most: int) -> bool:
         """Cut edges once; return whether any was cut."""
-        faces, key = self._faces, self._edges()
-        low, high = edge_ends(faces)
+        key, asked = self._edges(), self._to_ask()
+        edges = np.unique(key[asked])
+        if not len(edges):
+            return False
+        number = np.where(asked, np.searchsorted(edges, key), len(edges))
+        row, k = np.nonzero(asked)
+        pairs, first = np.unique(np.concatenate([self._ends(row, k, side) for side in (0, 1)]), return_index=True)
+        ends, of = _numbers(pairs[pairs >= 0]), np.tile(number[row, k], 2)[first[pairs >= 0]]
+        bends = _Bends(ends, np.full(len(ends), 0.5), self._bend(ends, np.full(len(ends), 0.5)))
+        closely = np.zeros(len(edges) + 1, bool)
+        while True:  # a thin shadow leaves a face by other edges, where it may lie beside the middle
+            bent, closer = np.zeros((2, len(edges) + 1), bool)
+            bent[of[bends.bend > BENT]] = True
+            closer[number[bent[number].any(axis=1)]] = True
+            closer[-1] = False
+            if not (closer & ~closely).any():
+                break
+            bends.look(np.flatnonzero((closer & ~closely)[of]), 0.25, self._bend)
+            closely |= closer
+        worst = np.zeros(len(edges), np.int64)
+        ascending = np.argsort(bends.bend, kind="stable")
+        worst[of[ascending]] = ascending  # the last one stays
+        span = length(np.subtract(*self._vertices[_numbers(edges)].swapaxes(0, 1)))
+        order = np.argsort(-np.where(bent[:-1], bends.bend[worst] * span**2, 0.0), kind="stable")
+        cut = np.sort(order[: min(int(bent.sum()), most - self.count)])
+        if not len(cut):
+            return False
+        bends.look(worst[cut], 0.125, self._bend)
+        least = 0.25 * self._shortest / span[cut]
+        self._cut(edges[cut], np.clip(bends.share[worst[cut]], least, 1 - least))
+        return True
+
+    def _to_ask(self) -> np.ndarray:
+        """Return which edges (n, 3) bool of the faces are long, and have not been asked about; these have been now."""
+        key, (low, high) = self._edges(), edge_ends(self._faces)
         # Pieces of slivers are slivers: without an end, one per round, where a border of light passes a corner.
-        slivers = heights(self._vertices[faces.corners]) < 0.25 * self._shortest
+        slivers = heights(self._vertices[self._faces.corners]) < 0.25 * self._shortest
         self._asked = np.union1d(self._asked, key[slivers])
         asked = length(self._vertices[low] - self._vertices[high]) > self._shortest
         asked &= ~_is_in(key, self._asked)
         self._asked = np.union1d(self._asked, key[asked])
-        edges = np.unique(key[asked])
-        if not len(edges):
-            return False
-        row, k = np.nonzero(asked)
-        sides = self._ends(row, k, 0), self._ends(row, k, 1)
-        between = np.unique(np.concatenate(sides))
-        between = between[between >= 0]
-        pairs = _numbers(between)
-        candidates = _between(self._places, pairs)
-        light = self._luminance(self._direct.measured_at(candidates))
-        ends = self._places.positions[pairs]
-        resolved = self._direct.resolves(candidates.positions)
-        resolved &= self._direct.resolves(ends[:, 0]) & self._direct.resolves(ends[:, 1])
-        full, steps = np.maximum(light, self._floor), self._light[pairs]
-        bend = np.abs(light - steps.mean(axis=1)) / full
-        # The middle of an edge across a penumbra may have the mean by chance.
-        bend = np.maximum(bend, 0.1 * np.abs(steps[:, 0] - steps[:, 1]) / full)
-        bend[~resolved] = 0.0
-        worst = np.zeros(len(edges))
-        for side in sides:
-            has = side >= 0
-            of = np.searchsorted(edges, key[row, k][has])
-            np.maximum.at(worst, of, bend[np.searchsorted(between, side[has])])
-        span = length(np.subtract(*self._vertices[_numbers(edges)].swapaxes(0, 1)))
-        order = np.argsort(-np.where(worst > BENT, worst * span**2, 0.0), kind="stable")
-        cut = np.sort(edges[order[: min(int((worst > BENT).sum()), most - self.count)]])
-        if not len(cut):
-            return False
-        self._cut(_is_in(key, cut), between, candidates, light)
-        return True
+        return asked
 
-    def _cut(self, long: np.ndarray, between: np.ndarray, candidates: Places, light: np.ndarray) -> None:
-        """Cut the edges long (n, 3) bool of the faces; between (c,): pairs of ids, with their places and light."""
-        row, k = np.nonzero(long)
-        ids = np.full((*long.shape, self._faces.ids.shape[2]), -1, np.int64)
-        sides = self._ends(row, k, 0), self._ends(row, k, 1)
-        kept = np.unique(np.concatenate(sides))
-        kept = kept[kept >= 0]
-        for s, side in enumerate(sides):
-            ids[row, k, s] = np.where(side < 0, -1, self._next[0] + np.searchsorted(kept, side))
-        self._next[0] += len(kept)
-        self._parents.append(_numbers(kept))
-        at = np.searchsorted(between, kept)
-        self._places = Places(*(np.concatenate([a, b[at]]) for a, b in zip(self._places, candidates, strict=True)))
-        self._light = np.concatenate([self._light, light[at]])
-        for c in range(2, ids.shape[2]):
-            pair = self._ends(row, k, c)
-            kept = np.unique(pair)
-            ids[row, k, c] = self._next[c] + np.searchsorted(kept, pair)
-            self._next[c] += len(kept)
-            self._pairs[c - 2].append(_numbers(kept))
+    def _bend(self, ends: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """Return how far (n,) light at shares (n,) between ends (n, 2) is from the line between theirs, of itself."""
+        places, steps = _between(self._places, ends, shares), self._light[ends]
+        light = self._luminance(self._direct.measured_at(places))
+        off = np.abs(light - (1 - shares) * steps[:, 0] - shares * steps[:, 1]) / np.maximum(light, self._floor)
+        resolved = self._direct.resolves(places.positions) & self._resolved[ends].all(axis=1)
+        return np.where(resolved, off, 0.0)
+
+    def _cut(self, edges: np.ndarray, shares: np.ndarray) -> None:
+        """Cut edges (e,), ascending, at shares (e,) of the way from their lower end."""
         low, high = edge_ends(self._faces)
-        key = low * len(self._vertices) + high
-        self._vertices, whole, self._faces = split_edges(self._vertices, self._faces, key, long, 0.5, ids)
+        key, long = low * len(self._vertices) + high, _is_in(self._edges(), edges)
+        row, k = np.nonzero(long)
+        share = shares[np.searchsorted(edges, self._edges()[long])]
+        ids = np.full((*long.shape, self._faces.ids.shape[2]), -1, np.int64)
+
+        def cuts(columns: range, first: int) -> Cuts:
+            """Number the cuts of these columns of ids from `first` on."""
+            pairs = np.stack([self._ends(row, k, c) for c in columns])
+            kept, at = np.unique(pairs, return_index=True)
+            kept, at = kept[kept >= 0], at[kept >= 0] % len(row)
+            for c, pair in zip(columns, pairs, strict=True):
+                ids[row, k, c] = np.where(pair < 0, -1, first + np.searchsorted(kept, pair))
+            return Cuts(_numbers(kept), share[at])
+
+        new = cuts(range(2), self._next[0])
+        self._parents.append(new)
+        self._next[0] += len(new.shares)
+        places = _between(self._places, *new)
+        self._places = Places(*map(np.concatenate, zip(self._places, places, strict=True)))
+        self._light = np.concatenate([self._light, self._luminance(self._direct.measured_at(places))])
+        self._resolved = np.concatenate([self._resolved, self._direct.resolves(places.positions)])
+        for c in range(2, ids.shape[2]):
+            self._pairs[c - 2].append(new := cuts(range(c, c + 1), self._next[c]))
+            self._next[c] += len(new.shares)
+        self._vertices, whole, self._faces = split_edges(self._vertices, self._faces, key, long, shares, ids)
         self._done.append(whole)
 
     def _edges(self) -> np.ndarray:
@@ -273,9 +317,11 @@ class _Cutting:
         return low << 32 | high
 
     def _ends(self, row: np.ndarray, k: np.ndarray, column: int) -> np.ndarray:
-        """Return the pair of ids at the ends of edges k (e,) of faces (e,) as one number (e,); -1: one has none."""
-        a, b = self._faces.ids[row, k, column], self._faces.ids[row, (k + 1) % 3, column]
-        return np.where(np.minimum(a, b) < 0, -1, np.minimum(a, b) << 32 | np.maximum(a, b))
+        """Return the ids at the lower and the higher end of edges k (e,) of faces (e,) as one number; -1: none."""
+        ends, corners = (each[row[:, None], np.stack([k, (k + 1) % 3], axis=1)]
+                         for each in (self._faces.ids[..., column], self._faces.corners))  # fmt: skip
+        a, b = np.where(corners[:, :1] < corners[:, 1:], ends, ends[:, ::-1]).T
+        return np.where(np.minimum(a, b) < 0, -1, a << 32 | b)
 
     def _luminance(self, direct: DirectLight) -> np.ndarray:
         """Return the luminance (n,) of direct light past mobiles."""
@@ -294,8 +340,8 @@ def _is_in(keys: np.ndarray, ascending: np.ndarray) -> np.ndarray:
     return ascending[np.minimum(np.searchsorted(ascending, keys), len(ascending) - 1)] == keys
 
 
-def _concatenated(parts: list[np.ndarray]) -> np.ndarray:
-    return np.concatenate([np.zeros((0, 2), np.int64), *parts])
+def _concatenated(parts: list[Cuts]) -> Cuts:
+    return Cuts(*map(np.concatenate, zip((np.zeros((0, 2), np.int64), np.zeros(0)), *parts, strict=True)))
 
 
 def _padded(places: Places, n: int) -> Places:
@@ -303,8 +349,8 @@ def _padded(places: Places, n: int) -> Places:
     return Places(*(np.concatenate([a, np.zeros((n - len(a), *a.shape[1:]))]) for a in places))
 
 
-def _between(places: Places, pairs: np.ndarray) -> Places:
-    """Return the places between pairs (n, 2) of them."""
-    positions, normals, lifts = (a[pairs] for a in places)
-    normals = normals.sum(axis=1)
-    return Places(positions.mean(axis=1), normals / length(normals)[:, None], lifts.max(axis=1))
+def _between(places: Places, ends: np.ndarray, shares: np.ndarray) -> Places:
+    """Return the places at shares (n,) of the way between ends (n, 2)."""
+    share, (p, q), (n, m) = shares[:, None], *(a[ends].swapaxes(0, 1) for a in places[:2])
+    normals = (1 - share) * n + share * m
+    return Places((1 - share) * p + share * q, normals / length(normals)[:, None], places.lifts[ends].max(axis=1))

@@ -12,6 +12,7 @@ import copy
 import itertools
 import time
 from collections.abc import Collection
+from functools import cached_property
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -161,7 +162,7 @@ class DirectLight:
         first = np.concatenate([[0], np.cumsum(pairs)])
         self.per_lamp, self._groups = light, groups._replace(first=first, point=point, strength=strength)
 
-    @property
+    @cached_property
     def _channels(self) -> int:
         """Channels of strengths."""
         s = self._model.surfaces
