@@ -72,7 +72,7 @@ def pictures_do_not_wait(monkeypatch):
 def small_shares(monkeypatch):
     """Split work over threads however small it is."""
     monkeypatch.setattr(threads, "split", lambda n, parts, _: split(n, parts, 1))
-    monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
+    monkeypatch.setattr("gi_core.estimators.tangent_plane.CHEAP", 1)
 
 
 @pytest.fixture(params=ESTIMATORS)

@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 from greenlet import getcurrent, greenlet
 
+PIECE_ROWS = 2048  # 5 to 10 ms of rays around receivers
+
 
 class Progress(NamedTuple):
     """State of `Solver.solve_steps` and `Solver.gather_steps`."""
@@ -48,6 +50,13 @@ def pause(progress: Progress | None = None) -> None:
         getcurrent().parent.switch(progress)  # a variable here would let the computation refer to itself
     elif _rules.stop is not None and _rules.stop():
         raise Interrupted
+
+
+def pieces(n: int) -> Iterator[slice]:
+    """Yield slices of at most PIECE_ROWS rows that cover range(n), with a pause after each."""
+    for first in range(0, n, PIECE_ROWS):
+        yield slice(first, min(first + PIECE_ROWS, n))
+        pause()
 
 
 def steps(run: Callable[[], object]) -> Generator[Progress, None, None]:

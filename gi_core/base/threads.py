@@ -30,6 +30,9 @@ class _State(threading.local):
 
 _state = _State()
 
+CHEAP = 2048  # items per thread at least: starting a thread takes 30 us, and some have sums of their own ...
+COSTLY = 256  # ... and of items that trace rays or visit neighbours
+
 
 @cache
 def _pool(workers: int) -> ThreadPoolExecutor:

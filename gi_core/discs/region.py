@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.pause import pause
+from gi_core.base.pause import pause, pieces
 from gi_core.base.random_numbers import basis
 from gi_core.base.results import KEPT, digest
 from gi_core.base.vec import dot
@@ -26,7 +26,6 @@ from gi_core.model import Model
 
 RAYS = 32  # the polygon of a free disc has 99.4 % of its area; intersections outside it do not count
 PROBES = 8  # directions of the first test; a receiver with none of them blocked keeps the whole disc
-RECEIVERS_PER_STEP = 2048  # receivers per step: some 5 ms
 EXTENSION = 1e-2  # of the radius: segments end behind their hit, so that discs in the plane of the hit are crossed
 REGION_LIFT = 2e-3  # of the radius: ray origins above the receiver's own flat surface
 
@@ -77,13 +76,12 @@ def regions_at(
     """Measure the regions of discs at points (n, 3) [m] with normals (n, 3), on patches (n,) of object o, -1: none."""
     row = np.full(len(points), WHOLE, np.int32)
     reach, count = [], 0
-    for first in range(0, len(points), RECEIVERS_PER_STEP):
-        part = slice(first, first + RECEIVERS_PER_STEP)
+    for part in pieces(len(points)):
         tried = _distances(model, o, points[part], normals[part], patch[part], radius, TRIED)
         hit = np.flatnonzero((tried[..., 0] < np.float32(radius)).any(axis=1))
         pause()
         if len(hit):
-            blocked = first + hit
+            blocked = part.start + hit
             row[blocked] = count + np.arange(len(blocked))
             count += len(blocked)
             around = points[blocked], normals[blocked], patch[blocked], radius
@@ -91,7 +89,6 @@ def regions_at(
             free[:, TRIED], free[:, OTHERS] = tried[hit], _distances(model, o, *around, OTHERS)
             _look_over_low_steps(model, o, *around, free)
             reach.append(levels(free, radius))
-            pause()
     reach = np.concatenate(reach or [np.empty((0, RAYS, 2), np.uint8)])
     area = np.full(len(points), math.pi * radius * radius)
     area[row >= 0] = polygon_areas(reach, radius)

@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.pause import pause
+from gi_core.base.pause import pause, pieces
 from gi_core.base.random_numbers import basis
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, run_ranges
 from gi_core.base.vec import cross, difference, dot, rotate, rotate_back, row
 from gi_core.discs.region import COS, PROBES, RAYS, SIN, Regions, levels, look_from, polygon_areas
 from gi_core.discs.search.disc_index import CELL_RADII, DiscIndex
@@ -36,8 +36,6 @@ from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.retrace.cuts import Wanted
 from gi_core.scene.pose import to_world_at
-
-FACES_PER_STEP = 4096
 
 
 class SurfaceCells(NamedTuple):
@@ -59,9 +57,8 @@ def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Surf
         cell *= 1.26
     shape = np.floor((high - low) / cell).astype(np.int64) + 1
     near = np.zeros(int(shape.prod()), bool)
-    for first in range(0, len(faces), FACES_PER_STEP):
-        _mark(vertices, faces[first : first + FACES_PER_STEP], reach, low, cell, shape, near)
-        pause()
+    for part in pieces(len(faces)):
+        _mark(vertices, faces[part], reach, low, cell, shape, near)
     return SurfaceCells(near, low, cell, shape)
 
 
@@ -435,5 +432,5 @@ class ContactDiscs:
                 ready = lines(share, at.rotation[0], at.position[0], self.model, self.radius)
                 search.accumulate(ready, 1, sums[thread])
 
-            run_ranges(work, segments.size, self.model.threads, 1024)  # 1024 segments per thread
+            run_ranges(work, segments.size, self.model.threads, CHEAP)
         return rows, sum(s.flux for s in sums)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.pause import pause
+from gi_core.base.pause import pause, pieces
 from gi_core.base.results import KEPT, digest
 from gi_core.base.vectors import cross, dot, length
 from gi_core.gather.hit_cache import pose_bits
@@ -49,7 +49,6 @@ def directions(normals: np.ndarray) -> np.ndarray:
     return (local @ frames).astype(np.float32)
 
 
-RECEIVERS_PER_STEP = 2048  # receivers per step: some 10 ms
 LITTLE = 0.1  # the same inside solid objects, which light enters at corners by the radius of a disc
 WEIGHT = 1e-3  # of an unreached receiver in its triangles; squared where it has no lit neighbour
 UNKNOWN, OPEN, CLOSED, INSIDE_SOLID = -1, 0, 1, 2
@@ -118,10 +117,9 @@ class Dilation:
         rows = np.flatnonzero(light <= LITTLE * brightest)
         pause()
         unknown = rows[self._place[rows] == UNKNOWN]
-        for first in range(0, len(unknown), RECEIVERS_PER_STEP):
-            chunk = unknown[first : first + RECEIVERS_PER_STEP]
-            self._place[chunk] = self._places(0, self._points[chunk], directions(self._normals[chunk]))
-            pause()
+        for part in pieces(len(unknown)):
+            at = unknown[part]
+            self._place[at] = self._places(0, self._points[at], directions(self._normals[at]))
         place = self._place[: len(light)]
         inside = rows[place[rows] == INSIDE_SOLID]
         closed = self._without_dark_beside(np.flatnonzero(black & (place == CLOSED)), black & (place == OPEN))

@@ -24,8 +24,8 @@ import numpy as np
 
 from gi_core.base import vectors
 from gi_core.base.jit import kernel
-from gi_core.base.pause import pause
-from gi_core.base.threads import run_ranges
+from gi_core.base.pause import pieces
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import difference, dot
 from gi_core.discs.search import Search
 from gi_core.discs.stale_receivers import ControlFacts
@@ -42,7 +42,6 @@ from gi_core.scene.pose import to_world_at
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
 NEVER = np.int32(1 << 30)  # bounce of the cut of a photon that is not cut
-QUERY_STEP = 1024  # receivers per step of prepare(): some 5 ms
 
 
 class _Prepared(NamedTuple):
@@ -107,10 +106,8 @@ class PhotonMap:
         points, normals = self._receivers(self.model.static, self._static)
         nothing = build(_joined([]), self.radius)
         estimates = []
-        for first in range(0, len(points), QUERY_STEP):
-            rows = slice(first, first + QUERY_STEP)
+        for rows in pieces(len(points)):
             estimates.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
-            pause()
         sums, area, reach2 = (np.concatenate(a) for a in zip(*estimates, strict=True))
         self.subsets[photons] = _Prepared(sums, area, reach2, grid, uncut)
         self.photons = photons
@@ -149,9 +146,7 @@ class PhotonMap:
         try:
             background.cut_bounce[frame.removed_suffixes.photon] = frame.removed_suffixes.bounce
             grids = background.grid, added
-            for first in range(0, len(rows), QUERY_STEP):
-                pause()
-                part = slice(first, first + QUERY_STEP)
+            for part in pieces(len(rows)):
                 estimate = self._query(rows[part], points[part], normals[part], grids, background.cut_bounce)
                 sums[rows[part]], area[rows[part]], _ = estimate
         finally:
@@ -234,7 +229,7 @@ class PhotonMap:
             to = sums, area, reach2
             _estimate(receivers, radius, counted, grids, cut_bounce, first, last, Nearest.of(self.k), to)
 
-        run_ranges(work, n, self.model.threads, 256)  # receivers per thread
+        run_ranges(work, n, self.model.threads, COSTLY)
         return sums, area, reach2
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.pause import pause
-from gi_core.base.threads import run_ranges, usable
+from gi_core.base.threads import CHEAP, run_ranges, usable
 from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.region import EXTENSION, Regions, regions, whole_discs
 from gi_core.discs.search import SEARCHES, Search
@@ -40,7 +40,6 @@ from gi_core.photons.paths import Segments, bounced, rows_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, RemovedSuffixes, Wanted, split_at_cuts
 
-LINE_GRAIN = 1024  # segments per thread
 PIECE = 1 << 15  # segments between two pauses of evaluate()
 
 
@@ -248,7 +247,7 @@ class TangentPlane:
     def _accumulate_piece(
         self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None
     ) -> None:
-        threads = min(usable(self.model.threads), 1 + sum(batch.segments.size for batch in batches) // LINE_GRAIN)
+        threads = min(usable(self.model.threads), 1 + sum(batch.segments.size for batch in batches) // CHEAP)
 
         def work(part, *_):
             if removed_suffixes is not None:

@@ -14,7 +14,7 @@ from gi_core.base import memory
 from gi_core.base.fixed_point import MAX_SEGMENTS
 from gi_core.base.jit import kernel
 from gi_core.base.pause import Pace
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.base import Setting
 from gi_core.frames.unchanged_paths import KnownPaths, known_paths, traced_paths
@@ -26,7 +26,6 @@ from gi_core.photons.trace import add_fates, no_flux
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for, same_grid
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
-PART_GRAIN = 256  # photons per thread
 BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised
 SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
 
@@ -193,7 +192,7 @@ class Photons:
             parts = [(stored + at, min(PART, last - at)) for at in range(first, last, PART)]
             return [traced_paths(m, self.seed, self._known, *part) for part in parts]
 
-        traced = itertools.chain.from_iterable(run_ranges(work, count, m.threads, PART_GRAIN))
+        traced = itertools.chain.from_iterable(run_ranges(work, count, m.threads, COSTLY))
         paths, fates, counts = zip(*traced, strict=True)
         self.traced += sum(counts)
         if self._known is not None and stored + count >= len(self._known.paths.lamp):
@@ -219,7 +218,7 @@ class Photons:
                 b.estimate.add_background(segments, thread)
 
         try:
-            run_ranges(work, count, m.threads, PART_GRAIN)
+            run_ranges(work, count, m.threads, COSTLY)
         except BaseException:
             b.setting = None  # incomplete: never continue it
             raise

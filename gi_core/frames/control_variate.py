@@ -46,11 +46,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, run_ranges
 from gi_core.gather.denoise import VARIANCE, averaged, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
-from gi_core.lights.lamps import MIX_GRAIN, mixed, read_out
-from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
+from gi_core.lights.lamps import mixed, read_out
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated
 
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
 REACH = 4.0  # standard deviations, see `denoise.smooth`
@@ -216,7 +216,7 @@ def own_irradiance(frame: Evaluated, flux_unit: float, own: np.ndarray, levels: 
     def read(_, first, last):
         _read_chunks(chunks[first:last], frame.sums, levels, flux_unit, frame.area, out)
 
-    run_ranges(read, len(chunks), threads, CHUNK_GRAIN)
+    run_ranges(read, len(chunks), threads, CHEAP)
     return out
 
 
@@ -243,7 +243,7 @@ def frame_irradiance(
     def read(_, first, last):
         read_out(frame.sums, levels, flux_unit, frame.area, static + first, static + last, out)
 
-    run_ranges(read, len(out) - static, threads, MIX_GRAIN)
+    run_ranges(read, len(out) - static, threads, CHEAP)
     mean_levels = levels.mean(axis=1)
     flux_per_cut = frame.cut.per_photon(mean_levels)
     change = np.zeros((static, 4))  # and its variance
@@ -259,11 +259,11 @@ def frame_irradiance(
     def add(_, first, last):
         _add(better, change, direct, first, last, out, unbiased)
 
-    run_ranges(measure, len(chunks), threads, CHUNK_GRAIN)
+    run_ranges(measure, len(chunks), threads, CHEAP)
     is_mean = change[:, VARIANCE] >= 0.0
     noise = change[:, VARIANCE]
     noise[:] = np.where(is_mean, np.maximum(noise, averaged(near, noise, is_mean, threads)), noise)
     smooth(change, REACH, near, threads)
-    run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
+    run_ranges(add, len(frame.changed), threads, CHEAP)
     left = np.where(is_mean, CORRELATED, -1.0) * change[:, VARIANCE]
     return ControlledLight(out, unbiased, np.sqrt(left / 3))  # of grey light, see _measure

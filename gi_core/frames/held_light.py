@@ -26,7 +26,7 @@ from typing import NamedTuple
 import highspy
 import numpy as np
 
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, run_ranges
 from gi_core.discs.region import REGION_LIFT, regions_at
 from gi_core.discs.search import DEFAULT, SEARCHES
 from gi_core.discs.search.predicate import Discs, lines
@@ -43,7 +43,6 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, split_at_cuts
 from gi_core.scene.types import UGR, CalculationSurface
 
-GRAIN = 2048  # segments per thread
 CERTAIN = 2.05  # standard errors: two, and room for TOLERANCE
 TOLERANCE = 0.01  # of the standard error, or 1e-6 of the row, by which the last tangents may miss a requirement
 MOST_CUTS = 20  # times that tangents are added
@@ -303,4 +302,4 @@ class Held:
             self._search.accumulate(lines(mine, m.static.rotation[0], m.static.position[0], m, radius), 1, sums)
             return sums.flux
 
-        return np.sum(run_ranges(work, segments.size, m.threads, GRAIN), axis=0)
+        return np.sum(run_ranges(work, segments.size, m.threads, CHEAP), axis=0)

@@ -23,12 +23,11 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
-DENOISE_GRAIN = 1024  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 
 
@@ -120,7 +119,7 @@ def averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int
     def work(_, first, last):
         _average(near, columns, lit, first, last, out.reshape(columns.shape))
 
-    run_ranges(work, len(lit), threads, DENOISE_GRAIN)
+    run_ranges(work, len(lit), threads, COSTLY)
     return out
 
 
@@ -192,7 +191,7 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
             def work(_, first, last, part=part, to=to):
                 _pass(near, light, reach * reach, part, first, last, to)
 
-            run_ranges(work, len(part), threads, DENOISE_GRAIN)
+            run_ranges(work, len(part), threads, COSTLY)
             pause()
         light[rows] = out
         pause()

@@ -20,7 +20,7 @@ import numpy as np
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.pause import STEP, Pace, pause
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import difference, largest, rotate_back, row
 from gi_core.gather.hit_cache import pose_bits
 from gi_core.lights.lamps import mix
@@ -211,7 +211,7 @@ class DirectLight:
                 pose[k] = now[k]
         value = p.value * levels[p.lamp]
         parts = rays, shaded, glass, passed
-        run_ranges(lambda _, a, b: _add(groups, *parts, value, a, b, out), n, m.threads, 1024)  # groups per thread
+        run_ranges(lambda _, a, b: _add(groups, *parts, value, a, b, out), n, m.threads, COSTLY)
         return out
 
     def _find_blocked(self, at: Transforms, moved: list[int], blocked: Blocked) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gi_core.base import random_numbers
 from gi_core.base.jit import allocating, kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import difference, dot, weighted
 from gi_core.bsdf import lambertian
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
@@ -139,7 +139,7 @@ def average_neighbours(
     """Return means (n, 3) of light (n, 3) from bounces (n,) int64 of receivers; close (n,): closeness()."""
     out = np.empty_like(light)
     # 512 receivers per thread
-    run_ranges(lambda _, a, b: _mean(*near, close, bounces, light, a, b, out), len(light), threads, 512)
+    run_ranges(lambda _, a, b: _mean(*near, close, bounces, light, a, b, out), len(light), threads, COSTLY)
     return out
 
 

@@ -25,10 +25,9 @@ from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
 from gi_core.base.pause import STEP, Pace, pause
 from gi_core.base.random_numbers import Stream, seed_of
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import dot, row
 from gi_core.gather.bright_faces import BOUNCES_PER_BRIGHT, BrightFaces, StaticFaces, add_reflected
-from gi_core.gather.denoise import DENOISE_GRAIN
 from gi_core.gather.direct_light import DirectLight, Places
 from gi_core.gather.path_ends import BLACK, BounceHits, Bright, KeptHits, arrive, starts
 from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
@@ -253,7 +252,7 @@ class Radiosity:
         def work(_, first, last):
             _reflect(world, s.corner_front, s.corner_back, E, by_delta.receivers, by_delta.reflected, first, last, out)
 
-        run_ranges(work, faces, self._model.threads, DENOISE_GRAIN)
+        run_ranges(work, faces, self._model.threads, COSTLY)
         return out.reshape(2 * faces, -1)
 
     def _mean_of(self, hits: np.ndarray, reflected: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gi_core.base.jit import allocating, kernel
 from gi_core.base.random_numbers import independent
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, run_ranges
 from gi_core.base.vec import difference, dot
 
 SCATTERED = 16  # neighbours at most; 12 leave a hundredth more error in changes of light, 24 a hundredth less
@@ -50,7 +50,7 @@ def scattered_neighbours(
     n, farthest = len(positions), (reach * (1.0 + 1e-6)) ** 2
     room, count = np.empty((n, SCATTERED), np.int32), np.zeros(n, np.int64)
     # 4096 receivers per thread
-    run_ranges(lambda _, a, b: _scatter(*near, positions, normals, farthest, a, b, room, count), n, threads, 4096)
+    run_ranges(lambda _, a, b: _scatter(*near, positions, normals, farthest, a, b, room, count), n, threads, CHEAP)
     return Neighbours(np.concatenate([[0], np.cumsum(count)]), room[np.arange(SCATTERED) < count[:, None]])
 
 

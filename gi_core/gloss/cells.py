@@ -20,7 +20,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import weighted
 from gi_core.gloss.discs import DIRECTION_BITS, FLUX_SHIFT, Arrivals, GlossDiscs, Intake, add_rays, arrivals, deposit
 from gi_core.gloss.hemisphere import CELLS, SUMS, axes_of, even_light
@@ -28,8 +28,6 @@ from gi_core.gloss.light import FIELDS, CellWriter, GlossLight
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
-
-CELL_GRAIN = 256  # receivers per thread
 
 
 class StaticCells(NamedTuple):
@@ -73,7 +71,7 @@ class GlossCells:
         def work(_, begin, end):
             turn(even, normals[begin:end], out[begin:end])
 
-        run_ranges(work, len(out), self.discs.model.threads, CELL_GRAIN)
+        run_ranges(work, len(out), self.discs.model.threads, COSTLY)
         out[self._place, :, :3] = 0.0
         return out
 
@@ -157,7 +155,7 @@ class GlossCells:
         def work(_, begin, end):
             frame_cells(reached, begin, end, self.discs.normals_of(o), static, scale, Scratch.new(), out)
 
-        run_ranges(work, len(reached.rows), self.discs.model.threads, CELL_GRAIN)
+        run_ranges(work, len(reached.rows), self.discs.model.threads, COSTLY)
 
     def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
         return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]
@@ -181,7 +179,7 @@ class GlossCells:
         def work(_, begin, end):
             deposit(reached, begin, end, self.discs.normals_of(0), sums)
 
-        run_ranges(work, len(reached.rows), self.discs.model.threads, CELL_GRAIN)
+        run_ranges(work, len(reached.rows), self.discs.model.threads, COSTLY)
 
 
 # Sums of cells become shares of irradiance and mean directions ------------------------------------------------

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.predicate import Discs, Lines, lines
@@ -21,7 +21,6 @@ from gi_core.photons.flux_sums import IntersectionLog, Sums
 from gi_core.photons.paths import Segments, rows_of
 from gi_core.rays.accelerator import Transforms
 
-SEGMENT_GRAIN = 256  # segments per thread
 FLUX_SHIFT = 12  # bits of flux left out of moments ...
 DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26 rays in 63 bits
 RAY = 8  # numbers of a ray, see _weigh()
@@ -94,7 +93,7 @@ class GlossDiscs:
             ranges = [(max(first - a, 0), min(last, b) - a) for a, b in itertools.pairwise(ends)]
             return [(k, find(rows_of(parts[k], slice(*r)))) for k, r in enumerate(ranges) if r[0] < r[1]]
 
-        return list(itertools.chain(*run_ranges(work, int(ends[-1]), model.threads, SEGMENT_GRAIN)))
+        return list(itertools.chain(*run_ranges(work, int(ends[-1]), model.threads, COSTLY)))
 
 
 class Intake:

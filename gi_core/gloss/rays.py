@@ -14,8 +14,8 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
-from gi_core.base.threads import run_ranges
-from gi_core.gloss.discs import SEGMENT_GRAIN, GlossDiscs, Intake
+from gi_core.base.threads import COSTLY, run_ranges
+from gi_core.gloss.discs import GlossDiscs, Intake
 from gi_core.gloss.hemisphere import CELLS, axes_of, cell_towards
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
@@ -118,7 +118,7 @@ class RayLists:
             def write(_, a, b, crossings=c, rays=rays):
                 _write(crossings, self._intake.weights, normals, first, a, b, rays)
 
-            run_ranges(write, n, threads, SEGMENT_GRAIN)
+            run_ranges(write, n, threads, COSTLY)
             out.append(rays)
         return _joined(out)
 

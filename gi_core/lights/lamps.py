@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, run_ranges
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.types import Scene, SkyLight
 
@@ -98,9 +98,6 @@ def lamps_of(names: Sequence[str], flux: np.ndarray) -> Lamps:
     return Lamps((*order, *pooled) or ("no lamp",), sources)
 
 
-MIX_GRAIN = 4096  # receivers per thread
-
-
 @inlined
 def mixed(light, row, levels):
     """Return red, green and blue of a row of light per lamp (n, 3 G), at levels (G, 3)."""
@@ -120,7 +117,7 @@ def sum_of_lamps(light: np.ndarray) -> np.ndarray:
 def mix(light: np.ndarray, levels: np.ndarray, threads: int = 1) -> np.ndarray:
     """Return light (n, 3) float64 of light per lamp (n, 3 G), at levels (G, 3)."""
     out = np.empty((len(light), 3))
-    run_ranges(lambda _, first, last: _mix(light, levels, first, last, out), len(out), threads, MIX_GRAIN)
+    run_ranges(lambda _, first, last: _mix(light, levels, first, last, out), len(out), threads, CHEAP)
     return out
 
 
@@ -129,7 +126,7 @@ def irradiance_at(
 ) -> np.ndarray:
     """Return E (R, 3) [W/m2] at levels (G, 3), of sums (R, 3 G) of flux units [W] over areas (R,) [m2]."""
     out = np.empty((len(area), 3))
-    run_ranges(lambda _, *rows: read_out(sums, levels, flux_unit, area, *rows, out), len(out), threads, MIX_GRAIN)
+    run_ranges(lambda _, *rows: read_out(sums, levels, flux_unit, area, *rows, out), len(out), threads, CHEAP)
     return out
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, run_ranges
 from gi_core.photons.paths import Segments
 
 LOWEST = 4096  # photons: the noise of fewer is too high to be useful
@@ -84,7 +84,6 @@ class BackgroundSums:
 
 CHUNK_BITS = 3  # a chunk is 8 receivers: 192 bytes of sums
 CHUNK = 1 << CHUNK_BITS
-CHUNK_GRAIN = 1024  # changed chunks per thread: 30 us; a second thread takes as long to start
 NOWHERE = np.empty((0, 0), np.int64)
 NOT_ADDITIVE = -1  # the receiver's sums are not background - removed suffixes + new suffixes
 
@@ -242,7 +241,7 @@ class FrameSums:
             for part in new_suffixes:
                 _move(share, part.touched, part.flux, self._sums, self._new_flux)
 
-        run_ranges(work, len(chunks), self._threads, CHUNK_GRAIN)
+        run_ranges(work, len(chunks), self._threads, CHEAP)
         cut = CutFlux.none(self._sums.shape[1] // 3).plus(kept_prefixes)
         return Evaluated(self._sums, area, changed, self._new_flux, cut)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, COSTLY, run_ranges
 from gi_core.geometry.receivers import NONE
 from gi_core.rays.accelerator import line
 
@@ -226,7 +226,7 @@ def segments_at(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, 
     def work(_, first, last):
         _write_rows(*paths, photons, vertices, first, last, tuple(out))
 
-    run_ranges(work, len(vertices), threads, 4096)  # 4096 segments per thread
+    run_ranges(work, len(vertices), threads, CHEAP)
     return out
 
 
@@ -244,6 +244,6 @@ def segments_behind(
     def work(_, first, last):
         _write_behind(*paths, photons, vertices, rows, first, last, tuple(out))
 
-    run_ranges(work, len(photons), threads, 512)  # 512 suffixes, of one segment or more, per thread
+    run_ranges(work, len(photons), threads, COSTLY)
     out.low[rows] = low
     return out

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vectors import box, dot
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays import holes, panes
@@ -19,7 +19,6 @@ from gi_core.rays.structures import DEFAULT, STRUCTURES, any_hit, nearest_hit, n
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Pose
 
-RAY_GRAIN = 2048  # rays per thread: with fewer, starting a thread costs more than it saves
 # Of the largest coordinate at hand, of an origin or a face; float32 rounds by 6e-8 of it. A share of the world's size
 # would move light as soon as anything far away is in the file.
 LIFT = 2e-6  # lifts a ray off the face that it leaves
@@ -80,7 +79,7 @@ class Accelerator:
             part = origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b]
             _nearest(self.scenes, o, first, new_ray(), *part)
 
-        run_ranges(work, n, self.threads, RAY_GRAIN)
+        run_ranges(work, n, self.threads, COSTLY)
         return distances, faces
 
     def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
@@ -91,7 +90,7 @@ class Accelerator:
         def work(_, a, b):
             _occluded(self.scenes, o, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
 
-        run_ranges(work, len(origins), self.threads, RAY_GRAIN)
+        run_ranges(work, len(origins), self.threads, COSTLY)
         return blocked
 
 

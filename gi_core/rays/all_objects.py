@@ -12,9 +12,9 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.random_numbers import independent
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import dot, rotate_back, row
-from gi_core.rays.accelerator import FAR, RAY_GRAIN, Accelerator, Transforms, as_rays, passes_box
+from gi_core.rays.accelerator import FAR, Accelerator, Transforms, as_rays, passes_box
 from gi_core.rays.panes import MOST_PANES, chosen, pane_at, transmitted
 from gi_core.rays.structures import nearest_hit, new_ray
 from gi_core.rays.two_level import World, lift_off, on_plane, turned_normal
@@ -38,7 +38,7 @@ def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directio
             origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b],
         )  # fmt: skip
 
-    run_ranges(work, n, accelerator.threads, RAY_GRAIN)
+    run_ranges(work, n, accelerator.threads, COSTLY)
     return distances, faces
 
 
@@ -69,7 +69,7 @@ def nearest_past_panes(
     def work(_, a, b):
         _past_panes(of.scenes, of.boxes, world, at, new_ray(), seed, vertex, PathRays(*(x[a:b] for x in rays)))
 
-    run_ranges(work, n, accelerator.threads, RAY_GRAIN)
+    run_ranges(work, n, accelerator.threads, COSTLY)
     return rays
 
 
@@ -88,7 +88,7 @@ def occluded_in_world(
         rays = origins[a:b], directions[a:b], limits[a:b]
         _occluded_by_any(accelerator.scenes, accelerator.boxes, at, new_ray(), *rays, values[a:b], blocked[a:b])
 
-    run_ranges(work, len(origins), accelerator.threads, RAY_GRAIN)
+    run_ranges(work, len(origins), accelerator.threads, COSTLY)
     return blocked
 
 

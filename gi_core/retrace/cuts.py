@@ -16,7 +16,7 @@ import numpy as np
 
 from gi_core.base.fixed_point import MAX_PATH
 from gi_core.base.jit import kernel
-from gi_core.base.threads import run_ranges
+from gi_core.base.threads import CHEAP, COSTLY, run_ranges
 from gi_core.base.vec import difference, rotate_back
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
@@ -75,10 +75,6 @@ def no_removed_suffixes(paths: PathVertices) -> RemovedSuffixes:
     """Return the removed suffixes of no photon."""
     nobody = np.empty(0, np.int64)
     return RemovedSuffixes(paths, nobody, nobody, empty_segments(0).low)
-
-
-CUT_GRAIN = 2048  # segments per thread
-FOLLOW_GRAIN = 128  # photons per thread
 
 
 class Wanted(NamedTuple):
@@ -192,7 +188,7 @@ def _lines(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, threa
     """Return the background segments that leave the given vertices (n,) of the given photons (n,)."""
     n = len(vertices)
     lines = _Lines(photons, vertices, *np.empty((2, n, 3), np.float32), np.empty(n, np.int32))
-    run_ranges(lambda _, *rows: _read_lines(paths.position, paths.side, *lines[1:], *rows), n, threads, CUT_GRAIN)
+    run_ranges(lambda _, *rows: _read_lines(paths.position, paths.side, *lines[1:], *rows), n, threads, CHEAP)
     return lines
 
 
@@ -242,7 +238,7 @@ def _cuts(model: Model, at: Transforms, near: _Lines) -> tuple[np.ndarray, np.nd
         lines = (a[first:last] for a in (near.origin, near.end, near.side, cut, cut_side))
         nearest_mobile(model.accelerator.scenes, new_ray(), model.world, at, *lines)
 
-    run_ranges(work, n, model.threads, CUT_GRAIN)
+    run_ranges(work, n, model.threads, CHEAP)
     return cut, cut_side
 
 
@@ -272,7 +268,7 @@ def _new_suffixes(model: Model, at: Transforms, seed: int, kept_prefixes: Segmen
         hit, rays = reflected(model.world, at, seed, ended, cut[part], fates)
         return hit, follow(model.accelerator, model.world, at, seed, rays, fates), fates
 
-    hits, new_suffixes, fates = zip(*run_ranges(work, kept_prefixes.size, model.threads, FOLLOW_GRAIN), strict=True)
+    hits, new_suffixes, fates = zip(*run_ranges(work, kept_prefixes.size, model.threads, COSTLY), strict=True)
     return np.concatenate(hits), concatenate(list(new_suffixes)), _together(fates)
 
 
@@ -291,7 +287,7 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
         rays = emitted_rays(model.emitters, seed, first + a, b - a, fates)
         return follow(model.accelerator, model.world, at, seed, rays, fates), fates
 
-    segments, fates = zip(*run_ranges(work, count, model.threads, FOLLOW_GRAIN), strict=True)
+    segments, fates = zip(*run_ranges(work, count, model.threads, COSTLY), strict=True)
     return concatenate(list(segments)), _together(fates)
 
 
@@ -328,7 +324,7 @@ def select(
         for o, low, high, pad in seen:
             _pass(origin, end, at.rotation[o], at.position[o], low, high, pad, first, last, out[o])
 
-    run_ranges(work, len(origin), model.threads, CUT_GRAIN)
+    run_ranges(work, len(origin), model.threads, CHEAP)
     return out
 
 

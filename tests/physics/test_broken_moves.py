@@ -11,7 +11,7 @@ import pytest
 import gi_core
 from gi_core.base.pause import Interrupted, breaking_off
 from gi_core.base.threads import run_ranges
-from gi_core.estimators import photon_map, tangent_plane
+from gi_core.estimators import tangent_plane
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.frames.light_setting import LIGHTS
 from gi_core.scene.pose import axis_angle
@@ -130,7 +130,7 @@ def test_interrupt_while_discs_are_shortened_restores_them():
 def test_frame_stopped_at_any_place_changes_nothing(estimator, light, monkeypatch):
     """In a move, and in a solve that may then go on with more photons."""
     monkeypatch.setattr(tangent_plane, "PIECE", 500)
-    monkeypatch.setattr(photon_map, "QUERY_STEP", 64)
+    monkeypatch.setattr("gi_core.base.pause.PIECE_ROWS", 64)
     solver, asked = solved(estimator, light), []
     with breaking_off(lambda: asked.append(True)):
         solver.move_all(NEXT)
