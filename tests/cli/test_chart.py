@@ -12,7 +12,7 @@ import pytest
 from app import __main__ as cli
 from app.measure.chart import measure, page
 from app.measure.chart.figure import draw, front, styles
-from app.measure.chart.measure import AtCases, Measurer, Walk, errors, flicker, make_walk, rival_choices, rival_light
+from app.measure.chart.measure import AtCase, Measurer, Walk, errors, flicker, make_walk, rival_choices, rival_light
 from app.measure.chart.settings import (
     FULL,
     REPORT,
@@ -246,7 +246,7 @@ def test_the_truth_has_the_levels_of_the_lamps(small):
     assert np.array_equal(full.rows, dimmed.rows)
     assert np.array_equal(0.25 * full.truth, dimmed.truth)
     walk = Walk([solvers[0].poses], [full], full.rows, full.weights, *[np.ones(len(full.rows), bool)] * 2, 1.0)
-    seen = [rival_light(s, walk, 1, 0).irradiance[0] for s in solvers]
+    seen = [rival_light(s, walk, 1, 0)[0].irradiance for s in solvers]
     assert np.array_equal(0.25 * seen[0], seen[1])
 
 
@@ -305,7 +305,7 @@ def test_errors_are_those_of_error_py():
     near, up = np.zeros((15, 3)), np.tile((0.0, 1.0, 0.0), (15, 1))
     poses = enumerate((slice(0, 15), slice(15, 30)))
     cases = [PoseTruth(k, None, w[s], kind[s], T[s], 0.01 * T[s], (near, up)) for k, s in poses]
-    seen, limit = (AtCases([a[:15], a[15:]], [None, None]) for a in (E, end))
+    seen, limit = ([AtCase(a[:15]), AtCase(a[15:])] for a in (E, end))
     found = errors(seen, limit, cases)
     assert found["total all"] == pytest.approx(relative_error(E, T, w).l1)
     assert found["total l2 mobile"] == pytest.approx(relative_error(E, T, w, kind == 2).l2)
@@ -313,7 +313,7 @@ def test_errors_are_those_of_error_py():
     assert found["bias untouched"] == pytest.approx(relative_error(end, T, w, kind == 0).l1)
     assert np.isnan(found["total border"]) and found["points border"] == 0
     assert found["truth all"] == pytest.approx(0.01 * np.sqrt(2 / np.pi))
-    same = errors(AtCases([2 * T[:15], 3 * T[15:]], [None, None]), None, cases)
+    same = errors([AtCase(2 * T[:15]), AtCase(3 * T[15:])], None, cases)
     assert found["clouds 90"] >= found["clouds"] > 0.1 and same["clouds 90"] == 0, "a factor is no cloud"
 
 

@@ -61,18 +61,18 @@ class Walk(NamedTuple):
     change: float  # sum over frames and moved receivers of area x change from frame to frame, by the most photons
 
 
-class AtCases(NamedTuple):
-    """Light at the points of each case."""
+class AtCase(NamedTuple):
+    """Light at the points of a case."""
 
-    irradiance: list[np.ndarray]  # (n, 3) [W/m2]
-    gloss: list[np.ndarray | None]  # (m, 3) [W/m2/sr]; None: the scene has none, or this light
+    irradiance: np.ndarray  # (n, 3) [W/m2]
+    gloss: np.ndarray | None = None  # (m, 3) [W/m2/sr]; None: the scene has none, or this light
 
 
 class Recorded(NamedTuple):
     """Frame times and light of one setting."""
 
     ms: np.ndarray  # (frames,) time of each GI frame
-    at_cases: AtCases
+    at_cases: list[AtCase]
     light: np.ndarray  # (frames, watched) luminance
 
 
@@ -101,15 +101,11 @@ def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None
         light.append(light_of(solver.irradiance, walk.watched))
         for case in walk.cases:
             if case.frame == k:
-                by_frame[k] = solver.irradiance[case.rows], drawn_gloss(solver, case.gloss)
-    return Recorded(np.array(ms), _at_cases([by_frame[c.frame] for c in walk.cases]), np.array(light))
+                by_frame[k] = AtCase(solver.irradiance[case.rows], drawn_gloss(solver, case.gloss))
+    return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
 
 
-def _at_cases(pairs: list[tuple[np.ndarray, np.ndarray | None]]) -> AtCases:
-    return AtCases([E for E, _ in pairs], [gloss for _, gloss in pairs])
-
-
-def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> AtCases:
+def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[AtCase]:
     """Return the light of each case, gathered at its pose for so many CPU seconds."""
     out = []
     for case in walk.cases:
@@ -118,11 +114,11 @@ def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> AtCases:
         for _ in solver.gather_pose_steps() if seconds else ():
             if time.process_time() - started > seconds:
                 break
-        out.append((solver.irradiance[case.rows], drawn_gloss(solver, case.gloss)))
-    return _at_cases(out)
+        out.append(AtCase(solver.irradiance[case.rows], drawn_gloss(solver, case.gloss)))
+    return out
 
 
-def row_of(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, first_frame: float) -> dict:
+def row_of(choice: Choice, seen: Recorded, limit: list[AtCase] | None, walk: Walk, first_frame: float) -> dict:
     """Return the columns of a setting: times [ms] and relative errors of `gi_core.geometry.error`."""
     numbers = {
         **choice._asdict(),
@@ -136,27 +132,26 @@ def row_of(choice: Choice, seen: Recorded, limit: AtCases | None, walk: Walk, fi
     return numbers | errors(seen.at_cases, limit, walk.cases)
 
 
-def errors(light: AtCases, limit: AtCases | None, cases: list[PoseTruth]) -> dict[str, float]:
+def errors(light: list[AtCase], limit: list[AtCase] | None, cases: list[PoseTruth]) -> dict[str, float]:
     """Return noise, bias, total (l1), total (l2), the noise of the truth, and clouds.
 
     They are those of all receivers, of each class, and of gloss where the scene has some. Clouds are means over the
     poses, of all receivers: median and 90th percentile of `local_deviation`.
     """
     T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
-    E = np.concatenate(light.irradiance)
-    end = None if limit is None else np.concatenate(limit.irradiance)
+    E, end = (None if of is None else np.concatenate([case.irradiance for case in of]) for of in (light, limit))
     out: dict[str, float] = {}
     for name in ("all", *CLASSES):
         of = slice(None) if name == "all" else kind == CLASSES.index(name)
         out |= _errors(name, E[of], None if end is None else end[of], T[of], s[of], w[of])
     clouds = [
-        local_deviation(E, case.truth, (*case.places, case.weights), 1.0, luminance(case.standard_error))
-        for E, case in zip(light.irradiance, cases, strict=True)
+        local_deviation(seen.irradiance, case.truth, (*case.places, case.weights), 1.0, luminance(case.standard_error))
+        for seen, case in zip(light, cases, strict=True)
     ]
     out["clouds"], out["clouds 90"] = np.mean(clouds, axis=0).tolist()
-    shining = [k for k, case in enumerate(cases) if case.gloss is not None and light.gloss[k] is not None]
+    shining = [k for k, case in enumerate(cases) if case.gloss is not None and light[k].gloss is not None]
     if shining:
-        L, end = (None if of is None else _together([of.gloss[k] for k in shining]) for of in (light, limit))
+        L, end = (None if of is None else _together([of[k].gloss for k in shining]) for of in (light, limit))
         T, s, w = (np.concatenate(a) for a in zip(*(cases[k].gloss[3:] for k in shining), strict=True))
         out |= _errors("gloss", L, end, T, s, w)
     return out
@@ -191,13 +186,13 @@ def _jump(light: np.ndarray, areas: np.ndarray) -> float:
     return float((areas * np.abs(np.diff(light, axis=0))).sum())
 
 
-def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> AtCases:
+def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> list[AtCase]:
     """Return the irradiance of each case from a number of paths per receiver; it has no gloss."""
     out = []
     for case in walk.cases:
         gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ 0x417A1)  # the truth has other paths
-        out.append(gatherer.paths(case.rows, 0, paths).mean(axis=1))
-    return AtCases(out, [None] * len(out))
+        out.append(AtCase(gatherer.paths(case.rows, 0, paths).mean(axis=1)))
+    return out
 
 
 def rival_times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:
