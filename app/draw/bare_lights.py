@@ -80,16 +80,20 @@ def light_faces(model: Model, levels: np.ndarray) -> LightFaces:
     for light in model.scene.lights:
         if not isinstance(light, PhotometricLight) or min(light.size) <= 0:
             continue
-        axis, c0 = axes(light)
-        a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(axis, c0)
-        around = np.array(light.position) + np.stack([-a - b, a - b, a + b, b - a])
-        ahead = share_ahead(light)
+        around, ahead = rectangle_of(light), share_ahead(light)
         flux = np.array(light.flux) * levels[lamps.get(light.name, 0)]
         for share, places in ((ahead, around), (1 - ahead, around[::-1])):
             if share > 1e-3 and flux.any():  # 1e-3 of the flux makes a side bright
                 corners.append(places[None])
                 radiance.append((share * flux / (math.pi * light.size[0] * light.size[1]))[None])
     return LightFaces(np.concatenate(corners), np.concatenate(radiance), sky)
+
+
+def rectangle_of(light: PhotometricLight) -> np.ndarray:
+    """Return the corners (4, 3) [m] of a luminaire, counterclockwise seen from where it shines."""
+    axis, c0 = axes(light)
+    a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(axis, c0)
+    return np.array(light.position) + np.stack([-a - b, a - b, a + b, b - a])
 
 
 HIGHLIGHTS = 16  # highlights per picture, as in surface.frag: those of the strongest lights

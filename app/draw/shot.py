@@ -84,8 +84,7 @@ class Shot:
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one fixes the settings left open."""
         self.expose()
-        if self.scale is None:
-            self.scale = self.fitted_scale()
+        self.scale = self.scale or self.fitted_scale()
         lit = self.lit
         display = Display(self.exposure, self.settings.tone_map, self.gains, self.scale)
         taken = picture(lit, self.view, display, progress=progress, light=self.pixel_light)

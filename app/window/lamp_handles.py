@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from imgui_bundle import imgui
 
+from app.draw.bare_lights import rectangle_of
 from app.session.lights import Directed, LightId, towards, turned, words_for
 from app.window import drag, theme
 from app.window.camera_control import CLICK_PIXELS
@@ -249,12 +250,7 @@ def _draw_outline(light: PlacedLight, view: View, colour: int) -> None:
     """Draw the rectangle of a luminaire that has a size."""
     if not isinstance(light, PhotometricLight) or min(light.size) <= 0:
         return
-    from gi_core.lights.photometric import axes
-
-    axis, c0 = axes(light)
-    a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(c0, axis)
-    corners = np.array(light.position) + np.stack([-a - b, a - b, a + b, b - a])
-    places = view.on_screen(corners)
+    places = view.on_screen(rectangle_of(light))
     for p, q in zip(places, [*places[1:], places[0]], strict=True):
         if p is not None and q is not None:
             imgui.get_window_draw_list().add_line(p, q, colour, theme.pixels(2.0))
