@@ -17,7 +17,7 @@ from pathlib import Path
 
 from app import values
 from app.cli.terminal import Exit, fail, guarded
-from app.commands import COMMANDS, VIEW, Command
+from app.commands import COMMANDS, VIEW
 from app.settings import UsageError
 
 
@@ -83,12 +83,12 @@ def _is_scene(name: str) -> bool:
 def parse(argv: list[str]) -> argparse.Namespace:
     """Return the checked arguments; `.run(arguments)` carries them out. Raises SystemExit like argparse."""
     if argv and argv[0] in COMMANDS:
-        command = COMMANDS[argv[0]]
-        return _filled(Parser(prog=f"gi-viewer {argv[0]}", description=command.summary), command).parse_args(argv[1:])
-    lines = [f"  gi-viewer {name:<10}{command.summary}" for name, command in COMMANDS.items()]
+        parser = Parser(prog=f"gi-viewer {argv[0]}", description=COMMANDS[argv[0]])
+        return _filled(parser, argv[0]).parse_args(argv[1:])
+    lines = [f"  gi-viewer {name:<10}{summary}" for name, summary in COMMANDS.items()]
     epilog = "commands without a window (each has its own --help):\n" + "\n".join(lines)
     layout = argparse.RawDescriptionHelpFormatter
-    parser = _filled(Parser(prog="gi-viewer", description=VIEW.summary, epilog=epilog, formatter_class=layout), VIEW)
+    parser = _filled(Parser(prog="gi-viewer", description=VIEW, epilog=epilog, formatter_class=layout), "view")
     if argv and not argv[0].startswith("-") and not Path(argv[0]).suffix and len(argv) > 1:
         # Two words, the first of them no command: probably a mistyped one.
         meant = did_you_mean(argv[0], COMMANDS)
@@ -99,8 +99,8 @@ def parse(argv: list[str]) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def _filled(parser: Parser, command: Command) -> Parser:
-    module = import_module(command.module)
+def _filled(parser: Parser, command: str) -> Parser:
+    module = import_module(f"app.commands.{command}")
     module.add_options(parser)
     parser.set_defaults(run=module.run)
     return parser

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from app import __main__ as cli
-from app.commands import COMMANDS, VIEW
+from app.commands import COMMANDS
 from gi_core.files import load
 from gi_core.instruments import compile_ahead
 from gi_core.rays.accelerator import Accelerator
@@ -40,8 +40,8 @@ NEEDED = {"atlas": "--out atlas", "report": "--out r.html"}
 
 def groups() -> Iterator[tuple[str, str, list[str]]]:
     """Yield command, name of the group and arguments of every run."""
-    for name, command in {"": VIEW, **COMMANDS}.items():
-        parser = cli._filled(argparse.ArgumentParser(), command)
+    for name in ("", *COMMANDS):
+        parser = cli._filled(argparse.ArgumentParser(), name or "view")
         yield name, "bare", NEEDED.get(name, "").split()
         apart = [shlex.split(words) for words in SEPARATE.get(name, ())]
         for k, words in enumerate(apart):
