@@ -25,7 +25,7 @@ from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Gloss, Mesh, Paint
 from tests.cli.test_render import checkered_room
 from tests.support.cli_support import FAST, one_line
-from tests.support.scene_builders import quad
+from tests.support.scene_builders import complete, quad
 from tests.unit.draw.test_light_map import bilinear
 
 SETTINGS = Settings(photons=4000, radius=0.06, size=(192, 144), light="photons", tone_map="clip", exposure=1.0)
@@ -42,8 +42,7 @@ def two_sided_room() -> Scene:
 
 
 def solved(scene: Scene, settings: Settings = SETTINGS) -> Shot:
-    solver = make_solver(scene, settings)
-    solver.solve()
+    solver = complete(make_solver(scene, settings))
     return Shot(solver, settings)
 
 

@@ -10,6 +10,7 @@ from app.draw import motion
 from app.measure.bench import measure as command
 from app.settings import STEP_PER_FRAME, Settings, make_solver, open_scene
 from tests.support.cli_support import FAST, one_line
+from tests.support.scene_builders import complete
 
 KEYS = """format scene triangles receivers photons estimator control radius threads processor commit frames frame_ms
 stages_ms share_cut segments_changed us_per_cut_photon from_scratch_ms from_scratch_ratio first_frame_ms
@@ -69,8 +70,7 @@ def test_the_table_has_frame_stages_and_control(measured):
 def test_the_tree_bench_has_light_to_move():
     """Along the tree's path half a percent of the photons or more are cut in the median frame."""
     settings = Settings("tree", photons=10_000, estimator="impact_count")
-    solver = make_solver(open_scene(settings), settings)
-    solver.solve()
+    solver = complete(make_solver(open_scene(settings), settings))
     for frames in (50, 200):
         cut = []
         for poses in motion.walk(motion.paths_of(solver), STEP_PER_FRAME, frames):  # the tree is 1 m in size

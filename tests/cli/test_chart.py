@@ -30,7 +30,7 @@ from app.settings import LampLevel, Settings, UsageError, make_solver, open_scen
 from gi_core.geometry.error import luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, complete, merge, quad, sphere
 from tests.support.small_scale import small_charts
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
@@ -229,8 +229,7 @@ def test_given_settings_are_not_varied():
 def test_receivers_without_area_are_not_watched(tmp_path):
     """Probes have none, and the furnace has some."""
     settings = Settings("furnace", photons=500, estimator="impact_count")
-    solver = make_solver(open_scene(settings), settings)
-    solver.solve()
+    solver = complete(make_solver(open_scene(settings), settings))
     walk = make_walk(solver, [solver.poses, solver.poses], [], 0)
     assert len(solver.scene.probes) and (solver.receivers.areas[walk.watched] > 0).all()
     assert walk.steady.sum() + walk.moved.sum() <= len(walk.watched) and walk.change == 0
@@ -391,8 +390,7 @@ def test_gloss_towards_the_camera_is_near_its_truth():
     scene = Scene(
         static, materials, (ball,), camera=Camera((-0.6, -0.9, 1.2), (0, 0.3, 0.4), 60.0), up=(0, 0, 1), name="satin"
     )
-    solver = make_solver(scene, Settings(photons=400_000, radius=0.12, light="photons"))
-    solver.solve()
+    solver = complete(make_solver(scene, Settings(photons=400_000, radius=0.12, light="photons")))
     truth = gloss_truth(solver, 1000, 0)
     assert truth is not None and len(truth.weights) > 100
     corners = solver.surfaces.corner_back[solver.surfaces.two_sided]
@@ -405,6 +403,5 @@ def test_gloss_towards_the_camera_is_near_its_truth():
     assert noise < 0.05 and total < 0.15
     assert relative_error(2 * found, truth.truth, truth.weights).l1 > 0.8
     plain = replace(scene, materials=(*materials[:2], *(m._replace(gloss=None) for m in materials[2:])))
-    bare = make_solver(plain, Settings(photons=1000, radius=0.12))
-    bare.solve()
+    bare = complete(make_solver(plain, Settings(photons=1000, radius=0.12)))
     assert gloss_truth(bare, 100, 0) is None and drawn_gloss(bare, None) is None

@@ -4,14 +4,17 @@ import argparse
 import subprocess
 import sys
 import tomllib
+import types
 from pathlib import Path
 
 import pytest
 
 from app import __main__ as cli
 from app.cli.options import settings_of
+from app.commands import render as render_command
 from app.settings import LampLevel, Settings, open_scene
-from tests.support.cli_support import FAST, one_line
+from gi_core.instruments import compile_ahead
+from tests.support.cli_support import FAST, FEW, one_line
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL")
@@ -183,7 +186,7 @@ def test_a_picture_without_a_name_replaces_none(capsys, tmp_path, monkeypatch):
 
 
 def test_an_unknown_estimator_is_refused_with_the_names_there_are(capsys, estimator):
-    assert cli.main(["info", *FAST, "--estimator", "guess"]) == 2
+    assert cli.main(["info", *FEW, "--estimator", "guess"]) == 2
     assert estimator in one_line(capsys.readouterr().err)
 
 
@@ -206,9 +209,9 @@ def test_a_mistyped_lamp_is_refused_before_kernels_compile(capsys, monkeypatch, 
 
 
 def test_unknown_mobile_and_non_rigid_pose_exit_with_3(capsys):
-    assert cli.main(["info", *FAST, "--pose", "nobody=0,0,0"]) == 3
+    assert cli.main(["info", *FEW, "--pose", "nobody=0,0,0"]) == 3
     assert '"nobody"' in one_line(capsys.readouterr().err)
-    assert cli.main(["info", *FAST, "--pose", "pawn=0,0,0,2,0,0,0"]) == 3
+    assert cli.main(["info", *FEW, "--pose", "pawn=0,0,0,2,0,0,0"]) == 3
     assert "length 1" in one_line(capsys.readouterr().err)
 
 
@@ -217,8 +220,6 @@ def test_unknown_mobile_and_non_rigid_pose_exit_with_3(capsys):
 
 def test_without_a_window_the_picture_goes_to_a_file(capsys, tmp_path, monkeypatch, no_window):
     monkeypatch.chdir(tmp_path)
-    from app.commands import render as render_command
-
     said = []  # by the time the work begins
     render = render_command.render
     monkeypatch.setattr(render_command, "render", lambda *a: (said.append(capsys.readouterr()), render(*a))[1])
@@ -240,8 +241,6 @@ def test_no_window_without_fallback_exits_with_4(capsys, tmp_path, monkeypatch, 
 
 
 def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
-    import types
-
     from app.window import window
 
     seen = []
@@ -250,7 +249,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
         sys.modules, "app.window.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0)
     )
     assert cli.main([*FAST, "--exposure", "2"]) == 0
-    assert seen == [Settings(photons=2000, exposure=2.0)]
+    assert seen == [Settings(photons=2000, exposure=2.0, light="photons")]
 
 
 @pytest.mark.parametrize(
@@ -292,7 +291,6 @@ def test_light_is_gathered_without_an_estimator_option(words, light):
 @pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["info"]])
 def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command, name):
     from app.window import viewer, window
-    from gi_core.instruments import compile_ahead
 
     def too_late(*_, **__):
         raise AssertionError("checked after the names")

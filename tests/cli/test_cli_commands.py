@@ -4,6 +4,7 @@ import io
 import sys
 import types
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,12 +13,15 @@ from PIL import Image
 from app import __main__ as cli
 from app.cli import progress
 from app.cli.progress import Bar
-from app.measure import scene_info
+from app.measure import atlas, scene_info
+from app.measure.scene_info import material_lines
 from gi_core.instruments import compile_ahead
-from gi_core.scene import Material, Scene
+from gi_core.model import Model
+from gi_core.scene import Material, Mobile, PointLight, Scene
 from gi_core.scene.types import Gloss
-from tests.support.cli_support import FAST, one_line
+from tests.support.cli_support import FAST, FEW, one_line
 from tests.support.mesh_writers import BOX, write_obj, write_room
+from tests.support.scene_builders import box, grey, quad
 
 # Commands -------------------------------------------------------------------------------------------
 
@@ -101,7 +105,7 @@ def test_the_reference_has_the_levels_of_the_lamps(capsys, tmp_path, monkeypatch
 
 
 def test_info_lists_contents_and_reasons(capsys, estimator):
-    assert cli.main(["info", *FAST, "--radius", "0.02"]) == 0
+    assert cli.main(["info", *FEW, "--radius", "0.02"]) == 0
     text = capsys.readouterr().out
     assert "Python threads over kernels that release the GIL" in text
     for part in ("triangles", 'mobile "pawn"', 'light "lamp"', "absorbed", "kernel cache", "threads", estimator):
@@ -143,11 +147,6 @@ def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):
 
 def test_info_lists_materials_of_one_name_by_object():
     """A grey floor and a red box, each of a file that calls its material "Material"."""
-    from app.measure.scene_info import material_lines
-    from gi_core.model import Model
-    from gi_core.scene import Mobile
-    from tests.support.scene_builders import box, quad
-
     red = Mobile("chair", box((0, 0, 0), (1, 1, 1))._replace(face_material=np.ones(12, np.int32)))
     materials = Material("Material", (0.5,) * 3), Material("Material", (0.8, 0.1, 0.1))
     scene = Scene(quad((0, 0, 0), (0, 0, 4), (4, 0, 0), (2, 2)), materials, (red,))
@@ -159,11 +158,6 @@ def test_info_lists_materials_of_one_name_by_object():
 
 
 def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
-    from dataclasses import replace
-
-    from gi_core.scene import PointLight
-    from tests.support.scene_builders import grey, quad
-
     floor = quad((-1, 0, -1), (0, 0, 2), (2, 0, 0), (4, 4))
     scene = Scene(floor, (grey(0.5),), lights=(PointLight("bulb", (0, 5, 0), (1, 1, 1)),))
     monkeypatch.setattr(scene_info, "open_scene", lambda s: replace(scene, name="desert"))
@@ -259,7 +253,6 @@ def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
 
 
 def test_atlas_is_written_to_out_with_the_rays_asked_for(capsys, tmp_path, monkeypatch):
-    from app.measure import atlas
     from app.measure.atlas import row
 
     used = []

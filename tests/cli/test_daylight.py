@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from app import __main__ as cli
 from app.draw.camera import Bounds, from_camera
@@ -66,8 +67,6 @@ def test_the_sun_meets_the_floor_where_geometry_says(room):
 
 
 def test_the_picture_shows_the_patch(room, tmp_path, capsys):
-    from PIL import Image
-
     picture = tmp_path / "a.png"
     assert cli.main(["render", str(room), "--photons", "20000", "--size", "200x160", "--out", str(picture)]) == 0
     pixels = np.asarray(Image.open(picture).convert("L"))

@@ -8,9 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from gi_core import defaults
+from gi_core.files import completion, load
+from gi_core.files.completion import refinement
 from gi_core.files.find import shipped_scenes
+from gi_core.files.formats import mesh_file
 from gi_core.files.formats.shapes import OF_ROOM, SHAPES
 from gi_core.files.load import load_scene
+from gi_core.geometry import receivers
 from gi_core.scene import SceneError
 from tests.support.document_examples import ROOT, bring, commands, enter, prose, run, work_through
 
@@ -157,12 +162,6 @@ def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
 
 
 def test_numbers_in_the_text_are_those_of_the_program():
-    from gi_core import defaults
-    from gi_core.files import completion, load
-    from gi_core.files.completion import refinement
-    from gi_core.files.formats import mesh_file
-    from gi_core.geometry import receivers
-
     text = " ".join(FORMAT.read_text(encoding="utf-8").split())
     for sentence in (
         f"some {load.MOST_RECEIVERS:,} receivers",

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from app import __main__ as cli
+from app.cli.writable import write_whole
 from tests.support.cli_support import one_line
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
 
@@ -70,8 +71,6 @@ def test_a_baked_file_has_the_exposure_of_the_saved_scene(room):
 
 
 def test_a_full_disk_is_named_with_the_file(tmp_path, monkeypatch):
-    from app.cli.writable import write_whole
-
     def full(self, data):
         raise OSError(28, "No space left on device")
 

@@ -18,8 +18,9 @@ from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
+from gi_core.scene.types import Gloss
 from tests.support.gl_drawing import gl_picture
-from tests.support.scene_builders import merge, quad
+from tests.support.scene_builders import complete, merge, quad
 from tests.support.viewer_support import room
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
@@ -257,8 +258,7 @@ def test_every_pixel_inside_a_closed_room_is_hit():
 
 def test_ray_cast_picture_equals_the_opengl_picture():
     """Same colours, camera, sides, tone map: all but edge pixels agree (measured: 0.24 % are 8 steps of 255 apart)."""
-    solver = make_solver(room(), SMALL)
-    solver.solve()
+    solver = complete(make_solver(room(), SMALL))
     shown = replace(SMALL, show="irradiance"), replace(SMALL, show="illuminance", illuminance_range=(0.0, 20.0))
     shown = *shown, replace(SMALL, show="luminance", luminance_range=(0.01, 20.0))
     for settings in (SMALL, replace(SMALL, cull=False, tone_map="reinhard"), *shown):
@@ -274,8 +274,7 @@ def test_ray_cast_isolines_are_those_of_the_opengl_picture():
     """Where one picture has a line, the other has one within a pixel. OpenGL differentiates over blocks of 2 x 2."""
     from scipy.ndimage import maximum_filter
 
-    solver = make_solver(room(), SMALL)
-    solver.solve()
+    solver = complete(make_solver(room(), SMALL))
     lined = replace(SMALL, show="illuminance", illuminance_range=(0.0, 20.0), isolines=(1.0, 2.0, 5.0), size=(192, 144))
     pictures = [[], []]
     for settings in (lined, replace(lined, isolines=None)):
@@ -379,8 +378,6 @@ def test_scenes_without_textures_carry_none():
 
 def test_a_glossy_picture_equals_the_opengl_picture():
     """Plastic walls and a golden mobile: the vertex shader and gi_core/gloss/light.py do the same arithmetic."""
-    from gi_core.scene.types import Gloss
-
     scene = room()
     gold = Material("gold", (0.0,) * 3, gloss=Gloss((0.9, 0.7, 0.3), 0.2))
     plastic = [m._replace(gloss=Gloss(alpha=0.3)) for m in scene.materials[:3]]

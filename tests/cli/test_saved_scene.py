@@ -24,6 +24,7 @@ from gi_core.scene.pose import as_pose, axis_angle
 from tests.support.document_examples import bring
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
 from tests.support.photometry import write_ies
+from tests.support.scene_builders import complete
 
 TURNED = as_pose(Pose((0.21, 0.1, 0.13), axis_angle((0.3, 1.0, -0.2), 37.0)))
 CAMERA = Camera((1.1, 1.3, 0.123456789012345), (0.2, 0.1, 0.3), 41.7)
@@ -38,8 +39,7 @@ def parsed(*words: str) -> Settings:
 
 
 def light_of(settings: Settings) -> np.ndarray:
-    solver = make_solver(open_scene(settings), settings)
-    solver.solve()
+    solver = complete(make_solver(open_scene(settings), settings))
     return solver.irradiance
 
 
@@ -56,8 +56,7 @@ def test_a_shipped_scene_opens_as_it_was_saved(scene, tmp_path, monkeypatch):
 def test_the_light_of_a_saved_scene_has_the_same_bits(scene, tmp_path):
     settings = replace(SETTINGS, scene=scene)
     scene_before = open_scene(settings)
-    solver = make_solver(scene_before, settings)
-    solver.solve()
+    solver = complete(make_solver(scene_before, settings))
     poses = {m.name: TURNED for m in scene_before.mobiles}
     solver.move_all(poses)
     saved_scene.write(tmp_path / "a.toml", saved_scene.with_view(settings, solver.poses, CAMERA))

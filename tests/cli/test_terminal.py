@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from app import __main__ as program
+from app.cli.progress import Bar
 from app.measure import scene_info
 from app.session.log import Log
 from gi_core.scene.errors import SceneError
@@ -141,8 +142,6 @@ def test_missing_streams_are_left_missing(monkeypatch):
 
 
 def test_the_bar_is_drawn_on_the_guarded_stream(monkeypatch):
-    from app.cli.progress import Bar
-
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True

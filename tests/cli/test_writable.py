@@ -12,7 +12,11 @@ import pytest
 from app import __main__ as program
 from app.cli import saved_scene
 from app.cli.writable import check_writable, write_whole
+from app.rest.live_error import ReferenceJob
+from app.rest.reference_store import ReferenceStore
 from app.settings import Settings, UsageError
+from gi_core.solver import Solver
+from tests.support.scene_builders import coloured_room
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -106,11 +110,6 @@ def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
 
 def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, tmp_path):
     """The folder is a file: no user can create anything in it."""
-    from app.rest.live_error import ReferenceJob
-    from app.rest.reference_store import ReferenceStore
-    from gi_core.solver import Solver
-    from tests.support.scene_builders import coloured_room
-
     nowhere = tmp_path / "file"
     nowhere.write_text("")
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(nowhere / "kept"))

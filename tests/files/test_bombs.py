@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gi_core.files.formats.boundary import LIMITS, MOST_AT_VERTEX, MOST_KEY_PARTS
 from gi_core.files.formats.toml_file import read_scene_file
@@ -101,8 +102,6 @@ def test_triangles_are_counted_per_use_and_after_cuts(tmp_path, monkeypatch):
 
 def test_an_image_is_decoded_once(tmp_path, monkeypatch):
     """Thousands of materials may share it."""
-    from PIL import Image
-
     (tmp_path / "a.png").write_bytes(bombs.png(4))
     library = "".join(f"newmtl m{i}\nKe 1 1 1\nmap_Ke a.png\nmap_d a.png\n" for i in range(50))
     write_obj(tmp_path / "a.obj", before="mtllib a.mtl\nusemtl m0", library=library)

@@ -8,6 +8,8 @@ import json
 import os
 import random
 import struct
+import subprocess
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -179,8 +181,6 @@ def test_accessor_longer_than_its_buffer(tmp_path):
 @pytest.mark.parametrize("kind", ["ply", "stl"])
 def test_header_with_billions_of_elements(tmp_path, kind):
     """Refused with no more memory than the file has."""
-    import tracemalloc
-
     if kind == "ply":
         data = (
             b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n"
@@ -220,8 +220,6 @@ def test_sentences_and_notes_are_printable_lines(tmp_path):
 
 def test_nothing_in_a_file_is_executed(tmp_path, monkeypatch):
     """A name that looks like a command stays a name."""
-    import os
-    import subprocess
 
     def never(*arguments, **_):
         raise AssertionError(arguments)

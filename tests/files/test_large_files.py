@@ -5,8 +5,8 @@ import pytest
 
 from gi_core.files.load import load_scene
 from gi_core.geometry.error import luminance
-from gi_core.solver import Solver
 from tests.support.mesh_writers import gltf_lights, write_glb
+from tests.support.scene_builders import solve
 
 SIDE, ROWS = 10.0, 708  # [m], vertices per row: 2 x 707^2 triangles
 SUN = {"type": "directional", "intensity": 100.0}
@@ -29,8 +29,7 @@ def test_a_million_triangles_load_and_light(tmp_path):
 
     scene = load_scene(str(tmp_path / "hills.glb"))
     assert len(scene.static.faces) == len(faces) == 2 * 707**2
-    solver = Solver(scene, photons=16_384, radius=0.4, control=False)
-    solver.solve()
+    solver = solve(scene, photons=16_384, radius=0.4, control=False)
 
     assert luminance(solver.frame.fates["absorbed"]) == pytest.approx(100.0 * SIDE**2, rel=0.02)
     r = solver.receivers

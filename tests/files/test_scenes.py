@@ -20,6 +20,7 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene import SceneError
 from gi_core.scene.pose import pose_at, to_world
+from scenes.cornell_spectra import GREEN, RED, WHITE, lamp_rgb, reflectance_rgb, to_rgb
 from scenes.key_frames import written
 
 SHARED = Path(__file__).parents[3] / "shared" / "scenes"
@@ -113,8 +114,6 @@ def test_loading_a_scene_file_imports_no_trimesh():
 
 def test_cornell_colours_follow_the_measured_spectra():
     """Known linear sRGB of the measured reflectances under an equal-energy light, to 1 % of full scale."""
-    from scenes.cornell_spectra import GREEN, RED, WHITE, lamp_rgb, reflectance_rgb, to_rgb
-
     known = [(WHITE, (0.885809, 0.698859, 0.666422)), (GREEN, (0.105421, 0.37798, 0.076425))]
     known.append((RED, (0.570068, 0.0430135, 0.0443706)))
     for spectrum, rgb in known:

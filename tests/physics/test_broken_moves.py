@@ -17,7 +17,7 @@ from gi_core.frames.light_setting import LIGHTS
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Mobile, Pose
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, coloured_room
+from tests.support.scene_builders import box, coloured_room, solve
 
 OURS = str(Path(gi_core.__file__).parent)
 PLACES = 40  # interruptions per estimator
@@ -66,9 +66,7 @@ def seen(solver: Solver) -> tuple:
 
 def solved(estimator: str, light: str = "photons") -> Solver:
     block = Mobile("block", box((-0.15, -0.15, 0), (0.15, 0.15, 0.3), 2, 0), START)
-    solver = Solver(coloured_room((block,)), estimator, photons=2000, radius=0.1, neighbours=8, threads=1)
-    solver.configure(light=light)
-    solver.solve()
+    solver = solve(coloured_room((block,)), estimator, photons=2000, radius=0.1, neighbours=8, threads=1, light=light)
     solver.move("block", THERE)  # contacts at START are not those that are known last
     return solver
 

@@ -55,7 +55,7 @@ from gi_core.scene.types import (
 from gi_core.solver import Solver, edited_solver, photons_of
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import luminaire
-from tests.support.scene_builders import box, merge, quad, solve, sphere
+from tests.support.scene_builders import box, complete, merge, quad, solve, sphere
 
 GIVEN = {"photons": 6000, "radius": 0.15, "neighbours": 6, "seed": 5}
 TURNED = Pose((0.4, 0.6, 0.2), axis_angle((0, 0, 1), 30))
@@ -178,8 +178,7 @@ def test_an_hour_of_daylight_equals_a_new_solver():
     scene = daylit(room(), place, "room")
     solver = solved(scene)
     for hour in (15.0, 2.0, 9.0):
-        solver = edited_solver(solver, edited(solver.scene, [ChangeDaylight((("hour", hour),))]))
-        solver.solve()
+        solver = complete(edited_solver(solver, edited(solver.scene, [ChangeDaylight((("hour", hour),))])))
         new = solved(daylit(room(), place._replace(hour=hour), "room"))
         assert np.array_equal(solver.irradiance, new.irradiance) and solver.lamps.names == new.lamps.names
         assert ("sun" in new.lamps.names) == (hour > 6)
@@ -190,8 +189,7 @@ def test_a_colour_retraces_the_photons_that_met_it_and_no_others():
     faces = solver.scene.static.face_material == 2
     expected = photons_that_meet(solver, faces)
     assert 0.02 * GIVEN["photons"] < expected < 0.4 * GIVEN["photons"]
-    other = edited_solver(solver, edited(room(), [EDITS["material"]]))
-    other.solve()
+    other = complete(edited_solver(solver, edited(room(), [EDITS["material"]])))
     assert photons_of(other).traced == expected
     assert not np.array_equal(other.irradiance, solver.irradiance)
     # More photons than were known are traced as ever.
@@ -227,8 +225,7 @@ def test_an_edit_keeps_regions_of_the_shapes_that_stay(change, new, monkeypatch)
         return measure(model, o, radius)
 
     monkeypatch.setattr(region, "_measured", counted)
-    other = edited_solver(solver, change(room()))
-    other.solve()
+    other = complete(edited_solver(solver, change(room())))
     assert sorted(measured) == sorted(new)
     assert np.array_equal(other.irradiance, solved(change(room())).irradiance)
     discs, before = (
@@ -240,8 +237,7 @@ def test_an_edit_keeps_regions_of_the_shapes_that_stay(change, new, monkeypatch)
 
 @pytest.mark.parametrize("kind", ["mobile", "duplicate", "remove"])
 def test_edits_of_mobiles_trace_no_photon(kind):
-    other = edited_solver(solved(room()), edited(room(), [EDITS[kind]]))
-    other.solve()
+    other = complete(edited_solver(solved(room()), edited(room(), [EDITS[kind]])))
     assert photons_of(other).traced == 0 and other.frame.photons == GIVEN["photons"]
 
 
@@ -278,8 +274,7 @@ def test_a_sky_that_must_reach_a_new_mobile_is_traced_again():
     """Sky photons start on a sphere that covers all mobiles: a copy far outside moves them all."""
     sky = room(lights=(SkyLight("sky", (1.0, 1.0, 1.0)),))
     scene = edited(sky, [Duplicate("far", "ball", Pose((4.0, 0.0, 0.0)))])
-    other = edited_solver(solved(sky), scene)
-    other.solve()
+    other = complete(edited_solver(solved(sky), scene))
     assert photons_of(other).traced == GIVEN["photons"]
     assert np.array_equal(other.irradiance, solved(scene).irradiance)
 
@@ -335,8 +330,7 @@ def test_any_history_of_edits_and_moves_equals_a_new_solver(history, light):
             scene = edited(scene, [edit])
         except SceneError:
             continue  # the mobile is gone, or has that name already
-        solver = edited_solver(solver, scene)
-        solver.solve()
+        solver = complete(edited_solver(solver, scene))
         solver.move("ball", pose)
         assert np.array_equal(solver.irradiance, solver.from_scratch())
         assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
@@ -617,8 +611,7 @@ def test_a_moved_light_retraces_its_own_photons_and_no_others(edit, lamp):
     photons = photons_of(solver).subset(GIVEN["photons"])[0].lamp
     own = int((photons == solver.lamps.names.index(lamp)).sum())
     assert 0 < own < 0.7 * GIVEN["photons"]
-    other = edited_solver(solver, edited(room(), [edit]))
-    other.solve()
+    other = complete(edited_solver(solver, edited(room(), [edit])))
     assert photons_of(other).traced == own
     assert not np.array_equal(other.irradiance, solver.irradiance)
 

@@ -46,8 +46,7 @@ def test_first_picture_is_of_whole_discs(low_receiver_threshold):
 
 def test_first_look_leaves_no_trace(low_receiver_threshold):
     steps, straight = opened(), opened()
-    for _ in steps.solve_steps():
-        pass
+    list(steps.solve_steps())
     straight.solve()
     assert np.array_equal(steps.irradiance, straight.irradiance)
     assert steps.frame.photons == straight.frame.photons == PHOTONS
@@ -61,8 +60,7 @@ def test_interrupted_first_look_leaves_no_trace(low_receiver_threshold, stop):
     for _, _ in zip(range(stop), left.solve_steps(), strict=False):
         pass
     left.move_all(left.poses)
-    for _ in left.solve_steps():
-        pass
+    list(left.solve_steps())
     straight.solve()
     assert np.array_equal(left.irradiance, straight.irradiance)
 

@@ -26,7 +26,7 @@ from tests.support.brdf_cases import SETS
 from tests.support.brdf_tables import exact, nodes
 from tests.support.projection import projected
 from tests.support.reference_twins import Twin
-from tests.support.scene_builders import box, merge, quad, solve, sphere
+from tests.support.scene_builders import box, complete, merge, quad, solve, sphere
 
 GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
 SURFACES = {
@@ -204,8 +204,7 @@ def test_a_new_surface_equals_a_solver_built_with_it():
     for name in ("varnish", "ward", "velvet", "gold"):
         material = SURFACES[name]._replace(name="wall")
         scene = replace(ROOM, materials=(material, *ROOM.materials[1:]))
-        solver = edited_solver(solver, scene)
-        solver.solve()
+        solver = complete(edited_solver(solver, scene))
         fresh = solve(scene, **GIVEN)
         assert np.array_equal(solver.irradiance, fresh.irradiance)
         assert np.array_equal(solver.frame.gloss.directions().cells, fresh.frame.gloss.directions().cells)

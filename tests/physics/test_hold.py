@@ -10,8 +10,8 @@ from app.rest.hold import Inputs, measured_steps, result_of
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
 from gi_core.scene.types import CalculationSurface, Pose
-from gi_core.solver import Solver
 from tests.physics.test_invariants import AWAY, SCENE
+from tests.support.scene_builders import solve
 
 HEIGHT, BULB = 2.0, 1000.0  # [m] above the points, [lm]
 ROOM = """up = "z"
@@ -103,8 +103,7 @@ def test_bounds_hold_against_the_reference_while_a_mobile_moves():
     )
     scene, z, of_mean, lit = replace(SCENE, surfaces=(surface,)), [], [], set()
     for seed in (1, 2):
-        solver = Solver(scene, seed=seed, light="best", photons=60_000, radius=0.05)
-        solver.solve()
+        solver = solve(scene, seed=seed, light="best", photons=60_000, radius=0.05)
         model, poses = solver.model, (Pose((0.6, 0.4, 0.0)), Pose((0.3, 0.35, 0.1)), Pose((0.7, 0.6, 0.15)))
         *_, (_, measured) = measured_steps(model, Inputs((surface,), 1.0, ()), seed)
         solver.hold(measured[0])
@@ -117,7 +116,7 @@ def test_bounds_hold_against_the_reference_while_a_mobile_moves():
             free = np.isfinite(answer.values)
             at = of.positions[free], of.normals[free]
             E, error = reference_irradiance(
-                scene, *at, 4096, 77 + seed, solver.poses, model=model, levels=solver.levels
+                scene, *at, 2048, 77 + seed, solver.poses, model=model, levels=solver.levels
             )
             E, error = luminance(E), luminance(error)
             z.append((answer.values[free] - E) / np.hypot(answer.errors[free], error))

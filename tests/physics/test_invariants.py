@@ -30,7 +30,7 @@ from gi_core.solver import Solver
 from tests.physics.test_contact import bowl
 from tests.support.photometry import luminaire
 from tests.support.reference_twins import Twin
-from tests.support.scene_builders import box, merge, quad, solve, sphere
+from tests.support.scene_builders import box, complete, merge, quad, solve, sphere
 
 PHOTONS, RADIUS, NEIGHBOURS, SEED = 300, 0.2, 6, 11
 AWAY = Pose((50.0, 50.0, 50.0))
@@ -81,8 +81,7 @@ def fresh(**settings) -> Solver:
 
 
 def solved(poses=None, **settings) -> Solver:
-    s = fresh(**settings)
-    s.solve()
+    s = complete(fresh(**settings))
     if poses:
         s.move_all(poses)
     return s
@@ -296,8 +295,7 @@ def test_flux_is_accounted_for(pose):
 
 
 def test_refined_equals_solved_at_once(estimator):
-    refined = fresh(estimator=estimator, photons=40)
-    refined.solve()
+    refined = complete(fresh(estimator=estimator, photons=40))
     for photons in (130, PHOTONS):
         refined.configure(photons=photons)
         refined.solve()

@@ -7,8 +7,7 @@ from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.cutouts import covered
 from gi_core.model import Model
 from gi_core.scene.types import DirectionalLight, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
-from gi_core.solver import Solver
-from tests.support.scene_builders import grey, quad
+from tests.support.scene_builders import grey, quad, solve
 
 UP = (0.0, 0.0, 1.0)
 
@@ -74,8 +73,7 @@ def shaded(share: float, mobile: bool) -> tuple[Scene, float]:
 @pytest.mark.parametrize("share", [0.2, 0.7])
 def test_a_shadow_is_as_dark_as_the_leaf_is_covered(share, mobile):
     scene, passes = shaded(share, mobile)
-    solver = Solver(scene, photons=200_000, radius=0.3, light="photons")
-    solver.solve()
+    solver = solve(scene, photons=200_000, radius=0.3, light="photons")
     r = solver.receivers
     floor = (r.positions[:, 2] < 0.1) & (np.abs(r.positions[:, :2] - 1).max(axis=1) < 0.3)
     assert solver.irradiance[floor, 0].mean() == pytest.approx(10 * passes, rel=0.03)
@@ -87,8 +85,7 @@ def test_a_shadow_is_as_dark_as_the_leaf_is_covered(share, mobile):
 
 def test_frames_of_a_leaf_equal_those_from_scratch():
     scene, _ = shaded(0.5, mobile=True)
-    solver = Solver(scene, photons=3000, radius=0.3, light="best", seed=11)
-    solver.solve()
+    solver = solve(scene, photons=3000, radius=0.3, light="best", seed=11)
     for place in ((1.2, 1.0, 0.4), (1.0, 1.3, 0.0), (1.0, 1.0, 0.5)):
         solver.move("leaf", Pose(place))
         assert np.array_equal(solver.irradiance, solver.from_scratch())

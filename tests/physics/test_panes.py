@@ -16,7 +16,7 @@ from gi_core.scene.types import DirectionalLight, Material, Mobile, Pane, PointL
 from gi_core.solver import Solver
 from tests.physics.test_leaves import blots, screen
 from tests.support.lit_from_outside import MATERIALS, prism
-from tests.support.scene_builders import box, grey, merge, quad, sphere
+from tests.support.scene_builders import box, grey, merge, quad, solve, sphere
 
 UP = (0.0, 0.0, 1.0)
 TINT = (1.0, 0.7, 0.4)
@@ -72,8 +72,7 @@ def test_parallel_light_through_panes(count):
     cosine = 1 / np.sqrt(1.25)
     scene = stack(count, DirectionalLight("sun", (0.5, 0.0, -1.0), (10.0, 10.0, 10.0), 0.0))
     back, passes = (a[0] for a in slab([cosine]))
-    solver = Solver(scene, photons=400_000, radius=0.3, light="photons")
-    solver.solve()
+    solver = solve(scene, photons=400_000, radius=0.3, light="photons")
     E, _ = reference_irradiance(scene, [(0.1, 0.1, 0.0)], [UP], 4, 1, model=solver.model)
     np.testing.assert_allclose(E[0], 10 * cosine * passes**count, rtol=1e-6)
     R, T = back, passes
@@ -121,8 +120,7 @@ def test_a_glazed_room_has_the_light_of_mitsuba():
 def test_photons_and_paths_agree_behind_a_pane():
     scene, points, normals = glazed_room()
     probes = tuple(Probe(f"p{k}", tuple(p), tuple(n)) for k, (p, n) in enumerate(zip(points, normals, strict=True)))
-    solver = Solver(replace(scene, probes=probes), photons=1_000_000, radius=0.25, light="photons")
-    solver.solve()
+    solver = solve(replace(scene, probes=probes), photons=1_000_000, radius=0.25, light="photons")
     by_photons = [solver.frame.probe_irradiance[p.name][0] for p in probes]
     np.testing.assert_allclose(by_photons, MITSUBA[:, 0], rtol=0.05)
 
@@ -165,8 +163,7 @@ moves = st.lists(st.tuples(st.sampled_from(["box", "ball", "leaf"]), poses), min
 def test_any_history_with_panes_equals_from_scratch(light, history, estimator):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gi_core.frames.static_light.UNRESOLVED", np.inf)
-        solver = Solver(SCENE, photons=3000, radius=0.2, neighbours=6, seed=11, light=light, estimator=estimator)
-        solver.solve()
+        solver = solve(SCENE, photons=3000, radius=0.2, neighbours=6, seed=11, light=light, estimator=estimator)
         for name, pose in history:
             solver.move(name, pose)
         assert np.array_equal(solver.irradiance, solver.from_scratch())
@@ -193,8 +190,7 @@ def test_a_moved_pane_dims_what_stands_behind_it(rays):
     pane = Mobile("pane", quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0), (1, 1), 1), Pose((0.0, 0.0, 0.4)))
     sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0), 0.0)
     scene = Scene(floor, (grey(0.2), glass(TINT)), (pane,), (sun,), up=UP, name="shade")
-    solver = Solver(scene, photons=20_000, radius=0.2, light="best", rays=rays)
-    solver.solve()
+    solver = solve(scene, photons=20_000, radius=0.2, light="best", rays=rays)
     solver.move("pane", Pose((0.1, 0.0, 0.4)))
     _, passes = slab([1.0])
     direct, levels = solver.frame_light.direct, solver.levels
@@ -215,8 +211,7 @@ def test_no_light_passes_a_pane_in_the_plane_of_a_wall(height):
     floor = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), (10, 10))
     sun = DirectionalLight("sun", (0.0, 0.0, -1.0), (10.0, 10.0, 10.0))
     scene = Scene(merge(floor, wall, pane), (grey(0.0, two_sided=True), glass()), (), (sun,), up=UP, name="plane")
-    solver = Solver(scene, photons=20_000, radius=0.1, light="photons")
-    solver.solve()
+    solver = solve(scene, photons=20_000, radius=0.1, light="photons")
     p = solver.receivers.positions
     below = (p[:, 2] < 0.1) & (np.abs(p[:, :2]).max(axis=1) < 0.9)
     assert below.any() and not solver.irradiance[below].any()

@@ -28,6 +28,7 @@ from app.measure.atlas.row import (
     sheet,
     solved,
 )
+from gi_core.geometry.surfaces import face_normals
 from tests.support.significance import p_values, sidak
 
 TESTS = 115  # numbers tested, an upper bound
@@ -114,8 +115,6 @@ def test_noise_of_discs_is_inversely_proportional_to_their_radius(measured):
 
 def test_shapes():
     """Areas and orientations of the shapes that predictions use."""
-    from gi_core.geometry.surfaces import face_normals
-
     for degrees in (30, 180, 330, 360):
         normals, areas = face_normals(fan((0, 0, 0), degrees))
         steps = degrees / 30

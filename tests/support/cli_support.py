@@ -1,6 +1,7 @@
 """Helpers of the command-line tests."""
 
-FAST = ["cornell", "--photons", "2000"]
+FEW = ["cornell", "--photons", "2000"]
+FAST = [*FEW, "--light", "photons"]
 
 
 def one_line(text: str) -> str:

@@ -246,8 +246,12 @@ def sunny_house(spacing: float = 0.8) -> Scene:
     return replace(scene, static=merge(scene.static, ground), camera=camera)
 
 
-def solve(scene: Scene, *arguments, **settings) -> Solver:
-    """Return a solver whose light is complete."""
-    solver = Solver(scene, *arguments, **settings)
+def complete(solver: Solver) -> Solver:
+    """Complete a solver's light and return it."""
     solver.solve()
     return solver
+
+
+def solve(scene: Scene, *arguments, **settings) -> Solver:
+    """Return a solver whose light is complete."""
+    return complete(Solver(scene, *arguments, **settings))

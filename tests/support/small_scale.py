@@ -1,16 +1,20 @@
 """Measurements of few photons, a rough truth and tiny pictures, and the room of every command."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from app import settings
+from app.draw import fine_mesh
 from app.measure import atlas
 from app.measure.atlas import row
 from app.measure.bench import report, sweep
 from app.measure.chart import page
 from app.measure.chart import settings as chart_settings
+from gi_core.display.fine_points import fine_points
+from gi_core.photons import pilot
 from tests.support.mesh_writers import write_scene
 from tests.support.scene_builders import furnace_scene
 
@@ -68,6 +72,11 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     folder: of the room of `bench --tables`, which has scenes of its own.
     """
     small_charts(patch)
+    least = {"limit_photons": 8192, "truth": 0.5, "picture_truth": 1.0, "gathered_seconds": 0.0, "radii": (1.0,)}
+    for name in ("QUICK", "FULL"):  # they run, and their numbers are not read
+        patch.setattr(chart_settings, name, getattr(chart_settings, name)._replace(**least))
+    patch.setattr(pilot, "PHOTONS", 1024)
+    patch.setattr(fine_mesh, "fine_points", partial(fine_points, most=100))
     k = list(settings.Settings.__dataclass_fields__).index("size")
     values = settings.Settings.__init__.__defaults__
     patch.setattr(settings.Settings.__init__, "__defaults__", (*values[:k], (60, 40), *values[k + 1 :]))

@@ -15,7 +15,7 @@ from gi_core.photons.paths import segments_of
 from gi_core.photons.trace import trace_background
 from gi_core.scene.types import Camera, Defaults, DirectionalLight, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad, sphere
+from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad, solve, sphere
 
 pytestmark = pytest.mark.slow
 
@@ -189,8 +189,7 @@ def disc_tests(discs: Discs, over: Lines, points: int = 8) -> float:
 @pytest.mark.parametrize("radius", [0.01, 0.03])
 def test_predicted_work_is_near_that_of_the_disc_index(radius):
     model = Model(room(*crates(12)))
-    solver = Solver(model.scene, photons=64, radius=radius)
-    solver.solve()
+    solver = solve(model.scene, photons=64, radius=radius)
     discs = solver.frame.background.estimate.searches[0].discs
     paths, _ = trace_background(model.accelerator, model.world, model.static, model.emitters, 3, 0, 2000)
     s = segments_of(paths, 0, 2000)

@@ -16,7 +16,7 @@ from gi_core.frames.background import Photons
 from gi_core.photons.paths import PathStore
 from gi_core.retrace.broad_phase import CoarseStore
 from gi_core.solver import Solver
-from tests.support.scene_builders import coloured_room
+from tests.support.scene_builders import coloured_room, solve
 
 pytestmark = pytest.mark.slow
 
@@ -129,8 +129,7 @@ def test_command_ends_in_one_sentence(tmp_path):
 
 def test_a_failed_allocation_leaves_the_solver_whole(estimator, monkeypatch):
     """At every place where photons are stored; the picture stays, and more photons then give the bits of a new one."""
-    solver = Solver(coloured_room(), estimator, photons=2000, radius=0.15, neighbours=50)
-    solver.solve()
+    solver = solve(coloured_room(), estimator, photons=2000, radius=0.15, neighbours=50)
     light = solver.irradiance
     for where, name in ((CoarseStore, "append"), (PathStore, "reserve"), (PathStore, "append"), (Photons, "_estimate")):
         with monkeypatch.context() as patch:
@@ -140,8 +139,7 @@ def test_a_failed_allocation_leaves_the_solver_whole(estimator, monkeypatch):
                 solver.solve()
             assert solver.irradiance is light
     solver.solve()
-    whole = Solver(coloured_room(), estimator, photons=6000, radius=0.15, neighbours=50)
-    whole.solve()
+    whole = solve(coloured_room(), estimator, photons=6000, radius=0.15, neighbours=50)
     assert np.array_equal(solver.irradiance, whole.irradiance)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 

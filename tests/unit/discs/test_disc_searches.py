@@ -13,6 +13,7 @@ import pytest
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search import PRETESTS, SEARCHES
+from gi_core.discs.search.disc_index import TRIED_CELL_RADII, _downhill, best_cell_radii
 from gi_core.discs.search.predicate import Discs, Lines
 from gi_core.discs.search.ray_cache import RayCache, stack_spheres
 from gi_core.geometry.receivers import NONE
@@ -148,8 +149,6 @@ def test_spheres_hold_their_discs_whole_and_nest():
 
 
 def test_the_best_cells_are_found_downhill():
-    from gi_core.discs.search.disc_index import TRIED_CELL_RADII, _downhill, best_cell_radii
-
     for best in TRIED_CELL_RADII:
         assert _downhill(lambda r, best=best: abs(r - best)) == best
     crowded, apart = case(0.4).discs, case(0.003).discs

@@ -13,7 +13,7 @@ from gi_core.photons.flux_sums import LOWEST
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, complete
 
 SCENE = coloured_room((box_mobile(size=0.3),))
 PHOTONS = 2 * LOWEST + 900
@@ -60,8 +60,7 @@ def test_photons_are_merged_in_steps_that_may_be_abandoned(monkeypatch):
 @pytest.mark.parametrize("control", [False, True])
 def test_a_walk_through_poses_subsets_and_estimators_equals_from_scratch(control):
     solver, known = solver_of(control=control), {}
-    for _ in solver.solve_steps():
-        pass
+    list(solver.solve_steps())
     assert len(solver.frame.subsets) == 3
     cut, stale = 0, 0
     for k, pose in enumerate(walk()):
@@ -83,11 +82,9 @@ def test_a_walk_through_poses_subsets_and_estimators_equals_from_scratch(control
 
 @pytest.mark.parametrize("search", SEARCHES)
 def test_searching_for_removed_suffixes_gives_the_same_bits(search, monkeypatch):
-    looked_up = solver_of(search=search)
-    looked_up.solve()
+    looked_up = complete(solver_of(search=search))
     monkeypatch.setattr(intersection_cache, "MOST_PER_PHOTON", 0)
-    searched = solver_of(search=search)
-    searched.solve()
+    searched = complete(solver_of(search=search))
     assert looked_up.frame.background.estimate._intersections.complete
     assert not searched.frame.background.estimate._intersections.complete
     assert searched.frame.background.estimate.bytes_per_hit == 0 < looked_up.frame.background.estimate.bytes_per_hit
@@ -100,8 +97,7 @@ def test_searching_for_removed_suffixes_gives_the_same_bits(search, monkeypatch)
 
 def test_full_log_is_recorded_again(monkeypatch):
     def light():
-        solver = solver_of()
-        solver.solve()
+        solver = complete(solver_of())
         solver.move("box", standing(0.4))
         return solver.irradiance, solver.static_irradiance
 
@@ -145,7 +141,6 @@ def test_comparison_detects_a_shifted_cut(off, monkeypatch):
         real(self, removed_suffixes._replace(low=(removed_suffixes.low + np.float32(off)).astype(np.float32)), *others)
 
     monkeypatch.setattr(IntersectionCache, "subtract", shifted)
-    solver = solver_of(control=False)
-    solver.solve()
+    solver = complete(solver_of(control=False))
     solver.move("box", Pose((0.5, 0.45, 0.25)))
     assert not np.array_equal(solver.irradiance, solver.from_scratch())

@@ -9,12 +9,11 @@ import numpy as np
 
 from gi_core.scene.types import PointLight, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, sphere
+from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, solve, sphere
 
 
 def irradiance(scene: Scene, photons: int, radius: float, control: bool = True) -> tuple[Solver, np.ndarray]:
-    solver = Solver(scene, photons=photons, radius=radius, control=control)
-    solver.solve()
+    solver = solve(scene, photons=photons, radius=radius, control=control)
     return solver, solver.irradiance[:, 0]
 
 

@@ -11,7 +11,7 @@ from gi_core.scene import Pose
 from gi_core.scene.types import Mobile, Scene
 from gi_core.solver import Solver
 from tests.support.control_scenes import two_rooms
-from tests.support.scene_builders import box, box_mobile, floor, grey, lamp, merge, quad
+from tests.support.scene_builders import box, box_mobile, floor, grey, lamp, merge, quad, solve
 
 LOW, HIGH = (-0.32, -0.28, 0.0), (0.22, 0.33, 0.5)  # of the box; between the lines of the floor's grid
 
@@ -24,9 +24,7 @@ def standing(two_sided: bool = False, height: float = 0.5, mobiles=()) -> Scene:
 
 
 def solved(scene: Scene, photons: int = 300_000, **more) -> Solver:
-    solver = Solver(scene, photons=photons, radius=0.04, **more)
-    solver.solve()
-    return solver
+    return solve(scene, photons=photons, radius=0.04, **more)
 
 
 def inside(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
@@ -140,8 +138,7 @@ def test_lit_inside_is_unchanged():
 
 def test_dilation_stays_in_its_room():
     case = two_rooms()
-    solver = Solver(case.scene, photons=200_000, radius=case.radius)
-    solver.solve()
+    solver = solve(case.scene, photons=200_000, radius=case.radius)
     p, n = solver.receivers.positions, solver.receivers.normals
     dark = case.affected(p, n)
     assert dark.sum() > 20 and not solver.irradiance[dark].any()
@@ -200,8 +197,7 @@ def test_a_box_in_the_grid_of_the_floor_has_no_dark_rim_at_rest():
     scene = Scene(merge(floor(2.0, 20), light), (grey(0.5), lamp(5.0)), (box_mobile(size=0.4),), up=(0.0, 0.0, 1.0))
     solver = solved(scene, 30_000, light="best")
     solver.move("box", Pose((0.0, 0.0, 0.2)))
-    for _ in solver.gather_pose_steps():
-        pass
+    list(solver.gather_pose_steps())
     gathered = solver.frame_light.gathered_at(solver.model.transforms(solver.poses))
     drawn = solver.drawn(solver.irradiance)
     p = solver.receivers.positions

@@ -20,8 +20,7 @@ from gi_core.files.edits import Finish, Remove, edited
 from gi_core.geometry.error import REC709
 from gi_core.model import Model
 from gi_core.scene import Material, Scene
-from gi_core.solver import Solver
-from tests.support.scene_builders import merge, quad
+from tests.support.scene_builders import merge, quad, solve
 from tests.support.viewer_support import room
 
 RED = (("reflectance", (0.7, 0.2, 0.1)),)
@@ -130,8 +129,7 @@ def test_no_kernel_compiles_for_a_picture(mesh, irradiance):
 
 @pytest.mark.parametrize("cull", [True, False])
 def test_visible_irradiance_is_that_of_all_faces_placed(cull, monkeypatch):
-    solver = Solver(room(24), photons=2_000, radius=0.06)
-    solver.solve()
+    solver = solve(room(24), photons=2_000, radius=0.06)
     shot, counts, place = Shot(solver, Settings(show="illuminance")), [], visible.place
     lit = shot.lit
 

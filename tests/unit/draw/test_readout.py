@@ -19,7 +19,7 @@ from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import PHOTOMETRIC, RADIOMETRIC, Gloss
 from tests.support import closed_form
 from tests.support.projection import projected
-from tests.support.scene_builders import merge, quad
+from tests.support.scene_builders import complete, merge, quad
 
 SETTINGS = Settings(photons=2000, radius=0.1, size=(161, 121), tone_map="clip", exposure=0.0)
 INTENSITY, HEIGHT = 500.0, 2.0  # [cd], [m]
@@ -135,8 +135,9 @@ def glossy(alpha: float) -> Shot:
     """A floor under a lamp of its own light, solved: dark, so that its highlight is most of its luminance."""
     scene = floor()
     oak = scene.materials[0]._replace(reflectance=(0.1,) * 3, gloss=Gloss((0.3,) * 3, alpha))
-    solver = make_solver(replace(scene, materials=(oak, scene.materials[1])), replace(SETTINGS, photons=20_000))
-    solver.solve()
+    solver = complete(
+        make_solver(replace(scene, materials=(oak, scene.materials[1])), replace(SETTINGS, photons=20_000))
+    )
     return Shot(solver, replace(SETTINGS, exposure=-4.0))
 
 

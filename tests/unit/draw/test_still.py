@@ -14,7 +14,7 @@ from gi_core.geometry.error import luminance
 from gi_core.scene.types import Camera, DirectionalLight, Gloss, Material, Pane, PointLight
 from gi_core.solver import Solver
 from tests.support.closed_form import parallel_rectangle
-from tests.support.scene_builders import box, floor, grey, lamp_over_floor, merge, plane_scene, quad
+from tests.support.scene_builders import box, complete, floor, grey, lamp_over_floor, merge, plane_scene, quad
 from tests.support.significance import z_test
 from tests.support.viewer_support import room
 
@@ -30,9 +30,7 @@ def shot_of(solver: Solver, paths: int | None, settings: Settings = SETTINGS):
 
 
 def solved(scene, settings: Settings = SETTINGS, threads: int | None = None) -> Solver:
-    solver = make_solver(scene, settings, threads=threads)
-    solver.solve()
-    return solver
+    return complete(make_solver(scene, settings, threads=threads))
 
 
 def known(scene, paths: int = 2048) -> Solver:

@@ -22,6 +22,7 @@ from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated, SubsetSt
 from gi_core.photons.paths import Segments, bounced
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
+from tests.support.scene_builders import complete
 from tests.support.viewer_hand import errors, keys
 
 SCENE = ["cornell", "--max-edge", "0.2", "--estimator", "toy"]
@@ -102,8 +103,7 @@ def registered(monkeypatch) -> type[Estimator]:
 
 def test_frame_equals_from_scratch_and_the_shipped_estimator():
     settings = Settings("cornell", max_edge=0.2, photons=5000, estimator="toy")
-    solver = make_solver(open_scene(settings), settings)
-    solver.solve()
+    solver = complete(make_solver(open_scene(settings), settings))
     (name, pose), *_ = solver.poses.items()
     solver.move(name, pose._replace(position=tuple(np.add(pose.position, (0.1, 0.0, 0.05)))))
     lit = solver.irradiance

@@ -9,8 +9,7 @@ from gi_core.frames.mobile_light import CoarseFaces
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
-from gi_core.solver import Solver
-from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad
+from tests.support.scene_builders import box, furnace_scene, grey, lamp, merge, quad, solve
 
 BULB = (PointLight("bulb", (2.0, 2.0, 2.6), (100.0, 80.0, 60.0)),)
 
@@ -27,8 +26,7 @@ def room(divisions: int, bulb: bool) -> Scene:
 @pytest.mark.parametrize("divisions", [1, 2])
 def test_a_block_in_a_room_of_few_triangles(divisions, bulb):
     """Gathered light was 22 to 35 % too dark in 12 triangles, and up to 43 % too bright in 48."""
-    solver = Solver(room(divisions, bulb), photons=100_000, radius=0.1, light="best")
-    solver.solve()
+    solver = solve(room(divisions, bulb), photons=100_000, radius=0.1, light="best")
     rows = solver.surfaces.receiver_range(1)
     points, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
     truth, _ = reference_irradiance(solver.scene, points, normals, 512, 1)
@@ -39,8 +37,7 @@ def test_a_block_in_a_room_of_few_triangles(divisions, bulb):
 
 
 def test_reflectance_changes_only_on_coarse_faces_with_enough_photons():
-    solver = Solver(furnace_scene(1.0, 0.5, 2), photons=20_000, radius=0.1, estimator="impact_count")
-    solver.solve()
+    solver = solve(furnace_scene(1.0, 0.5, 2), photons=20_000, radius=0.1, estimator="impact_count")
     model, (paths, _) = solver.model, solver.frame.store.subset(20_000)
     own, light = model.surfaces.reflectance, solver.irradiance
     full = solver.levels
@@ -60,8 +57,7 @@ def test_two_sided_faces_share_one_scale():
     scene = room(8, False)
     screen = quad((3.0, 1.0, 0.5), (0, 2, 0), (0, 0, 2), (1, 1), 2)
     scene = replace(scene, static=merge(scene.static, screen), materials=(*scene.materials, grey(0.5, two_sided=True)))
-    solver = Solver(scene, photons=50_000, radius=0.5, estimator="impact_count")
-    solver.solve()
+    solver = solve(scene, photons=50_000, radius=0.5, estimator="impact_count")
     light = solver.irradiance[: solver.surfaces.receiver_range(0).stop]
     coarse = CoarseFaces.of(solver.model, solver.frame.store.subset(50_000)[0], 1.0)
     found = coarse.reflectance(solver.model, light, solver.levels)

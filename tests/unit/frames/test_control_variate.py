@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gi_core.frames import control_variate
 from gi_core.frames.control_variate import ALONE, CORRELATED, Direct, _kept, frame_irradiance
 from gi_core.frames.frame import _controlled
 from gi_core.gather.denoise import VARIANCE
@@ -11,7 +12,7 @@ from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_n
 from gi_core.photons.flux_sums import CHUNK, LOWEST, NOT_ADDITIVE, CutFlux, Evaluated
 from gi_core.scene import Pose, SceneError
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 SCENE = coloured_room((box_mobile(size=0.1),))
 PHOTONS = 16 * LOWEST
@@ -21,8 +22,7 @@ POSE = Pose((0.55, 0.5, 0.35))
 @pytest.fixture(scope="module")
 def frames() -> dict:
     """Irradiance at POSE: of few photons with either static light and of all; at rest without the box: of both."""
-    solver = Solver(SCENE, photons=PHOTONS, radius=0.06)
-    solver.solve()
+    solver = solve(SCENE, photons=PHOTONS, radius=0.06)
     out = {"solver": solver, "own": {n: solver.frame.background.irradiance(n) for n in (LOWEST, PHOTONS)}}
     for kind in ("all", "subset"):
         solver.configure(subset_only=kind == "subset")
@@ -160,8 +160,6 @@ def test_smoothed_and_shrunk_changes_have_less_error(monkeypatch, estimator):
 
     Means of three seeds: some 90 receivers change. Measured: 0.26 and 0.63, impact_count 0.35 and 0.75.
     """
-    from gi_core.frames import control_variate
-
     measure = control_variate._measure
 
     def as_measured(*arguments):
@@ -171,8 +169,7 @@ def test_smoothed_and_shrunk_changes_have_less_error(monkeypatch, estimator):
     smoothed, whole = [], []
     for seed in range(3):
         scene = coloured_room((box_mobile(size=0.1),), grid=12)
-        solver = Solver(scene, estimator=estimator, photons=4 * PHOTONS, radius=0.06, seed=seed)
-        solver.solve()
+        solver = solve(scene, estimator=estimator, photons=4 * PHOTONS, radius=0.06, seed=seed)
         own = solver.static_irradiance
         static, weights = slice(0, len(own)), solver.receivers.areas[: len(own)]
         solver.move("box", POSE)
@@ -197,8 +194,7 @@ def test_light_that_mobiles_gather_has_no_bias():
     """
     shown, unbiased, truth = 0.0, 0.0, 0.0
     for seed in range(6):
-        solver = Solver(coloured_room((box_mobile(size=0.1),), grid=12), photons=16 * LOWEST, radius=0.06, seed=seed)
-        solver.solve()
+        solver = solve(coloured_room((box_mobile(size=0.1),), grid=12), photons=16 * LOWEST, radius=0.06, seed=seed)
         own = solver.static_irradiance
         static = slice(0, len(own))
         solver.move("box", POSE)

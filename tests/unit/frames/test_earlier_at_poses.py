@@ -12,6 +12,7 @@ from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 from tests.physics.test_edits import room
+from tests.support.scene_builders import solve
 
 GIVEN = {"photons": 8192, "radius": 0.12, "seed": 5, "light": "best"}
 SLIGHTLY = Finish("ball", (("reflectance", (0.28, 0.7, 0.58)),))
@@ -24,10 +25,8 @@ def before() -> Solver:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(static, "ENOUGH", 0.03)
         patch.setattr(pose_gather, "CLEARLY", 0.1)
-        solver = Solver(room(), **GIVEN)
-        solver.solve()
-        for _ in solver.gather_pose_steps():
-            pass
+        solver = solve(room(), **GIVEN)
+        list(solver.gather_pose_steps())
     assert replaced(solver) > 0.5
     return solver
 
@@ -42,8 +41,7 @@ def kept(solver: Solver) -> LightAtPoses:
 
 
 def after(before: Solver, *edits: Edit) -> Solver:
-    solver = Solver(edited(before.scene, edits), **GIVEN, results=before.keep_results())
-    solver.solve()
+    solver = solve(edited(before.scene, edits), **GIVEN, results=before.keep_results())
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     return solver
 
@@ -65,8 +63,7 @@ def test_it_changes_as_photons_say(before, monkeypatch):
     many.solve()
     monkeypatch.setattr(static, "ENOUGH", 0.02)
     monkeypatch.setattr(pose_gather, "CLEARLY", 0.1)
-    for _ in many.gather_pose_steps():
-        pass
+    list(many.gather_pose_steps())
     rows = many.frame_light.gathered_at(many.model.transforms(many.poses)).rows
     truth, areas = many.irradiance[rows], before.model.object_receivers.areas[rows]
     pictures = solver.irradiance, before.irradiance, solver.frame.own
@@ -100,8 +97,7 @@ def test_paths_at_the_poses_take_over(clearly, before, monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.03)
     monkeypatch.setattr(pose_gather, "CLEARLY", clearly)
     solver = after(before, DARK)
-    for _ in solver.gather_pose_steps():
-        pass
+    list(solver.gather_pose_steps())
     at = solver.model.transforms(solver.poses)
     found = solver.frame_light.gathered_at(at)
     assert found.used.all() == (clearly < 1) and np.array_equal(solver.irradiance[found.rows], found.mean)

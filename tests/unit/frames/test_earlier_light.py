@@ -15,16 +15,14 @@ from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_edits import room
-from tests.support.scene_builders import box, merge
+from tests.support.scene_builders import box, merge, solve
 
 GIVEN = {"photons": 16_384, "radius": 0.12, "seed": 5, "light": "best"}
 RED = (("reflectance", (0.7, 0.2, 0.1)),)
 
 
 def solved(scene: Scene, **given) -> Solver:
-    solver = Solver(scene, **GIVEN | given)
-    solver.solve()
-    return solver
+    return solve(scene, **GIVEN | given)
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +43,7 @@ def light_before(solver: Solver) -> LightBefore | None:
 
 
 def after(before: Solver, *edits: Edit) -> Solver:
-    solver = Solver(edited(before.scene, edits), **GIVEN, results=before.keep_results())
-    solver.solve()
-    return solver
+    return solve(edited(before.scene, edits), **GIVEN, results=before.keep_results())
 
 
 def test_a_mobiles_colour_leaves_the_static_light_as_it_was(before):
@@ -116,8 +112,7 @@ def test_edits_in_a_row_begin_with_the_same_light(before):
     """Values of a dragged slider add no noise to each other."""
     first = after(before, Finish("wall", RED))
     assert light_before(first) is first.frame_light.static._edited.before
-    back = Solver(before.scene, **GIVEN, results=first.keep_results().of("photons", "light before"))
-    back.solve()
+    back = solve(before.scene, **GIVEN, results=first.keep_results().of("photons", "light before"))
     assert np.array_equal(back.frame_light.static.best.light, before.frame_light.static.best.light)
 
 
@@ -193,8 +188,7 @@ def test_gathering_goes_on_where_the_static_part_stays(edit):
     results = solver.keep_results()
     shown = g.estimate
     gathered_rounds(solver, 4)  # the solver before goes on meanwhile
-    new = Solver(edited(solver.scene, [edit]), **GIVEN, results=results)
-    new.solve()
+    new = solve(edited(solver.scene, [edit]), **GIVEN, results=results)
     goes_on = new.frame_light.static.gathered
     if edit == Finish("wall", RED):
         assert goes_on is None and new.frame_light.static.shows_earlier
@@ -232,11 +226,9 @@ def test_an_edit_taken_back_brings_its_gathered_light_back():
     """Whole paths of the scene before are in the store, though another static part has been on show since."""
     solver = solved(room())
     g = gathered_rounds(solver, 3)
-    wall = Solver(edited(solver.scene, [Finish("wall", RED)]), **GIVEN, results=solver.keep_results())
-    wall.solve()
+    wall = solve(edited(solver.scene, [Finish("wall", RED)]), **GIVEN, results=solver.keep_results())
     assert wall.frame_light.static.gathered is None and wall.frame_light.static.shows_earlier
-    back = Solver(solver.scene, **GIVEN, results=wall.keep_results())
-    back.solve()
+    back = solve(solver.scene, **GIVEN, results=wall.keep_results())
     again = back.frame_light.static.gathered
     assert again is not g and again.state.rounds == 3 and np.array_equal(again.estimate.light, g.estimate.light)
     assert back.frame_light.static.best is again.estimate and not back.frame_light.static.shows_earlier

@@ -7,7 +7,7 @@ from gi_core.frames import first_frame
 from gi_core.frames.background import Photons
 from gi_core.gather import static
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 SCENE = coloured_room((box_mobile(size=0.1),))
 
@@ -23,8 +23,7 @@ def estimated(solver: Solver) -> bool:
 
 
 def test_a_return_to_a_recent_setting_is_one_frame():
-    solver = Solver(SCENE, photons=40_000, radius=0.06)
-    solver.solve()
+    solver = solve(SCENE, photons=40_000, radius=0.06)
     light = solver.irradiance
     for name in ("photon_map", "impact_count"):
         solver.configure(estimator=name)
@@ -38,8 +37,7 @@ def test_a_return_to_a_recent_setting_is_one_frame():
 
 
 def test_an_abandoned_switch_loses_nothing():
-    solver = Solver(SCENE, photons=40_000, radius=0.06)
-    solver.solve()
+    solver = solve(SCENE, photons=40_000, radius=0.06)
     light, first = solver.irradiance, solver.frame.background
     solver.configure(estimator="photon_map")
     for progress in solver.solve_steps():
@@ -60,8 +58,7 @@ def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch)
     steps = solver.solve_steps()
     until_picture(steps)
     few = solver.frame.photons
-    for _ in solver.gather_steps():
-        pass
+    list(solver.gather_steps())
     assert solver.frame_light.is_gathered and few < 50_000
     solver.configure(estimator="impact_count", light="photons")
     solver.solve()
@@ -69,8 +66,7 @@ def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch)
     steps = solver.solve_steps()
     until_picture(steps)
     assert solver.frame.photons == few and solver.frame.gathered and solver.setting.estimator == "tangent_plane"
-    for _ in steps:
-        pass
+    list(steps)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
@@ -110,8 +106,7 @@ def test_the_share_of_the_photons_only_grows(monkeypatch):
     solver = Solver(SCENE, photons=60_000, radius=0.06, light="best")
     done = fractions(solver.solve_steps())
     assert done == sorted(done) and done[-1] == 1.0 and len(set(done)) > 3
-    for _ in solver.gather_steps():
-        pass
+    list(solver.gather_steps())
     assert solver.frame_light.is_gathered
     solver.configure(estimator="impact_count")
     done = fractions(solver.solve_steps())

@@ -18,9 +18,8 @@ from gi_core.gather.static import StaticGather
 from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
-from gi_core.solver import Solver
 from tests.support import viewer_support as support
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 
 @pytest.fixture(scope="module")
@@ -138,8 +137,7 @@ def test_before_the_search_no_receiver_is_unreached(model):
 
 def test_twin_shares_photons_but_not_settings():
     """Settings and poses are separate; both equal a solver without a twin, bit for bit."""
-    solver = Solver(support.room(), photons=8192, radius=0.06)
-    solver.solve()
+    solver = solve(support.room(), photons=8192, radius=0.06)
     before, pose = solver.irradiance, solver.poses["block"]
     twin = solver.twin()
     twin.configure(estimator="photon_map", neighbours=20)
@@ -147,8 +145,7 @@ def test_twin_shares_photons_but_not_settings():
     twin.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
     assert np.array_equal(twin.irradiance, twin.from_scratch())
     assert solver.setting.estimator == "tangent_plane" and solver.poses["block"] == pose and solver.irradiance is before
-    alone = Solver(support.room(), "photon_map", photons=8192, radius=0.06, neighbours=20)
-    alone.solve()
+    alone = solve(support.room(), "photon_map", photons=8192, radius=0.06, neighbours=20)
     twin.move("block", pose)
     assert np.array_equal(twin.irradiance, alone.irradiance)
     solver.move("block", pose)

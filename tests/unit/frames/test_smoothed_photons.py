@@ -16,7 +16,7 @@ from gi_core.lights.lamps import mix, sum_of_lamps
 from gi_core.photons.flux_sums import LOWEST
 from gi_core.scene import PointLight, Pose
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 BULBS = PointLight("left", (0.2, 0.8, 0.4), (1.0, 0.6, 0.3)), PointLight("right", (0.8, 0.2, 0.8), (0.3, 0.6, 1.0))
 PHOTONS = 1 << 14
@@ -25,9 +25,7 @@ POSE = Pose((0.55, 0.5, 0.35))
 
 def solved(photons: int = PHOTONS, **given) -> Solver:
     scene = replace(coloured_room((box_mobile(size=0.1),), grid=30), lights=BULBS)
-    solver = Solver(scene, photons=photons, radius=0.06, light="best", **given)
-    solver.solve()
-    return solver
+    return solve(scene, photons=photons, radius=0.06, light="best", **given)
 
 
 @pytest.fixture(scope="module")

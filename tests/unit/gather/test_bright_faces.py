@@ -11,8 +11,7 @@ from gi_core.gather.mobile import MobileGather
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
-from gi_core.solver import Solver
-from tests.support.scene_builders import box, box_mobile, grey, merge, quad, sphere, sunny_room
+from tests.support.scene_builders import box, box_mobile, grey, merge, quad, solve, sphere, sunny_room
 from tests.support.significance import seeds_test
 
 PATHS = 16
@@ -97,9 +96,7 @@ def test_light_of_single_bounces_stays_whole_for_gloss():
 
 def test_frames_equal_those_from_scratch_and_of_a_new_solver():
     """Mobiles move, rest and return in a sunlit room; light at rest changes in between."""
-    solver = Solver(sunny_room(0.6), photons=8192, radius=0.4, seed=2)
-    solver.configure(light="best")
-    solver.solve()
+    solver = solve(sunny_room(0.6), photons=8192, radius=0.4, seed=2, light="best")
     pose, seen = solver.poses["box"], []
     for k, (x, paths, photons) in enumerate(((0.0, 8, None), (0.3, 8, 4096), (0.3, 16, None), (0.0, 8, None))):
         if k == 2:
@@ -113,9 +110,7 @@ def test_frames_equal_those_from_scratch_and_of_a_new_solver():
         if photons is None:
             assert np.array_equal(solver.irradiance, solver.from_scratch())
     assert min(seen) > 0
-    other = Solver(sunny_room(0.6), photons=16384, radius=0.4, seed=2, threads=1)
-    other.configure(light="best")
-    other.solve()
+    other = solve(sunny_room(0.6), photons=16384, radius=0.4, seed=2, threads=1, light="best")
     other.move_all({"box": solver.poses["box"]}, None, 8)
     assert np.array_equal(other.irradiance, solver.irradiance)
 

@@ -11,9 +11,8 @@ from gi_core.lights.light_points import MOST_DELTA
 from gi_core.model import Model
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
-from gi_core.solver import Solver
 from tests.support.photometry import luminaire
-from tests.support.scene_builders import BLACK, box, floor, lamp, merge, quad
+from tests.support.scene_builders import BLACK, box, floor, lamp, merge, quad, solve
 
 LIGHTS = {
     "lamp": (),
@@ -131,16 +130,14 @@ def test_nothing_is_measured_for_very_many_delta_lights():
     bulbs = tuple(PointLight(f"bulb {k}", (0.01 * k, 0.0, 0.8), (0.1, 0.1, 0.1)) for k in range(MOST_DELTA + 1))
     assert not measured(Model(replace(scene("lamp"), lights=bulbs))).is_known
     assert measured(Model(replace(scene("lamp"), lights=bulbs[1:]))).is_known
-    solver = Solver(replace(scene("lamp"), lights=bulbs), photons=2000, light="best")
-    solver.solve()
+    solver = solve(replace(scene("lamp"), lights=bulbs), photons=2000, light="best")
     solver.move_all(POSES)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_a_shadow_of_few_photons_has_no_noise():
     """Photons of a frame measure bounced light alone, and black surfaces have none."""
-    solver = Solver(scene("lamp", "bulb"), photons=1 << 15, light="best", radius=0.1, seed=2)
-    solver.solve()
+    solver = solve(scene("lamp", "bulb"), photons=1 << 15, light="best", radius=0.1, seed=2)
     solver.move_all(POSES, photons=4096, paths=8)
     few = solver.irradiance[: solver.surfaces.receiver_range(0).stop].copy()
     solver.move_all({name: Pose((0.0, 0.0, 5.0)) for name in POSES})

@@ -25,7 +25,7 @@ from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, merge, quad, solve, sphere
 
 WALLS = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
 FLOOR = quad((0.05, 0.05, 0.01), (0.9, 0, 0), (0, 0.9, 0), (4, 4), 1)
@@ -109,14 +109,11 @@ def test_a_glossy_mobile_in_a_matte_room_rests(monkeypatch):
     materials = Material("wall", (0.5, 0.5, 0.5)), satin
     ball = Mobile("ball", sphere((0, 0, 0), 0.15, 1, 1), Pose((0.5, 0.5, 0.4)))
     bulb = PointLight("bulb", (0.5, 0.5, 0.9), (1, 1, 1))
-    solver = Solver(Scene(WALLS, materials, (ball,), (bulb,)), photons=2000, radius=0.1, light="best")
-    solver.solve()
-    for _ in solver.gather_steps():
-        pass
+    solver = solve(Scene(WALLS, materials, (ball,), (bulb,)), photons=2000, radius=0.1, light="best")
+    list(solver.gather_steps())
     assert solver.frame_light.is_gathered
     solver.move("ball", Pose((0.4, 0.5, 0.3)))
-    for _ in solver.gather_pose_steps():
-        pass
+    list(solver.gather_pose_steps())
     assert np.isfinite(solver.irradiance).all() and len(solver.frame.gloss.owners)
 
 
@@ -124,8 +121,7 @@ def test_a_glossy_mobile_in_a_matte_room_rests(monkeypatch):
 def test_frames_take_gathered_directions_and_depend_on_poses_alone():
     solver = rested(Solver(ROOM, **GIVEN, light="best"))
     assert solver.frame_light.is_gathered
-    photons = Solver(ROOM, **GIVEN)
-    photons.solve()
+    photons = solve(ROOM, **GIVEN)
     begun = solver.frame.gloss
     assert np.abs(begun.resting - photons.frame.gloss.resting)[..., :3].max() > 1e-3
     solver.move("ball", Pose((0.5, 0.5, 0.3)))
@@ -148,10 +144,9 @@ def test_a_shadow_takes_all_light_of_a_lamp_from_gathered_directions():
     """A black slab between a point light and the floor: no cell keeps light that its photons have all lost."""
     slab = Mobile("slab", box((-0.2, -0.2, 0), (0.2, 0.2, 0.02), 1, 2), Pose((0.5, 0.5, 5.0)))
     black, lamp = Material("black", (0, 0, 0)), PointLight("bulb", (0.45, 0.55, 0.9), (1.0, 1.0, 1.0))
-    solver = Solver(
+    solver = solve(
         room(Material("wall", (0, 0, 0)), black, lights=(lamp,), mobiles=(slab,)), photons=30_000, radius=0.1, seed=2
     )
-    solver.solve()
     g = gathered(solver.model, 0 * solver.irradiance, 1)
     cells = solver.frame_light.gloss.source.cells(solver.setting.radius)
     assert np.array_equal(g.rows, cells.discs.rows)

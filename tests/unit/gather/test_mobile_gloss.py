@@ -19,9 +19,8 @@ from gi_core.lights.candidates import CANDIDATES, unoccluded
 from gi_core.model import Model
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
-from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, merge, quad, solve, sphere
 
 MOVED = {"ball": Pose((0.55, 0.5, 0.3), axis_angle((0, 1, 1), 30.0))}
 AWAY = np.zeros((1, CELLS, 6), np.float32)  # resting light
@@ -189,16 +188,14 @@ def test_a_lamp_lights_the_cell_that_it_stands_in():
 
 def test_frames_take_no_photons_for_gloss_on_mobiles_unless_rays_are_kept():
     """Photons near mobiles are not looked for; lists of rays are those of photons, also of a frame that had none."""
-    solver = Solver(ROOM, **GIVEN, light="best")
-    solver.solve()
+    solver = solve(ROOM, **GIVEN, light="best")
     solver.move_all(MOVED)
     assert solver.frame.change.near_mobiles == () and solver.frame.gloss.tree is None
     first = solver.surfaces.receiver_range(0).stop
     cells = solver.frame.gloss.directions().cells[solver.frame.gloss.owners >= first]
     solver.configure(gloss=LIST)
     solver.solve()
-    photons = Solver(ROOM, **GIVEN, light="photons", gloss=LIST)
-    photons.solve()
+    photons = solve(ROOM, **GIVEN, light="photons", gloss=LIST)
     photons.move_all(MOVED)
     kept, expected = solver.frame.gloss.tree, photons.frame.gloss.tree
     assert np.array_equal(kept.offsets, expected.offsets) and np.array_equal(kept.rays, expected.rays)

@@ -12,7 +12,18 @@ from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Mesh, PointLight, Pose, Scene, SkyLight
 from gi_core.solver import Solver
-from tests.support.scene_builders import box, box_mobile, classroom, coloured_room, grey, lamp, merge, quad
+from tests.support.scene_builders import (
+    box,
+    box_mobile,
+    classroom,
+    coloured_room,
+    complete,
+    grey,
+    lamp,
+    merge,
+    quad,
+    solve,
+)
 
 SCENE = coloured_room((box_mobile(size=0.1),))
 PHOTONS = 200_000
@@ -119,8 +130,7 @@ def test_a_dropped_pair_is_gathered_again_with_the_same_light():
     whole, dropped = final(SCENE, 7)[0], final(SCENE, 7)[0]
     pairs(whole, 2)
     pairs(dropped, 1)
-    for _ in zip(range(5), steps(lambda: pairs(dropped, 1)), strict=False):
-        pass
+    list(zip(range(5), steps(lambda: pairs(dropped, 1)), strict=False))
     pairs(dropped, 1)
     assert np.array_equal(whole.per_lamp, dropped.per_lamp) and np.array_equal(whole.lamp_error, dropped.lamp_error)
 
@@ -170,10 +180,8 @@ def test_frames_over_gathered_light_equal_from_scratch():
 
 @pytest.mark.slow
 def test_radiosity_beats_photons_and_whole_paths_replace_it(monkeypatch):
-    monkeypatch.setattr(static, "ENOUGH", 0.01)
-    solver = Solver(fine_room(), photons=50_000, radius=0.02)
-    solver.configure(light="best")
-    solver.solve()
+    monkeypatch.setattr(static, "ENOUGH", 0.013)
+    solver = solve(fine_room(), photons=50_000, radius=0.02, light="best")
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     truth, _ = reference_irradiance(solver.scene, points, normals, 700, 5)
     photons = relative_error(solver.static_irradiance, truth, solver.receivers.areas).l1
@@ -184,18 +192,16 @@ def test_radiosity_beats_photons_and_whole_paths_replace_it(monkeypatch):
         if progress.picture and g.state is None:
             noises.append(g.estimate.noise)
             off.append(relative_error(g.estimate.irradiance, truth, g.weights).l1)
-    assert len(noises) >= 2 and noises == sorted(noises, reverse=True) and noises[-1] <= 1.4 * 0.01
+    assert len(noises) >= 2 and noises == sorted(noises, reverse=True) and noises[-1] <= 1.4 * 0.013
     assert off[0] < 0.5 * photons and off[-1] < 0.25 * photons
-    assert g.enough and g.estimate.noise <= 0.01 and fractions[-1] == 1.0
+    assert g.enough and g.estimate.noise <= 0.013 and fractions[-1] == 1.0
     assert fractions == sorted(fractions)
 
 
 def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
     """Whole paths need none."""
     monkeypatch.setattr(static, "ENOUGH", 0.1)
-    solver = Solver(SCENE, photons=0, radius=0.05)
-    solver.configure(light="best")
-    solver.solve()
+    solver = solve(SCENE, photons=0, radius=0.05, light="best")
     for _ in solver.gather_steps():
         assert solver.frame_light.static.gathered._radiosity.paths == 0
     assert solver.frame_light.static.gathered.enough
@@ -205,9 +211,7 @@ def test_scene_of_mobiles_alone_gathers_nothing():
     nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
     lights = PointLight("p", (0.5, 0.5, 0.9), (1.0,) * 3), PointLight("q", (-0.5, -0.5, -0.9), (1.0,) * 3)
     scene = Scene(nothing, (grey(0.5), grey(0.5)), (box_mobile(size=0.2),), lights, up=(0, 0, 1))
-    solver = Solver(scene, photons=2000, radius=0.05)
-    solver.configure(light="best")
-    solver.solve()
+    solver = solve(scene, photons=2000, radius=0.05, light="best")
     assert (
         len(list(solver.gather_steps())) <= 2 and solver.frame_light.static.gathered.enough and solver.irradiance.any()
     )
@@ -217,14 +221,13 @@ def test_scene_of_mobiles_alone_gathers_nothing():
 def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     """Walls of few vertices: single bounces keep an error that their noise does not show."""
     monkeypatch.setattr(static, "ENOUGH", 0.01)
-    solver = noisy()
-    solver.solve()
+    solver = complete(noisy())
     for progress in solver.gather_steps():
         g = solver.frame_light.static.gathered
         if progress.picture and g.state is None:
             early = g.estimate.irradiance
     points, normals = (a[: len(g.estimate.irradiance)] for a in evaluation_points(solver.surfaces, solver.receivers))
     bare = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up)
-    truth, _ = reference_irradiance(bare, points, normals, 2000, 5)
+    truth, _ = reference_irradiance(bare, points, normals, 1000, 5)
     first, last = (relative_error(E, truth, g.weights).l1 for E in (early, g.estimate.irradiance))
     assert g.enough and g.estimate.noise <= 0.01 and first > 0.04 and last < 0.03

@@ -19,7 +19,7 @@ from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import DirectionalLight, PointLight, Pose, Scene, SpotLight
 from gi_core.solver import Solver
 from tests.support.lit_from_outside import l_room
-from tests.support.scene_builders import box, box_mobile, coloured_room, grey, plane_scene
+from tests.support.scene_builders import box, box_mobile, coloured_room, grey, plane_scene, solve
 from tests.support.toml_rooms import room_file, table
 
 SCENE = coloured_room((box_mobile(size=0.1),))
@@ -51,8 +51,7 @@ def gathered() -> Solver:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(static, "ENOUGH", 0.02)
         solver = solved(5_000)
-        for _ in solver.gather_steps():
-            pass
+        list(solver.gather_steps())
         assert solver.frame_light.static.gathered.enough and solver.frame_light.is_gathered
         yield solver
 
@@ -78,20 +77,16 @@ def test_radiosity_of_little_noise_is_complete_before_whole_paths(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 10.0)  # at once
     g = StaticGather(solver.model, 3)
     light = solver.frame_light.static.of_photons(solver.frame.background)
-    for _ in steps(lambda: g.gather(lambda: light, early=112)):
-        pass
+    list(steps(lambda: g.gather(lambda: light, early=112)))
     assert g.state is None and not g.is_early(static.ALL_PATHS)
 
 
 def test_early_light_keeps_the_borders_of_sunlight():
     """Only bounced light is denoised: no receiver in the sun has less than its sunlight."""
     sun = DirectionalLight("sun", (-1.0, 0.0, -0.75), (1.0, 1.0, 1.0))
-    solver = Solver(replace(l_room(), mobiles=(), lights=(sun,)), photons=5_000)
-    solver.configure(light="best")
-    solver.solve()
+    solver = solve(replace(l_room(), mobiles=(), lights=(sun,)), photons=5_000, light="best")
     g, photons = StaticGather(solver.model, 3), solver.frame_light.static.of_photons(solver.frame.background)
-    for _ in steps(lambda: g.gather(lambda: photons, early=16)):
-        pass
+    list(steps(lambda: g.gather(lambda: photons, early=16)))
     exact = g._radiosity.by_delta
     assert g.estimate.source is Source.RADIOSITY and ((exact > 0).any(axis=1).sum() > 20) and (exact == 0).any()
     assert (g.estimate.light >= exact * (1 - 1e-12)).all()
@@ -129,8 +124,7 @@ def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
     for _ in first.gather_steps():  # as after a drag
         pass
     later = going_on(solved(5_000), light)
-    for _ in later.gather_steps():
-        pass
+    list(later.gather_steps())
     assert np.array_equal(
         first.frame_light.static.gathered.estimate.irradiance, gathered.frame_light.static.gathered.estimate.irradiance
     )
@@ -164,8 +158,7 @@ def test_light_without_noise_is_used_soon():
     """Bulbs over a box in the open: single bounces are exact, whole paths at the sample never are."""
     bulbs = tuple(PointLight(f"b{k}", (x, 0.5, 2.0), (1.0, 2.0, 3.0)) for k, x in enumerate((-1.0, 0.5, 2.0)))
     scene = Scene(box((0, 0, 0), (1, 1, 1), 4, 0), (grey(0.5),), (), bulbs, up=(0, 0, 1))
-    solver = Solver(scene, photons=20_000, radius=0.1, light="best")
-    solver.solve()
+    solver = solve(scene, photons=20_000, radius=0.1, light="best")
     for _, progress in zip(range(300), solver.gather_steps(), strict=False):
         if progress.picture:
             break
@@ -215,9 +208,7 @@ def test_error_at_levels_is_scaled_as_noise_is():
 
 def test_a_scene_without_light_needs_nothing():
     unlit = tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials)
-    dark = Solver(replace(SCENE, materials=unlit, lights=()), photons=100)
-    dark.configure(light="best")
-    dark.solve()
+    dark = solve(replace(SCENE, materials=unlit, lights=()), photons=100, light="best")
     assert len(list(dark.gather_steps())) <= 2
     assert not dark.irradiance.any()
 
@@ -238,10 +229,8 @@ def test_settings_of_a_twin_are_separate(gathered):
 def test_light_without_noise_is_gathered_to_the_end():
     """A bulb over a floor: no path has any variance."""
     bulb = PointLight("p", (0.0, 0.0, 1.0), (1.0, 1.0, 1.0))
-    solver = Solver(plane_scene(bulb, reflectance=0.5), photons=20_000, radius=0.1, light="best")
-    solver.solve()
-    for _ in solver.gather_steps():
-        pass
+    solver = solve(plane_scene(bulb, reflectance=0.5), photons=20_000, radius=0.1, light="best")
+    list(solver.gather_steps())
     g = solver.frame_light.static.gathered
     assert g.enough and g.estimate.noise == 0 and solver.frame_light.is_gathered
 
@@ -258,8 +247,7 @@ def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gather
     stored = solver.frame_light.static.gathered
     assert static.LOW * 0.012 < stored.noise < np.inf and not stored.enough
     solver.solve()
-    for _ in solver.gather_steps():
-        pass
+    list(solver.gather_steps())
     assert stored.enough and stored.estimate.noise <= 0.012
 
 
@@ -270,8 +258,7 @@ def test_light_that_few_paths_find_has_its_noise_stated(monkeypatch):
     monkeypatch.setattr(reference, "AIM", 0.06)
     spot = SpotLight("spot", (0.5, 0.5, 0.9), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 2.5, 3.0)
     room = Scene(box((0, 0, 0), (1, 1, 1), 16, 0, inward=True), (grey(0.5),), lights=(spot,), up=(0, 0, 1))
-    by_photons = Solver(room, photons=200_000, radius=0.1)
-    by_photons.solve()
+    by_photons = solve(room, photons=200_000, radius=0.1)
     g = StaticGather(by_photons.model, 0)
     for _ in steps(lambda: g._whole_paths(lambda: None)):
         if g.state is not None and g.state.rounds >= 2:
@@ -291,10 +278,9 @@ def test_the_bias_of_coarse_faces_is_stated_before_all_photons_are_there(tmp_pat
         room_file(tmp_path, [4, 5, 2.7], table("light", name="a", position=[0, 0, 2], type="point", flux=[9e3] * 3))
     )
     solver = Solver(scene, photons=1 << 19, light="best")
-    for _ in solver.solve_steps():
-        pass
+    list(solver.solve_steps())
     g, areas = solver.frame_light.static.gathered, solver.receivers.areas
-    truth, _ = reference_irradiance(scene, *solver.model.evaluation_points, 4096, 5, model=solver.model)
+    truth, _ = reference_irradiance(scene, *solver.model.evaluation_points, 1024, 5, model=solver.model)
     of_radiosity, shown = (relative_error(E, truth, areas).l1 for E in (g.estimate.irradiance, solver.irradiance))
     assert g.estimate.source is Source.RADIOSITY and of_radiosity > 0.2
     assert g.estimate.error == pytest.approx(of_radiosity, rel=0.2) and shown < 0.1

@@ -13,8 +13,7 @@ from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.origin import translated
 from gi_core.scene.types import Camera
-from gi_core.solver import Solver
-from tests.support.scene_builders import box, grey, merge, quad, sunny_house, sunny_room
+from tests.support.scene_builders import box, grey, merge, quad, solve, sunny_house, sunny_room
 
 
 def test_even_light_and_dim_places_count_by_area():
@@ -77,8 +76,7 @@ def of_photons(light: np.ndarray) -> Estimate:
 def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
     """Weighted by area, it has several times as much: nearly all light is outside."""
     monkeypatch.setattr(static, "ENOUGH", 0.03)
-    solver = Solver(sunny_house(), photons=1 << 16, radius=0.6, seed=3)
-    solver.solve()
+    solver = solve(sunny_house(), photons=1 << 16, radius=0.6, seed=3)
     model, photons = solver.model, solver.frame.background.irradiance_per_lamp(1 << 16)
     rows = model.surfaces.receiver_range(0)
     areas, inside = model.object_receivers.areas[rows], model.evaluation_points[0][rows][:, 0] < 6.0
@@ -99,8 +97,7 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
 
 def test_light_of_an_earlier_run_is_weighed_by_itself():
     """It is shown before there are photons."""
-    solver = Solver(sunny_house(), photons=1 << 14, radius=0.6, seed=3)
-    solver.solve()
+    solver = solve(sunny_house(), photons=1 << 14, radius=0.6, seed=3)
     photons = solver.frame.background.irradiance_per_lamp(1 << 14)
     first = StaticGather(solver.model, 1)
     for _ in steps(lambda: first.gather(lambda: of_photons(photons))):

@@ -16,8 +16,8 @@ from gi_core.geometry.error import (
     subset_to_compare,
 )
 from gi_core.geometry.receivers import Receivers
-from gi_core.solver import Solver
 from tests.support import viewer_support as support
+from tests.support.scene_builders import solve
 
 
 def grey(*values):
@@ -77,15 +77,13 @@ def test_noise_needs_a_subset():
 def test_estimated_noise_and_bias_equal_those_against_the_limit():
     """A room at 16,384 photons: the limit has 32 times as many of another seed; the truth is biased on purpose."""
     E, fewer, limit = [], [], []
-    few = Solver(support.room(), photons=16_384, radius=0.06, seed=1)
-    few.solve()
+    few = solve(support.room(), photons=16_384, radius=0.06, seed=1)
     E = few.irradiance
     few.configure(subset_only=True)
     subset = subset_to_compare(few.frame.subsets)
     few.move_all({}, subset)
     fewer = few.irradiance
-    many = Solver(support.room(), photons=524_288, radius=0.06, seed=2)
-    many.solve()
+    many = solve(support.room(), photons=524_288, radius=0.06, seed=2)
     limit, w = many.irradiance, many.receivers.areas
     bump = 1 + 0.3 * np.sin(40 * many.receivers.positions.sum(axis=1))[:, None]
     truth = limit * bump

@@ -7,6 +7,7 @@ import pytest
 
 from gi_core.bsdf import ggx
 from gi_core.bsdf.table import join
+from gi_core.bsdf.tabulate import tabulate
 from gi_core.files.edits import Duplicate, Finish, Remove, edited
 from gi_core.gather import static
 from gi_core.geometry.surfaces import glossy_receivers
@@ -20,6 +21,7 @@ from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver, edited_solver
 from tests.physics.test_gloss import GIVEN, ROOM
+from tests.support.scene_builders import complete, solve
 
 
 def directions(n: int) -> np.ndarray:
@@ -41,9 +43,7 @@ def of_cells(cells: np.ndarray) -> Directions:
 
 
 def solved(**more) -> Solver:
-    solver = Solver(ROOM, **GIVEN | more)
-    solver.solve()
-    return solver
+    return solve(ROOM, **GIVEN | more)
 
 
 def test_sums_equal_those_from_scratch_after_many_moves(estimator):
@@ -108,8 +108,7 @@ def test_even_light_is_that_of_uniform_rays():
 def test_a_scene_without_gloss_has_none():
     from tests.physics.test_invariants import SCENE
 
-    solver = Solver(SCENE, photons=300, radius=0.2, neighbours=6)
-    solver.solve()
+    solver = solve(SCENE, photons=300, radius=0.2, neighbours=6)
     assert solver.frame.gloss is None and solver.frame_light.gloss.source.cells(0.2) is None
 
 
@@ -177,7 +176,6 @@ def test_gloss_follows_the_eye_and_is_black_from_below():
 def test_a_tangent_of_a_face_does_not_shift_the_lobe_at_a_vertex():
     """A ball of Ward 0.2 was up to 10 % off in total: tangents of faces leaned out of the plane at vertices."""
     from gi_core.bsdf.models import lobe
-    from gi_core.bsdf.tabulate import tabulate
 
     tables = join([tabulate((lobe("ward", {"kd": 0.1, "ks": 0.4, "ax": 0.2, "ay": 0.2}),))])
     rays = directions(300)
@@ -201,11 +199,9 @@ def test_edits_of_mobiles_bring_in_no_photon_again(edit, way, monkeypatch):
     """That took 0.6 s per step of a material's slider in showroom."""
     solver, added, deposit = solved(gloss=way), [], GlossCells._deposit
     monkeypatch.setattr(GlossCells, "_deposit", lambda *given: added.append(1) or deposit(*given))
-    other = edited_solver(solver, edited(ROOM, [edit]))
-    other.solve()
+    other = complete(edited_solver(solver, edited(ROOM, [edit])))
     assert not added
-    new = Solver(other.scene, **GIVEN | {"gloss": way})
-    new.solve()
+    new = solve(other.scene, **GIVEN | {"gloss": way})
     assert added
     for field in ("rows", "owners", "place", "resting", "changed", "cells"):
         assert np.array_equal(getattr(other.frame.gloss, field), getattr(new.frame.gloss, field)), field
@@ -222,8 +218,7 @@ def gathered() -> Solver:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(static, "ENOUGH", 0.03)
         solver = solved(light="best")
-        for _ in solver.gather_steps():
-            pass
+        list(solver.gather_steps())
     assert not solver.frame_light.lacks_gloss(solver.frame.background)
     return solver
 
@@ -231,8 +226,7 @@ def gathered() -> Solver:
 @pytest.mark.parametrize("edit", [MATT, BALL_2, Finish("satin", (("roughness", 0.6),))])
 def test_gathered_directions_go_on_where_the_static_part_stays(edit, gathered):
     solver = gathered
-    new = Solver(edited(ROOM, [edit]), **GIVEN | {"light": "best"}, results=solver.keep_results())
-    new.solve()
+    new = solve(edited(ROOM, [edit]), **GIVEN | {"light": "best"}, results=solver.keep_results())
     assert new.frame.gathered and np.array_equal(new.irradiance, new.from_scratch())
     changes_static = edit not in (MATT, BALL_2)
     assert new.frame_light.lacks_gloss(new.frame.background) == changes_static

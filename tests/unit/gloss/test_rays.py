@@ -19,7 +19,7 @@ from gi_core.scene.types import Material, Mobile, Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM, SURFACES
 from tests.support.quadtree_2003 import QuadTree2003
-from tests.support.scene_builders import box, merge, quad
+from tests.support.scene_builders import box, merge, quad, solve
 from tests.unit.gloss.test_cells import directions, of_cells
 
 # A room of large faces with a satin floor and a golden block as a mobile: frames of 3 ms.
@@ -42,9 +42,7 @@ GLOSSY_BLOCK = Scene(
 
 
 def solved(**more) -> Solver:
-    solver = Solver(ROOM, **GIVEN | {"gloss": LIST} | more)
-    solver.solve()
-    return solver
+    return solve(ROOM, **GIVEN | {"gloss": LIST} | more)
 
 
 def wander(solver: Solver, moves: int, seed: int = 8) -> None:
@@ -101,8 +99,7 @@ def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
 @pytest.mark.slow
 def test_list_and_cells_equal_those_from_scratch_throughout_many_moves():
     """Bit for bit, at each of 40 comparisons: nothing that frames insert and remove stays behind."""
-    solver = Solver(GLOSSY_BLOCK, photons=64, radius=0.4, gloss=LIST, seed=5, threads=1)
-    solver.solve()
+    solver = solve(GLOSSY_BLOCK, photons=64, radius=0.4, gloss=LIST, seed=5, threads=1)
     source, rng = solver.frame_light.gloss.source, np.random.default_rng(2)
     lists, cells = source.lists(solver.setting.radius), source.cells(solver.setting.radius, LIST)
     seen = []

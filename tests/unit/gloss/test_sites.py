@@ -11,8 +11,7 @@ from gi_core.gloss.light import FIELDS, GlossLight
 from gi_core.gloss.source import LIST, NORMAL_STEP, SPACING, GlossSource, sites
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
-from gi_core.solver import Solver
-from tests.support.scene_builders import box, merge, quad, sphere
+from tests.support.scene_builders import box, merge, quad, solve, sphere
 
 SATIN = Material("satin", (0.3, 0.3, 0.3), gloss=Gloss(alpha=0.3))
 LAMP = Material("lamp", (0, 0, 0), (5, 5, 5))
@@ -53,8 +52,7 @@ def test_lists_keep_a_list_per_receiver():
 
 
 def test_directions_of_members_are_those_of_their_owner():
-    solver = Solver(fine_room(), photons=4000, radius=0.2, seed=1)
-    solver.solve()
+    solver = solve(fine_room(), photons=4000, radius=0.2, seed=1)
     solver.move("ball", Pose((0.4, 0.6, 0.4)))
     light = solver.frame.gloss
     given = light.directions()

@@ -126,13 +126,11 @@ def noted(self, signature, context):
 
 KernelCache.load_overload = noted  # called once per kernel and types, before it is compiled
 solver = Solver(walls, photons=20_000, light="best")
-for _ in solver.solve_steps():
-    pass
+list(solver.solve_steps())
 for steps in (solver.gather_steps(), solver.gather_pose_steps()):
     solver.move("block", Pose((0.4, 0.3, 0.5)))
     solver.move_all({"block": Pose((0.5, 0.2, 0.5))}, solver.frame.subsets[0], 8)
-    for _ in zip(range(40), steps):
-        pass
+    list(zip(range(40), steps))
 assert not late, late
 """
 

@@ -11,8 +11,7 @@ from gi_core.lights.light_points import DELTA, light_points
 from gi_core.model import Model
 from gi_core.scene import DirectionalLight, Scene
 from gi_core.scene.types import SUN_DEGREES
-from gi_core.solver import Solver
-from tests.support.scene_builders import BLACK, floor, merge, plane_scene, quad
+from tests.support.scene_builders import BLACK, floor, merge, plane_scene, quad, solve
 from tests.support.significance import z_test
 
 UP = (0.0, 0.0, 1.0)
@@ -61,8 +60,7 @@ def test_photons_fall_into_the_penumbra():
 
 
 def test_photon_estimate_has_as_much_light_before_as_behind_the_middle():
-    solver = Solver(half_plane(), photons=200_000, radius=0.1, light="photons", estimator="tangent_plane")
-    solver.solve()
+    solver = solve(half_plane(), photons=200_000, radius=0.1, light="photons", estimator="tangent_plane")
     r = solver.receivers
     on_floor = (r.positions[:, 2] < 1e-6) & (r.normals[:, 2] > 0) & (np.abs(r.positions[:, 1]) < 0.8)
     middle = on_floor & (np.abs(r.positions[:, 0]) < 1e-6)

@@ -9,7 +9,7 @@ from gi_core.photons.flux_sums import LOWEST, SubsetStore, next_level
 from gi_core.scene import Pose, SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, complete, solve
 
 SCENE = coloured_room((box_mobile(size=0.3),))
 PHOTONS = 2 * LOWEST + 900
@@ -31,8 +31,7 @@ def test_frame_of_a_subset_equals_a_solver_of_that_many_photons(estimator):
     else:
         assert many.frame.subsets == (LOWEST, 2 * LOWEST, PHOTONS)
     for n in many.frame.subsets:
-        few = solver_of(n, estimator)
-        few.solve()
+        few = complete(solver_of(n, estimator))
         few.move("box", POSE)
         many.move_all({"box": POSE}, photons=n)
         assert many.frame.changes.photons_cut > 0
@@ -44,8 +43,7 @@ def test_frame_of_a_subset_equals_a_solver_of_that_many_photons(estimator):
 
 def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch, small_shares):
     def light(threads):
-        s = Solver(SCENE, estimator, photons=3000, radius=0.15, neighbours=20, threads=threads)
-        s.solve()
+        s = solve(SCENE, estimator, photons=3000, radius=0.15, neighbours=20, threads=threads)
         return s.irradiance, s.frame.fates
 
     one, fates = light(1)
@@ -57,8 +55,7 @@ def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch,
 
 
 def test_other_counts_are_refused():
-    s = solver_of(1000, "impact_count")
-    s.solve()
+    s = complete(solver_of(1000, "impact_count"))
     with pytest.raises(SceneError, match="room: the photons of a frame must be one of 1000, got 999"):
         s.move_all({"box": POSE}, photons=999)
 
@@ -93,8 +90,7 @@ def test_levels_stay_and_other_counts_are_evicted():
 
 @pytest.mark.parametrize("what", ["frame", "background"])
 def test_a_failure_half_way_leaves_no_trace(what, monkeypatch):
-    solver = solver_of(3000, "tangent_plane")
-    solver.solve()
+    solver = complete(solver_of(3000, "tangent_plane"))
     expected = solver.irradiance.copy()
     real, calls = TangentPlane._accumulate_part, []
 

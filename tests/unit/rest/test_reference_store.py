@@ -1,6 +1,7 @@
 """The store: a reference is loaded again for the same scene, poses and receivers only, after any interruption."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.static import Kept
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Pose
-from gi_core.solver import Solver
 from tests.support import scene_builders as build
 from tests.support.photometry import luminaire, uneven
+from tests.support.scene_builders import solve
 
 ROWS = np.arange(0, 60, 3)
 
@@ -52,8 +53,6 @@ def test_an_empty_variable_is_as_none(monkeypatch):
 
 
 def test_other_questions_have_other_names():
-    from dataclasses import replace
-
     scene = build.coloured_room((build.box_mobile(),))
     moved = replace(scene, mobiles=(scene.mobiles[0]._replace(pose=Pose((0.5, 0.2, 0.3))),))
     brighter = replace(scene, lights=(scene.lights[0]._replace(flux=(2.0, 2.0, 0.5)), scene.lights[1]))
@@ -99,8 +98,7 @@ def test_reference_is_saved_while_gathering(monkeypatch):
 
 @pytest.fixture(scope="module")
 def kept() -> tuple[Model, Kept]:
-    solver = Solver(build.coloured_room(()), photons=2000, radius=0.1, light="best")
-    solver.solve()
+    solver = solve(build.coloured_room(()), photons=2000, radius=0.1, light="best")
     for _ in solver.gather_steps():
         if (g := solver.frame_light.static.gathered) and g.state is not None and g.state.rounds > 1:
             return solver.model, g.kept()

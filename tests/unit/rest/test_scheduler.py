@@ -6,13 +6,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from app.rest import live_error
+from app.rest import hold, live_error
 from app.rest.jobs import FineJob, Job, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.rest.scheduler import RestWork
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
+from app.session.solver_jobs import Refine
 from app.settings import Settings
 from app.window import view_content
 from gi_core.gather import static
@@ -21,7 +22,7 @@ from gi_core.scene import CalculationSurface, PointLight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.lit_from_outside import l_room
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 SCENE = coloured_room((box_mobile(size=0.2),))
 UNLIT = replace(SCENE, materials=tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials), lights=())
@@ -40,8 +41,7 @@ def folder(tmp_path, monkeypatch):
 def opened(scene=SCENE) -> Session:
     """Return a session with a solver that works at once, but advances a simulated clock by TASK seconds."""
     settings = Settings(photons=3000, radius=0.06, neighbours=20, exposure=0.0, light="best")
-    solver = Solver(scene, photons=3000, radius=0.06)
-    solver.configure(light="best")
+    solver = Solver(scene, photons=3000, radius=0.06, light="best")
     clock = support.Clock()
     session = Session(settings, Log(), lambda settings: None, clock, support.Behind(clock, TASK))
     session.adopt(Opened(settings, solver, None, ()))
@@ -107,14 +107,10 @@ def test_fine_points_come_before_all_photons(fails, monkeypatch):
 
 def test_levels_are_found_before_all_photons_are_there(monkeypatch):
     """They wait for paths at their points alone; the search says how far it is."""
-    from app.rest import hold
-    from app.session.solver_jobs import Refine
-
     monkeypatch.setattr(hold, "measured_steps", partial(hold.measured_steps, noise=0.2))
     lamp = PointLight("bulb", (0.5, 0.5, 0.8), (10.0,) * 3)
     surface = CalculationSurface("desk", "", (0.5, 0.5), (0.6, 0.6), 0.5, points=(2, 2), targets=(("mean", 1.0),))
-    solver = Solver(replace(UNLIT, lights=(lamp,)), photons=1_000_000, radius=0.06)
-    solver.configure(light="best")
+    solver = Solver(replace(UNLIT, lights=(lamp,)), photons=1_000_000, radius=0.06, light="best")
     steps, work = solver.solve_steps(), RestWork(solver, support.Clock())
     shares = []
     job = Refine(steps, Settings(light="best", hold=True, surfaces=(surface,)))
@@ -191,9 +187,7 @@ def test_unusable_stored_file_counts_as_none(what, folder):
 def test_a_surface_is_measured_beside_all_other_work_and_again_at_other_poses():
     """Its light stays, marked as out of date, until that of the new poses is there; without a surface there is none."""
 
-    solver = Solver(SCENE, photons=3000, radius=0.06)
-    solver.configure(light="best")
-    solver.solve()
+    solver = solve(SCENE, photons=3000, radius=0.06, light="best")
     surface = CalculationSurface("a", "", (0.5, 0.5), (0.6, 0.6), 0.5, points=(2, 2))
     settings = Settings(photons=3000, light="best", surfaces=(surface,))
     work, names = RestWork(solver, support.Clock()), []

@@ -5,17 +5,14 @@ import pytest
 
 from gi_core.retrace.broad_phase import PAD, find_near
 from gi_core.scene.types import Pose
-from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 MARGIN = 0.05
 
 
 @pytest.fixture(scope="module")
 def solved():
-    solver = Solver(coloured_room((box_mobile("one", 0.1), box_mobile("two", 0.2))), "impact_count", photons=4000)
-    solver.solve()
-    return solver
+    return solve(coloured_room((box_mobile("one", 0.1), box_mobile("two", 0.2))), "impact_count", photons=4000)
 
 
 @pytest.mark.parametrize("place", [(0.5, 0.5, 0.5), (0.02, 0.9, 0.0), (1.2, 0.5, 0.5), (-40.0, 0.0, 3.0)])

@@ -20,7 +20,7 @@ from gi_core.scene.types import (
     SpotLight,
 )
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, grey, plane_scene
+from tests.support.scene_builders import box_mobile, grey, plane_scene, solve
 
 pytestmark = pytest.mark.slow
 
@@ -149,8 +149,7 @@ def test_poses(part):
             pose = Pose((0, 0, 1))._replace(**{part: value})
             start = plane(mobiles=(MOBILE._replace(pose=pose),), lights=LAMPS[3:])
             no = refused(lambda s=start: solved(s), "plane: ")
-            solver = Solver(plane(), photons=200, radius=0.1)
-            solver.solve()
+            solver = solve(plane(), photons=200, radius=0.1)
             before, light = solver.poses, solver.irradiance
             moved = refused(lambda s=solver, p=pose: s.move("box", p) or s.irradiance, 'plane: mobile "box": ')
             assert no or not moved
@@ -183,8 +182,7 @@ SETTINGS = ("photons", "radius", "neighbours", "seed", "threads", "light", "esti
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_settings(name):
-    solver = Solver(plane(), photons=200, radius=0.1)
-    solver.solve()
+    solver = solve(plane(), photons=200, radius=0.1)
     for value in [*NEVER, *PERHAPS]:
         wrong = name != "subset_only" and refused(lambda v=value: solved(plane(), **{name: v}), name)
         if name not in ("seed", "threads"):
@@ -198,8 +196,7 @@ def test_settings(name):
 
 @pytest.mark.parametrize("name", ["photons", "paths", "name"])
 def test_parts_of_moves(name):
-    solver = Solver(plane(), photons=200, radius=0.1)
-    solver.solve()
+    solver = solve(plane(), photons=200, radius=0.1)
     for value in [*NEVER, *PERHAPS, 5, -1, 4096.0, 4.0]:
         moves = {} if name == "name" else {name: value}
         to = value if name == "name" else "box"
@@ -259,8 +256,7 @@ def test_a_lamp_as_far_as_allowed_lights_exactly(height):
     degrees = float(np.degrees(np.arctan(2 / height)))
     lamp = SpotLight("s", (0, 0, height), (0, 0, -1), (height**2,) * 3, degrees, degrees)
     scene = plane(lights=(lamp,), mobiles=(), materials=(grey(0),))
-    solver = Solver(scene, photons=20_000, radius=0.2)
-    solver.solve()
+    solver = solve(scene, photons=20_000, radius=0.2)
     below = np.abs(solver.receivers.positions[:, :2]).max(axis=1) == 0
     assert below.any() and abs(solver.irradiance[below].mean() - 1) < 0.06  # I / h^2; a disc takes 100 photons
 

@@ -13,7 +13,7 @@ from gi_core.scene import SceneError
 from gi_core.scene.types import DirectionalLight, PointLight, SkyLight, SpotLight
 from gi_core.scene.validate import check_scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room, grey, lamp
+from tests.support.scene_builders import box_mobile, coloured_room, grey, lamp, solve
 
 ROOM = coloured_room((box_mobile(),))
 WHITE = (1.0, 1.0, 1.0)
@@ -78,8 +78,7 @@ def test_refused_in_one_sentence(scene, message):
 
 def test_values_at_the_limits_are_allowed():
     black = replace(ROOM, materials=(grey(0.0), lamp(0.0), grey(0.999)), lights=())
-    solver = Solver(black, photons=10)
-    solver.solve()
+    solver = solve(black, photons=10)
     assert not solver.irradiance.any()
 
 
@@ -99,8 +98,7 @@ def test_a_solver_refuses_settings_out_of_range(setting):
 
 
 def test_no_photons_no_light():
-    solver = Solver(ROOM, photons=0)
-    solver.solve()
+    solver = solve(ROOM, photons=0)
     assert solver.photons == 0 and not solver.irradiance.any()
 
 

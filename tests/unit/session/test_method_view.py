@@ -21,15 +21,14 @@ from gi_core.photons.flux_sums import NOT_ADDITIVE
 from gi_core.photons.paths import ADDED, KEPT, REMOVED
 from gi_core.scene import Pose
 from gi_core.solver import Solver
+from tests.support.scene_builders import solve
 from tests.support.viewer_support import room
 
 PARTS = mv.MethodParts(paths=True, receiver=-1, recomputed=True)
 
 
 def solved(**options) -> Solver:
-    solver = Solver(room(12), photons=20_000, radius=0.1, **options)
-    solver.solve()
-    return solver
+    return solve(room(12), photons=20_000, radius=0.1, **options)
 
 
 def places(solver: Solver, *points) -> list[int]:
@@ -94,8 +93,7 @@ def test_artifact_control_is_part_of_the_rule():
 
 def test_segments_end_on_curved_mobiles():
     """Some cross a disc behind their new end on the mobile: the pawn's discs lie within its surface."""
-    solver = Solver(load_scene("cornell"), photons=20_000, radius=0.03)
-    solver.solve()
+    solver = solve(load_scene("cornell"), photons=20_000, radius=0.03)
     pose = solver.poses["pawn"]
     solver.move("pawn", pose._replace(position=tuple(np.add(pose.position, (0.02, 0.0, 0.01)))))
     evaluated = solver.frame.evaluated
@@ -240,8 +238,7 @@ def test_contours_lie_on_their_level():
 
 def test_receivers_that_a_reflection_shows_have_no_light_by_direction():
     """Their cells are even, whatever arrives."""
-    solver = Solver(load_scene("showroom"), photons=4096)
-    solver.solve()
+    solver = solve(load_scene("showroom"), photons=4096)
     s, rows = solver.surfaces, solver.frame.gloss.rows
     corners = np.concatenate([c[is_sharp(s)].ravel() for c in (s.corner_front, s.corner_back)])
     by_probe, none = np.isin(rows, corners), (np.zeros((0, 2, 3)), np.zeros(0, np.int64))

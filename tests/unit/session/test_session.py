@@ -29,13 +29,12 @@ from app.worker import ARENAS, Worker
 from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
 from gi_core.instruments.compile_ahead import SURFACES
 from gi_core.scene import Pose
-from gi_core.solver import Solver
 from tests.support import viewer_support as support
+from tests.support.scene_builders import solve
 
 
 def test_different_light_has_different_parameters():
-    solver = Solver(support.room(4), photons=3000, radius=0.06)
-    solver.solve()
+    solver = solve(support.room(4), photons=3000, radius=0.06)
     work, settings = RestWork(solver, lambda: 0.0), Settings(scene="room", exposure=1.0)
     picture = Picture(settings, home_camera(solver))
 
@@ -74,8 +73,7 @@ def early_error(entries: dict[str, str]) -> float:
 
 
 def test_the_wipe_and_the_reference_are_parameters():
-    solver = Solver(support.room(1), photons=500, radius=0.06)
-    solver.solve()
+    solver = solve(support.room(1), photons=500, radius=0.06)
     work, settings = RestWork(solver, lambda: 0.0), Settings(compare=REFERENCE, reference=True, exposure=1.0)
     while work.live_error.picture is None:
         work.next_task(settings).run()

@@ -9,7 +9,7 @@ from gi_core.scene.types import Camera, Scene
 from gi_core.solver import Solver
 from studies import light_error
 from tests.support.receiver_samples import in_view
-from tests.support.scene_builders import floor, grey, merge
+from tests.support.scene_builders import floor, grey, merge, solve
 from tests.unit.display.test_dilation import inside, standing
 
 ABOVE = Camera((0.0, -0.3, 0.9), (0.0, 0.0, 0.0), 75.0)  # under the lamp, which faces down
@@ -17,9 +17,7 @@ ABOVE = Camera((0.0, -0.3, 0.9), (0.0, 0.0, 0.0), 75.0)  # under the lamp, which
 
 @pytest.fixture(scope="module")
 def solver():
-    made = Solver(replace(standing(), camera=ABOVE), photons=20_000, radius=0.04)
-    made.solve()
-    return made
+    return solve(replace(standing(), camera=ABOVE), photons=20_000, radius=0.04)
 
 
 def test_visible_receivers_face_the_camera_unoccluded_in_frame(solver):

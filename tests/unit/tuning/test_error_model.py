@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.commands.tune import _models
+from app.cli.options import settings_of
+from app.commands.tune import _models, command_line
 from app.measure.tuning import Tuned, compared, tune
+from app.settings import LampLevel, Settings
 from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.base import Setting
 from gi_core.scene import Pose
@@ -26,7 +28,7 @@ from gi_core.tuning import (
     within_error,
     within_time,
 )
-from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
+from tests.support.scene_builders import box_mobile, coloured_room, plane_scene, solve
 
 COUNTS = np.array([8192, 16384, 32768, 65536, 131072])
 
@@ -150,9 +152,7 @@ SCENE = coloured_room((box_mobile(size=0.2),))
 
 @pytest.fixture(scope="module")
 def solver() -> Solver:
-    solver = Solver(SCENE, photons=60_000, radius=0.08)
-    solver.solve()
-    return solver
+    return solve(SCENE, photons=60_000, radius=0.08)
 
 
 def test_trial_predicts_the_error_of_more_photons(solver, monkeypatch):
@@ -198,8 +198,7 @@ def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
     monkeypatch.setattr("gi_core.tuning.TRIAL_PHOTONS", 60_000)
     alone, moving = np.zeros(5), np.zeros(5)
     for seed in range(4):
-        solver = Solver(coloured_room((box_mobile(size=0.2),), grid=8), photons=60_000, radius=0.08, seed=seed)
-        solver.solve()
+        solver = solve(coloured_room((box_mobile(size=0.2),), grid=8), photons=60_000, radius=0.08, seed=seed)
         judge = solver.twin()
         samples = reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}], lambda done: None)
         large = trial(judge, samples, radius=0.08)
@@ -238,9 +237,6 @@ def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
 
 def test_the_printed_command_line_opens_the_window_with_the_choice():
     from app.__main__ import parse
-    from app.cli.options import settings_of
-    from app.commands.tune import command_line
-    from app.settings import LampLevel, Settings
 
     chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}
     asked = Settings(
