@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gi_core.files import load
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import FINEST, UNSEEN_FACTOR, refined
 from gi_core.files.completion.sides import one_sided_where_dark
@@ -10,6 +11,7 @@ from gi_core.files.load import load_scene
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.scene import Camera, PointLight, Scene
+from gi_core.solver import Solver
 from tests.support.mesh_writers import BOX, BOX_FACES, write_obj, write_room
 from tests.support.scene_builders import box, grey, lamp, merge, quad
 
@@ -139,8 +141,6 @@ def test_open_sheet_lit_on_both_sides_keeps_both():
 
 def test_kept_side_has_the_same_light():
     """Irradiance on the fronts, with the dark sides and without, photon by photon."""
-    from gi_core.solver import Solver
-
     room = merge(ROOM, box((1, 0, 1), (2, 1, 2)))
     before = Scene(room, (TWO_SIDED,), (), (BULB,))
     after = one_sided_where_dark(before, useful_box(before, Rays(before)))
@@ -154,8 +154,6 @@ def test_kept_side_has_the_same_light():
 
 
 def test_a_bare_file_keeps_to_its_budget(tmp_path, monkeypatch):
-    from gi_core.files import load
-
     write_room(tmp_path)
     monkeypatch.setattr(load, "MOST_RECEIVERS", 3000)
     scene = load_scene(tmp_path / "room.obj")
@@ -192,16 +190,19 @@ def test_faces_below_the_weld_do_not_count_as_made(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "far",
+    "far, edge",
     [
-        "",
-        "v 448e3 0 0\nv 448001 0 0\nv 448e3 0 1\nusemtl wall\nf 13 14 15\n",
-        "v -25 -9 -25\nv 25 -9 -25\nv 0 -9 25\nusemtl wall\nf 13 14 15\n",
+        ("", 0.05),
+        ("v 448e3 0 0\nv 448001 0 0\nv 448e3 0 1\nusemtl wall\nf 13 14 15\n", 0.05),
+        ("v -25 -9 -25\nv 25 -9 -25\nv 0 -9 25\nusemtl wall\nf 13 14 15\n", 0.8),
     ],
     ids=["a room", "stray triangle", "ground below"],
 )
-def test_a_scene_file_of_long_edges_is_refined_as_its_mesh_alone(far, tmp_path):
-    """A floor of four corners had 26 lx in place of 18; what light does not reach is no reason to let it be."""
+def test_a_scene_file_of_long_edges_is_refined_as_its_mesh_alone(far, edge, tmp_path):
+    """A floor of four corners had 26 lx in place of 18; what light does not reach is no reason to let it be.
+
+    edge [m]: asked for, below and above those of refinement.
+    """
     write_room(tmp_path)
     file, mesh = tmp_path / "room.toml", tmp_path / "room.obj"
     mesh.write_text(mesh.read_text() + far)
@@ -209,8 +210,9 @@ def test_a_scene_file_of_long_edges_is_refined_as_its_mesh_alone(far, tmp_path):
     scene = load_scene(file)
     (note,) = (n for n in scene.notes if n.startswith("mesh refined for light"))
     assert f"triangles became {len(scene.static.faces):,}" in note and len(scene.static.faces) > 5000
-    as_it_is, finer = (load_scene(file, max_edge=edge) for edge in (np.inf, 0.05))
-    for asked in (as_it_is, finer, load_scene(file, max_edge=0.05)):
+    as_it_is, finer = (load_scene(file, max_edge=asked) for asked in (np.inf, edge))
+    file.write_text(file.read_text() + f"max_edge = {edge}\n")
+    by_file = load_scene(file)
+    for asked in (as_it_is, finer, by_file):
         assert not any("refined" in n for n in asked.notes)
-    file.write_text(file.read_text() + "max_edge = 0.05\n")
-    assert len(as_it_is.static.faces) < 20 and len(load_scene(file).static.faces) == len(finer.static.faces)
+    assert len(as_it_is.static.faces) < 20 < len(finer.static.faces) == len(by_file.static.faces)
