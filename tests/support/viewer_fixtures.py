@@ -2,6 +2,8 @@
 
 import pytest
 
+from gi_core.gather import static
+from gi_core.instruments import compile_ahead
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import Hand
 
@@ -19,6 +21,18 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "references"))
     return tmp_path
+
+
+@pytest.fixture
+def rough_light(monkeypatch):
+    """Light of 4 % noise is enough at rest."""
+    monkeypatch.setattr(static, "ENOUGH", 0.04)
+
+
+@pytest.fixture
+def few_kernels(monkeypatch):
+    """Edits compile only the kernels that run."""
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.rest import scheduler
-from app.rest.jobs import StaticJob, first_task
+from app.rest.jobs import first_task
 from app.rest.reference_store import StaticStore
 from app.session.log import Log
 from app.session.opening import Opened, Opening
@@ -18,7 +18,7 @@ from gi_core.gather.estimate import better
 from gi_core.lights.lamps import mix
 from gi_core.scene import Pose
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, solve
 from tests.support.viewer_support import PATIENCE
 
 SCENE = coloured_room((box_mobile(size=0.2),))
@@ -40,8 +40,7 @@ def opened(light: str = "best", photons: int = 3000) -> Session:
         light=light,
         measure_errors=False,
     )
-    solver = Solver(SCENE, photons=photons, radius=0.06)
-    solver.configure(light=light)
+    solver = Solver(SCENE, photons=photons, radius=0.06, light=light)
     session = Session(settings, Log(), open_with=lambda settings: None)
     session.adopt(Opened(settings, solver, None, ()))
     return session
@@ -106,9 +105,7 @@ def test_switched_on_and_off_in_the_panel():
 
 
 def test_interrupted_gathering_keeps_its_state(monkeypatch):
-    solver = Solver(SCENE, photons=100, radius=0.06)
-    solver.configure(light="best")
-    solver.solve()
+    solver = solve(SCENE, photons=100, radius=0.06, light="best")
     calls = []
 
     def bar(stage, fraction):
@@ -132,12 +129,6 @@ def test_other_mobiles_find_the_same_file_other_walls_do_not():
     paler = tuple(m._replace(reflectance=tuple(0.9 * r for r in m.reflectance)) for m in SCENE.materials)
     assert path(SCENE) != path(replace(SCENE, materials=paler))
     assert path(SCENE) != path(SCENE, seed=1)
-
-
-def test_nothing_is_gathered_with_photons_only():
-    solver = Solver(SCENE, photons=100, radius=0.06)
-    solver.solve()
-    assert first_task((StaticJob(solver, time.monotonic),), Settings()) is None
 
 
 def test_estimators_keep_their_light():

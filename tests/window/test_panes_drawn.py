@@ -9,9 +9,8 @@ from app.draw.shot import Shot, layers
 from app.draw.tonemap import BACKGROUND, to_display
 from app.settings import ILLUMINANCE, Settings
 from gi_core.scene.types import Camera, Material, Mobile, Pane, PointLight, Pose, Scene, SkyLight
-from gi_core.solver import Solver
 from tests.support.gl_drawing import gl_picture
-from tests.support.scene_builders import box, grey, merge, quad
+from tests.support.scene_builders import box, grey, merge, quad, solve
 
 SIZE = (120, 90)
 
@@ -28,8 +27,7 @@ def scene(panes: bool) -> Scene:
 
 
 def shot_of(scene: Scene, **settings) -> Shot:
-    solver = Solver(scene, photons=20_000, radius=0.1)
-    solver.solve()
+    solver = solve(scene, photons=20_000, radius=0.1)
     return Shot(solver, Settings(size=SIZE, exposure=0.0, **settings))
 
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.draw import gl_mirrors, visible
+from app.draw.camera import from_camera
 from app.draw.colour_map import sequential_colours
 from app.draw.lit_scene import metered
 from app.draw.shot import Shot
@@ -50,8 +52,6 @@ def scene(gloss: Gloss = MIRROR) -> Scene:
 
 def faces_seen(shot: Shot) -> np.ndarray:
     """Return the face (h, w) that all rays of a pixel see, -1 along edges."""
-    from app.draw import visible
-
     lit, view = shot.lit, shot.view
     strips = visible.strips(lit, visible.place(lit.meshes, lit.at), view)
     rays = np.concatenate([s.face for s in strips]).reshape(view.height, view.width, -1)
@@ -209,8 +209,6 @@ def test_a_renderer_follows_moves_light_and_camera():
 
 
 def turned(camera: Camera, shot: Shot):
-    from app.draw.camera import from_camera
-
     return from_camera(camera, shot.solver.scene.up, shot.camera.bounds, shot.camera.bounds)
 
 
@@ -262,16 +260,15 @@ def hollow_room(alpha: float) -> Scene:
 @pytest.mark.parametrize("alpha, most", [(0.0, 0.08), (0.08, 0.14)])
 def test_a_room_of_gloss_with_hidden_planes_is_that_of_traced_rays(alpha, most):
     """Walls behind walls took all planes, and the probe of the room left the room out: 42 to 46 % of error."""
-    shot = shot_of(hollow_room(alpha))
+    shot = shot_of(hollow_room(alpha), replace(SETTINGS, size=(120, 80)))
     walls = kind_of(shot) == 0
     traced, drawn = (srgb_decode(picture / 255)[walls] for picture in (shot.take(), gl_picture(shot)))
     apart, bias = np.abs(traced - drawn).sum() / traced.sum(), (drawn - traced).sum() / traced.sum()
-    assert walls.sum() > 10_000 and apart < most and abs(bias) < 0.04, f"{apart:.3f}, {bias:+.3f}"
+    assert walls.sum() > 5_000 and apart < most and abs(bias) < 0.04, f"{apart:.3f}, {bias:+.3f}"
 
 
 @pytest.mark.gl
 def test_a_view_has_few_planes_and_the_largest_ones():
-    from app.draw import gl_mirrors
     from tests.support.gl_drawing import drawn
 
     shot = shot_of(hollow_room(0.0))

@@ -6,14 +6,19 @@ from PIL import Image
 
 from app.draw.draw_mesh import DrawMesh, draw_meshes
 from app.draw.false_colour import Scale, false_colours
-from app.draw.tonemap import TONE_MAPS, to_display
+from app.draw.picture_files import screenshot, write_png
+from app.draw.renderer import Look, Renderer
+from app.draw.shot import Shot
+from app.draw.tonemap import TONE_MAPS, UNLIT, to_display
 from app.draw.vertex_colours import colours
+from app.settings import Settings, make_solver
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, rotation
 from tests.support import viewer_support as support
 from tests.support.gl_drawing import EYE, HALF_TURN, IDENTITY, SIZE, background, middle, square
 from tests.support.projection import projected
+from tests.support.scene_builders import complete
 
 
 @pytest.mark.gl
@@ -50,8 +55,6 @@ def test_each_side_has_its_own_light(draw):
 
 @pytest.mark.gl
 def test_backs_of_one_sided_faces_are_culled_or_grey_at_any_exposure(draw):
-    from app.draw.tonemap import UNLIT
-
     one_sided = square((0.5, 0.5, 0.5))
     assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=True)), background())
     grey = np.round(255 * np.array(UNLIT)).astype(int)
@@ -77,8 +80,6 @@ def test_colours_run_linearly_between_vertices(draw):
 @pytest.mark.gl
 def test_vertices_of_small_weight_hardly_count(ctx):
     """A square, dark on the left; each side has separate weights."""
-    from app.draw.renderer import Look, Renderer
-
     mesh, front, back = square((0, 0, 0), (0, 0, 0))
     left = mesh.positions[:, 0] < 0
     front[~left], back[~left] = 0.25, 0.25
@@ -153,8 +154,6 @@ def test_the_outline_of_a_surface_is_round_its_visible_part(draw, faces):
 
 @pytest.mark.gl
 def test_resizing_releases_and_an_empty_object_draws_nothing(ctx):
-    from app.draw.renderer import Look, Renderer
-
     empty = DrawMesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32),
                      np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))  # fmt: skip
     renderer = Renderer(ctx)
@@ -184,8 +183,6 @@ def test_vertex_colours_come_from_the_receivers():
 @pytest.mark.parametrize("samples", [1, 4])
 def test_wipe_shows_one_layer_per_side(ctx, samples):
     """A square across the middle, red in one layer and blue in the other, ready for the display."""
-    from app.draw.renderer import Look, Renderer
-
     mesh, front, back = square((0.8, 0.1, 0.1))
     renderer = Renderer(ctx, samples)
     renderer.set_scene((mesh,))
@@ -213,8 +210,6 @@ def test_wipe_shows_one_layer_per_side(ctx, samples):
 @pytest.mark.gl
 def test_geometry_is_uploaded_once(ctx):
     """Other emission is no other geometry; a moved vertex is."""
-    from app.draw.renderer import Renderer
-
     mesh, *_ = square((0.8, 0.1, 0.1))
     renderer = Renderer(ctx)
     renderer.set_scene((mesh,))
@@ -232,13 +227,7 @@ def test_geometry_is_uploaded_once(ctx):
 @pytest.mark.parametrize("scale", [1, 2, 4])
 def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
     """Block means are the picture at 1x, but for edges; the viewport keeps its size."""
-    from app.draw.picture_files import screenshot, write_png
-    from app.draw.renderer import Look, Renderer
-    from app.draw.shot import Shot
-    from app.settings import Settings, make_solver
-
-    solver = make_solver(support.room(), Settings(photons=2000, radius=0.06))
-    solver.solve()
+    solver = complete(make_solver(support.room(), Settings(photons=2000, radius=0.06)))
     shot, ctx = Shot(solver, Settings(size=(64, 48))), support.standalone_context()
     drawing = Renderer(ctx)
     try:
@@ -262,8 +251,6 @@ def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
 @pytest.mark.gl
 def test_objects_that_an_edit_keeps_are_not_uploaded_again(ctx):
     """The picture is that of a new renderer, and the buffers of the other object stay."""
-    from app.draw.renderer import Look, Renderer
-
     (first, *light), (second, *other), (third, *new) = (
         square((0.2 * k, 0.5, 0.1), half=0.2, z=0.1 * k) for k in range(3)
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from app.draw.draw_mesh import DrawMesh
+from app.draw.gl_textures import GLTextures
 from app.draw.tonemap import to_display
 from gi_core.geometry.texture_filter import lookup
 from gi_core.scene import Texture
@@ -125,8 +126,6 @@ def test_textures_and_plain_faces_side_by_side(draw):
 
 @pytest.mark.gl
 def test_textures_are_freed_and_shared(ctx):
-    from app.draw.gl_textures import GLTextures
-
     a, b = Texture(PIXELS), Texture(PIXELS[:2])
     textures = GLTextures(ctx)
     textures.keep([a, b, a])

@@ -14,12 +14,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from app.draw.camera import from_camera, scene_bounds
 from app.draw.motion import play_head
+from app.session import first_look
 from app.session.log import ERROR, Log
+from app.session.opening import COMPILING, Opening
 from app.session.session import LIGHT_TIME, SETTLE, Session
 from app.session.solver_thread import GRACE, SolverThread
 from app.settings import Settings
 from app.worker import Worker
+from gi_core.instruments import compile_ahead
 from gi_core.scene import KeyFrames, Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
@@ -286,9 +290,6 @@ def test_opening_fills_in_open_settings():
 
 def test_kernels_compile_in_processes_with_progress(monkeypatch, tmp_path):
     """The real child processes with tiny programs: a compiler and a first look; then two that fail."""
-    from app.session.opening import COMPILING, Opening
-    from gi_core.instruments import compile_ahead
-
     seen, looks = [], []
     real = subprocess.Popen
     shown = tmp_path / "shown"  # the compiler waits for it
@@ -333,8 +334,6 @@ while not pathlib.Path({str(shown)!r}).exists():
 
 def test_progress_of_compiling_never_stands_at_the_end(monkeypatch, tmp_path):
     """More code than expected, or that of other processes: the time left is unknown."""
-    from gi_core.instruments import compile_ahead
-
     monkeypatch.setattr(compile_ahead, "cache_folder", lambda: tmp_path)
     monkeypatch.setitem(compile_ahead.CODE, compile_ahead.GLOSS, 100)
     meter = compile_ahead.Meter(compile_ahead.GLOSS)
@@ -345,9 +344,6 @@ def test_progress_of_compiling_never_stands_at_the_end(monkeypatch, tmp_path):
 
 def test_an_opening_cancelled_while_kernels_compile_ends_both_processes(monkeypatch, tmp_path):
     """At once, also before they have begun; one that cannot begin takes no other with it."""
-    from app.session.opening import Opening
-    from gi_core.instruments import compile_ahead
-
     begun, real, fails = [], subprocess.Popen, False
 
     def start(command, **others):
@@ -408,8 +404,6 @@ def test_steps_left_open_keep_no_closed_scene():
 
 def test_the_process_of_the_first_look_finds_files_by_relative_paths(tmp_path, monkeypatch):
     """It begins in the program's folder, but settings name files relative to the user's."""
-    from app.session import first_look
-
     monkeypatch.chdir(tmp_path)
     write_glb(tmp_path / "thing.glb", BOX * 0.1, BOX_FACES)
     with (tmp_path / "errors").open("w+") as errors:
@@ -424,9 +418,6 @@ def test_the_process_of_the_first_look_finds_files_by_relative_paths(tmp_path, m
 
 def test_a_bad_scene_is_refused_before_kernels_are_compiled(monkeypatch, tmp_path):
     """By the real process of the first look, while the compiler of another process goes on."""
-    from app.session.opening import Opening
-    from gi_core.instruments import compile_ahead
-
     bad, real = tmp_path / "bad.toml", subprocess.Popen
     bad.write_text("[static]\nmesh = 7\n")
 
@@ -446,7 +437,6 @@ def test_meter_ignores_noise():
 
     Exposures of 2,000 photons scatter by 0.1 EV from seed to seed, so the mean over five is tested: 0.10 too bright.
     """
-    from app.draw.camera import from_camera, scene_bounds
 
     def metered(photons: int, seed: int) -> float:
         opened = support.opened(replace(support.SETTINGS, photons=photons, radius=0.04, seed=seed))
@@ -466,8 +456,6 @@ def test_meter_ignores_noise():
 def test_opening_reports_its_error_and_can_be_cancelled():
     def bad(settings):
         raise ValueError("scenes/x.toml: no such thing")
-
-    from app.session.opening import Opening
 
     job = Opening(support.SETTINGS, load=bad)
     s = Session(support.SETTINGS, Log(), open_with=lambda settings: job)

@@ -5,6 +5,8 @@ import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
+from imgui_bundle import imgui, implot
+
 from app.draw.camera import from_camera, scene_bounds
 from app.session.log import Log
 from app.session.picture import Picture
@@ -35,8 +37,6 @@ class Guarded:
 @contextlib.contextmanager
 def widgets():
     """Let sections be drawn without a window."""
-    from imgui_bundle import imgui, implot
-
     context, of_plots = imgui.create_context(), implot.create_context()
     io = imgui.get_io()
     io.display_size, io.delta_time, io.backend_flags = (1000, 4000), 0.02, imgui.BackendFlags_.renderer_has_textures
@@ -50,8 +50,6 @@ def widgets():
 
 def draw_panel(window) -> None:
     """Draw all sections; none is folded."""
-    from imgui_bundle import imgui
-
     imgui.new_frame()
     imgui.begin("Panel")
     for section in (*panel.SECTIONS, *panel.RESEARCH):

@@ -12,7 +12,13 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
+from PIL import Image
 
+from app.draw.renderer import Renderer
+from app.session.opening import Opening
+from app.session.solver_thread import SolverThread
+from app.window import overlay, window
 from gi_core.photons.paths import PathStore
 from gi_core.retrace import cuts
 from gi_core.scene import SceneError
@@ -24,8 +30,6 @@ pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 def test_frames_continue_while_the_scene_opens(play):
     """Frames continue during a slow load, its phase is shown, and then its light."""
-    from app.session.opening import Opening
-
     seen = threading.Event()
     drawn = []
 
@@ -118,8 +122,6 @@ def test_light_has_as_much_time_as_slow_drawing(hand, viewer, monkeypatch):
 @in_window()
 def test_new_light_waits_while_slow_drawing_has_had_its_time(hand, viewer, monkeypatch):
     """Not for a hand that moves something, nor for the end of all work."""
-    from app.draw.renderer import Renderer
-
     draws, draw = [], Renderer.draw
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
     monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
@@ -155,9 +157,6 @@ def test_new_light_waits_while_slow_drawing_has_had_its_time(hand, viewer, monke
 @in_window(problems=None)
 def test_exception_in_a_part_of_the_window_is_logged_and_the_others_are_drawn(hand, viewer, monkeypatch, capfd, where):
     """It comes between begin and end of a child window, in every frame."""
-    from imgui_bundle import imgui
-
-    from app.window import overlay
 
     def broken(*_):
         imgui.begin_child("broken", (50, 50))
@@ -234,7 +233,6 @@ def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
 
 def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
     import app.window.viewer
-    from app.session.opening import Opening
 
     def bad(settings):
         raise SceneError("room.toml: flux must be three numbers >= 0, got [-1, 0, 2]")
@@ -247,8 +245,6 @@ def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
 
 
 def test_defect_at_the_start_is_shown_in_the_window(play):
-    from app.session.opening import Opening
-
     def broken(settings):
         raise ZeroDivisionError("division by zero")
 
@@ -268,13 +264,10 @@ def test_defect_at_the_start_is_shown_in_the_window(play):
 
 def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, folder):
     import app.window.viewer
-    from app.session.opening import Opening
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=lambda _: support.room()))
     assert app.window.viewer.run(support.SETTINGS, frames=5) == 0
     assert app.window.viewer.run(support.SETTINGS, screenshot=folder / "window.png") == 0
-    from PIL import Image
-
     with Image.open(folder / "window.png") as picture:
         assert picture.size == support.SETTINGS.size
         assert len(np.unique(np.asarray(picture)[..., :3].reshape(-1, 3), axis=0)) > 500
@@ -285,7 +278,6 @@ def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, fol
 def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
     """While the scene is still being opened; afterwards the earlier handler is restored."""
     import app.window.viewer
-    from app.session.opening import Opening
 
     never = threading.Event()
     loaded = []
@@ -327,8 +319,6 @@ def test_a_long_job_does_not_outlive_the_program():
     [("libX11.so.6: cannot open shared object file", "libx11-6"), ("libGL.so.1: cannot open", "libgl1")],
 )
 def test_a_missing_library_is_named_with_its_package(monkeypatch, found, package):
-    from app.window import window
-
     def missing(name):
         raise ImportError(found)
 
@@ -369,8 +359,6 @@ def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
     """The ini file has its width in pixels: a file written at 96 dots per inch is not read at 192."""
     import glfw
 
-    from app.window import window
-
     names = set()
     for scale in (1.0, 1.5, 2.0):
         monkeypatch.setattr(glfw, "get_primary_monitor", lambda: "screen")
@@ -384,8 +372,6 @@ def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
 
 
 def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
-    from app.window import window
-
     nowhere = folder / "file"
     nowhere.write_text("")
     monkeypatch.setattr("platformdirs.user_config_dir", lambda *_, ensure_exists, **__: (nowhere / "x").mkdir())
@@ -399,9 +385,6 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
 @in_window(lit=False)
 def test_no_frame_is_drawn_while_nothing_changes(hand, viewer, monkeypatch):
     """Between two events the window waits; each event makes one frame, and no frame a picture or a job."""
-    from app.draw.renderer import Renderer
-    from app.session.solver_thread import SolverThread
-
     waits, draws, jobs, draw, begin = [], [], [], Renderer.draw, SolverThread._begin
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
     monkeypatch.setattr(SolverThread, "_begin", lambda self, job, *stop: (jobs.append(job), begin(self, job, *stop)))

@@ -9,8 +9,8 @@ from app.cli import saved_scene
 from app.session.cities import cities
 from app.session.lights import DAYLIGHT, NEW_DAYLIGHT, north_angle
 from app.settings import LampLevel
+from gi_core.files.edits import Darken, edited
 from gi_core.files.edits import Daylight as ChangeDaylight
-from gi_core.files.edits import edited
 from gi_core.lights.daylight import daylit, sun_of
 from gi_core.scene.types import Daylight, DirectionalLight
 from gi_core.solver import Solver
@@ -127,8 +127,6 @@ def test_an_architect_asks_for_the_sun_at_9_in_madrid(hand, viewer, folder):
 
 @in_window(scene=sunny_room)
 def test_daylight_that_is_removed_can_be_added_again(hand, viewer):
-    from gi_core.files.edits import Darken
-
     change(hand, viewer, lambda: viewer._do(("add lamp", "bulb")))
     change(hand, viewer, lambda: viewer.session.change_scene(Darken("sun")))
     assert viewer.session.scene.daylight == MADRID, "its sky stays"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from app.cli import saved_scene
 from app.session.opening import Opening
@@ -12,7 +13,7 @@ from app.window import dialogs
 from app.window.actions.objects import SHAPES, insert, shape_of
 from app.window.panel import material
 from app.window.panel import widgets as ui
-from gi_core.files.edits import Finish, Freeze, Insert, Remove, edited
+from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, edited
 from gi_core.scene import Pose
 from gi_core.scene.types import Paint, Texture
 from gi_core.solver import Solver, photons_of
@@ -34,8 +35,6 @@ def change(hand, viewer, do) -> None:
 
 
 def imgui_mouse() -> tuple[float, float]:
-    from imgui_bundle import imgui
-
     return imgui.get_io().mouse_pos.x, imgui.get_io().mouse_pos.y
 
 
@@ -169,7 +168,7 @@ def test_objects_are_copied_removed_frozen_and_made_movable(hand, viewer):
 
 
 @in_window(light="best")
-def test_a_copy_appears_in_gathered_light(hand, viewer):
+def test_a_copy_appears_in_gathered_light(hand, viewer, rough_light):
     """Light of the static part without mobiles is kept by edits that leave that part as it is."""
     light = viewer.session.light._solver.frame_light
     static = light.static
@@ -364,11 +363,8 @@ def test_the_panel_names_a_material_as_its_file_does(surface, parts, expected):
 
 
 @in_window()
-def test_the_panel_edits_the_material_of_the_clicked_wall(hand, viewer, monkeypatch):
+def test_the_panel_edits_the_material_of_the_clicked_wall(hand, viewer, few_kernels):
     """Its colour, then its model and a parameter of that, each in light equal to that of a scene built so."""
-    from gi_core.instruments import compile_ahead
-
-    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
     hand.ctx.mouse_move_to_pos(hand.at((0.0, 0.5, 0.5)))
     hand.ctx.mouse_click(0)
     hand.wait(lambda: viewer.viewport.clicked is not None)
@@ -417,12 +413,8 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(hand, viewer, monkeypa
 
 
 @in_window()
-def test_models_are_added_to_a_material_and_removed(hand, viewer, monkeypatch, folder):
+def test_models_are_added_to_a_material_and_removed(hand, viewer, few_kernels, folder):
     """A linear combination could be edited in the panel, but only a scene file could make one."""
-    from gi_core.instruments import compile_ahead
-
-    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
-    from imgui_bundle import imgui
 
     def models() -> list:
         (edit,) = viewer.session.settings.edits
@@ -463,11 +455,8 @@ def test_models_are_added_to_a_material_and_removed(hand, viewer, monkeypatch, f
 
 
 @in_window()
-def test_a_model_that_is_darkened_says_so(hand, viewer, monkeypatch):
+def test_a_model_that_is_darkened_says_so(hand, viewer, few_kernels, monkeypatch):
     """The choice of a model ticked the box without a word."""
-    from gi_core.instruments import compile_ahead
-
-    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)
     said, wrapped = [], ui.wrapped
     monkeypatch.setattr(ui, "wrapped", lambda text: (said.append(text), wrapped(text))[1])
     viewer.viewport.select(("block",))
@@ -498,11 +487,8 @@ def two_part_room():
     return replace(scene, mobiles=(block._replace(mesh=mesh),))
 
 
-def test_the_panel_edits_the_part_that_was_clicked(play, monkeypatch, folder):
+def test_the_panel_edits_the_part_that_was_clicked(play, few_kernels, folder):
     """A texture stays under gloss, and the other part as it is; a reflectance replaces the texture."""
-    from gi_core.instruments import compile_ahead
-
-    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
 
     def open_parts(settings: Settings, before=None) -> Opening:
         return Opening(settings, load=lambda _: two_part_room(), before=before)
@@ -559,8 +545,6 @@ def test_the_panel_edits_the_part_that_was_clicked(play, monkeypatch, folder):
 
 
 def test_a_saved_scene_keeps_its_edits(folder):
-    from gi_core.files.edits import Duplicate, Promote
-
     thing = write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES)
     edits = (
         Finish("wall", (("reflectance", (0.1, 0.25, 0.98)),)),

@@ -5,10 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.draw.colour_map import signed_colours
 from app.rest import live_error
+from app.rest.results import MeasuredPoint
 from app.settings import LampLevel
-from app.window import view_content
+from app.window import legend, view_content
+from app.window.panel import chart
+from app.window.panel.chart import caption, limits
+from gi_core.estimators.base import Setting
 from gi_core.files.edits import Finish, Remove
+from gi_core.geometry.error import luminance
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import in_window, keys
 
@@ -32,9 +38,6 @@ def shown(viewer):
 
 @in_window(settings=MEASURED)
 def test_error_is_measured_at_rest_and_mapped_with_a_legend(hand, viewer, monkeypatch):
-    from app.draw.colour_map import signed_colours
-    from app.window import legend
-
     words, texts = [], legend.texts
     monkeypatch.setattr(legend, "texts", lambda e: (words.append(texts(e)), texts(e))[1])
     hand.wait(lambda: report(viewer) is not None and report(viewer).done)
@@ -72,7 +75,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(hand, viewer, monkey
     hand.wait(lambda: report(viewer) is not None and report(viewer).done)
 
 
-@in_window(settings=MEASURED)
+@in_window(settings=MEASURED, photons=20_000)
 def test_reference_key_and_wipe_between_two_pictures(hand, viewer):
     K = keys()
     viewport, settings = viewer.viewport, lambda: viewer.session.settings
@@ -120,8 +123,6 @@ def test_reference_key_and_wipe_between_two_pictures(hand, viewer):
 
 @in_window(settings=MEASURED)
 def test_settings_tried_are_points_of_the_chart(hand, viewer, monkeypatch):
-    from app.window.panel import chart
-
     asked = []
     monkeypatch.setattr(chart, "caption", lambda point: (asked.append(point), "a point")[1])
     points = viewer.session.points
@@ -145,10 +146,6 @@ def test_settings_tried_are_points_of_the_chart(hand, viewer, monkeypatch):
 
 
 def test_caption_and_limits_of_a_point():
-    from app.rest.results import MeasuredPoint
-    from app.window.panel.chart import caption, limits
-    from gi_core.estimators.base import Setting
-
     text = caption(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
     assert text.startswith("photon map\n20,000 photons\nradius 0.05 m\nneighbours 40")
     assert text.endswith("error 4.6 % (reference noise ±0.4 %)\nGI frame 12.3 ms")
@@ -163,8 +160,7 @@ def test_a_change_below_two_standard_errors_is_grey():
 
 
 @in_window(light="best")
-def test_changes_since_a_kept_light_are_mapped(hand, viewer):
-    from gi_core.geometry.error import luminance
+def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     from tests.window.test_viewer_edits import RED, change
 
     ctx, E = hand.ctx, lambda: luminance(viewer.session.light.snapshot.irradiance)

@@ -11,6 +11,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
+from PIL import Image
 
 from app import __main__ as cli
 from app.cli import saved_scene
@@ -20,6 +22,7 @@ from app.settings import Settings, open_scene
 from app.window import dialogs
 from app.window.actions.lamps import use_file
 from app.window.files import Files, Watch
+from gi_core.files.find import shipped_scenes
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
@@ -90,8 +93,6 @@ def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(hand, vi
 def test_keys_do_not_reach_the_scene_behind_a_dialog(hand, viewer, folder):
     """The field has lost the focus, as by a click beside it: Shift+Del does nothing, Return confirms the dialog."""
     K = keys()
-    from imgui_bundle import imgui
-
     viewer.viewport.select(("block",))
     hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
     hand.wait(lambda: viewer.files.dialog.is_open)
@@ -312,8 +313,6 @@ def test_the_place_proposed_is_a_folder_that_can_be_written_and_no_root(tmp_path
 
 
 def test_the_copied_command_and_reset_settings(play, monkeypatch):
-    from imgui_bundle import imgui
-
     copied = []
     monkeypatch.setattr(imgui, "set_clipboard_text", copied.append)
 
@@ -431,10 +430,6 @@ for ask in (dialog.open, dialog.save):
 
 def test_every_shipped_scene_has_a_thumbnail():
     from importlib import resources
-
-    from PIL import Image
-
-    from gi_core.files.find import shipped_scenes
 
     for name in shipped_scenes():
         with (resources.files("scenes") / "thumbnails" / f"{name}.png").open("rb") as stream:

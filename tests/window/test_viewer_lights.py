@@ -6,10 +6,11 @@ import os
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from app.cli import saved_scene
 from app.session.lights import PANEL, LightId, aim_of
-from app.settings import LampLevel
+from app.settings import LampLevel, make_solver, open_scene
 from app.window.actions import lamps as actions
 from app.window.drag import TURN_SPEED
 from app.window.panel import widgets as ui
@@ -216,8 +217,6 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
     file = write_ies(folder / "down.ies", gammas, planes, np.array([[900.0, 600.0, 100.0, 0.0]]))
 
     def script(hand, viewer):
-        from imgui_bundle import imgui
-
         hand.wait_for_light()
         hand.move(hand.at((0.8, 0.2, 0.8)))
         assert tuple(imgui.get_mouse_pos()) == pytest.approx(hand.at((0.8, 0.2, 0.8)), abs=1)
@@ -341,8 +340,6 @@ def test_levels_of_a_removed_lamp_are_no_mistake(folder):
     )
     settings = saved_scene.read("a.toml")
     assert settings.lamps == (LampLevel("pendant", 0.5),)
-    from app.settings import make_solver, open_scene
-
     solver = make_solver(open_scene(settings), settings)
     assert "pendant" not in solver.lamps.names
 

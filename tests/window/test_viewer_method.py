@@ -61,7 +61,7 @@ GLOSSY = replace(
 
 
 @in_window(scene=lambda: GLOSSY, photons=2000, gloss="list")
-def test_a_click_holds_a_receiver_and_its_hemisphere(hand, viewer, monkeypatch):
+def test_a_click_holds_a_receiver_and_its_hemisphere(hand, viewer, few_kernels, monkeypatch):
     """While the camera orbits, the block is dragged and the cursor is elsewhere; the mark of the eye follows."""
     written, write = {}, label.write
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import Image
 
 from app.window import drag
@@ -113,8 +114,6 @@ def test_camera_by_mouse(hand, viewer):
 
 
 def test_keys(play, folder):
-    from imgui_bundle import imgui
-
     K = keys()
 
     def script(hand, viewer):
@@ -166,7 +165,7 @@ def test_keys(play, folder):
     assert errors(viewer) == []
     assert viewer.params.app_shall_exit
     parameters = Image.open(folder / "gi-viewer-001.png").text
-    assert parameters["scene"] == "room" and parameters["photons"] == "20000"
+    assert parameters["scene"] == "room" and parameters["photons"] == "8192"
     assert parameters["estimator"] == "tangent_plane"
     assert parameters["radius"] == "0.06 m" and parameters["neighbours"] == "40" and parameters["seed"] == "0"
     assert parameters["pose block"].count(",") == 6 and "EV" in parameters["exposure"]

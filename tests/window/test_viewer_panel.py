@@ -8,17 +8,22 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.window import label, view_content
+from app.draw.tonemap import UNLIT
+from app.session import session as session_module
+from app.window import label, overlay, view_content
+from app.window.panel import quality, widgets
 from app.window.panel import widgets as ui
 from gi_core.bsdf.models import lobe
+from gi_core.discs.search import SEARCHES
+from gi_core.estimators import ESTIMATORS
+from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
+from gi_core.instruments import compile_ahead
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, in_window, keys
 
 
 @in_window()
 def test_panel_controls(hand, viewer):
-    from gi_core.estimators import ESTIMATORS
-
     K = keys()
     session, ctx = viewer.session, hand.ctx
     names = list(ESTIMATORS)
@@ -83,8 +88,6 @@ def test_panel_controls(hand, viewer):
     ctx.yield_(2)
     s = session.settings
     assert (s.tone_map, s.show, s.cull) == ("clip", "irradiance", False)
-    from app.draw.tonemap import UNLIT
-
     grey = np.round(255 * np.array(UNLIT)).astype(int)
     middle = hand.pixels()[viewer.painter.renderer.size[1] // 2, viewer.painter.renderer.size[0] // 2]
     assert np.array_equal(middle, grey), f"{middle}, not {grey}: the closed room from outside, its walls drawn"
@@ -102,10 +105,6 @@ def test_panel_controls(hand, viewer):
 
 @in_window()
 def test_controls_without_an_effect_are_grey_and_say_why(hand, viewer, monkeypatch):
-    from imgui_bundle import imgui
-
-    from app.window.panel import widgets
-
     reasons: set[str] = set()
     explained = widgets.explained
     monkeypatch.setattr(widgets, "explained", lambda text: (reasons.add(explained(text)), explained(text))[1])
@@ -137,8 +136,6 @@ def test_controls_without_an_effect_are_grey_and_say_why(hand, viewer, monkeypat
 @in_window(lit=False)
 def test_all_searches_show_the_same_light(hand, viewer):
     """The section "Disc search": another search gives the same bits in the window."""
-    from gi_core.discs.search import SEARCHES
-
     session, ctx = viewer.session, hand.ctx
     hand.press(keys()._1)
     hand.wait_for_light()
@@ -163,8 +160,6 @@ def glossy_room():
 @in_window(scene=glossy_room)
 def test_the_combo_of_gloss_changes_the_rays_of_the_picture(hand, viewer):
     """Cells, list, all rays and cells again: the same photons, other rays, another picture, and no other irradiance."""
-    from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
-
     hand.open_research()
     session, pictures, lit = viewer.session, [], viewer.session.irradiance
     for name, way in (("List", LIST), ("QuadTree (all rays)", ALL_RAYS), ("QuadTree (summarised)", QUADTREE)):
@@ -186,8 +181,6 @@ def test_the_combo_of_gloss_changes_the_rays_of_the_picture(hand, viewer):
 @in_window()
 def test_another_structure_of_rays_opens_the_scene_again(hand, viewer, monkeypatch):
     """The section "Rays": poses and settings stay, and the light is the same but for stray rays."""
-    from gi_core.instruments import compile_ahead
-
     monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
     first, lit = viewer.session, viewer.session.irradiance
     hand.open_research()
@@ -216,8 +209,6 @@ def test_slider_drag_never_delays_a_frame(hand, viewer, monkeypatch):
 
     test_session.py measures a frame's waiting time, on a test clock.
     """
-    from app.session import session as session_module
-
     monkeypatch.setattr(session_module, "SETTLE", 60.0)  # on a busy machine every value rests for a moment
     threads, configured = set(), []
     session, ctx = viewer.session, hand.ctx
@@ -257,9 +248,6 @@ def test_slider_drag_never_delays_a_frame(hand, viewer, monkeypatch):
 @in_window()
 def test_drag_keeps_the_budget_and_panel_shows_its_photons(hand, viewer, monkeypatch):
     """With a budget for the fewest photons, a drag shows the fewest, and rest shows all."""
-    from app.session import session as session_module
-    from app.window.panel import widgets
-
     monkeypatch.setattr(session_module, "STILL", 60.0)  # a busy machine holds it still for us
     rows = []
     number = widgets.number
@@ -283,20 +271,20 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(hand, viewer, monkeyp
         hand.move((at[0] + 15 * k, at[1]))
     hand.wait(lambda: session.light.snapshot.photons == few)
     ctx.yield_(2)
-    assert ("Photons shown", f"{few:,} of 20,000") in rows
+    assert ("Photons shown", f"{few:,} of 8,192") in rows
     monkeypatch.setattr(session_module, "STILL", 0.05)
-    hand.wait(lambda: session.light.snapshot.photons == 20_000)
+    hand.wait(lambda: session.light.snapshot.photons == 8_192)
     assert session.motion.dragging, "held still for a while"
     monkeypatch.setattr(session_module, "STILL", 60.0)
     hand.move((at[0] + 90, at[1]))
     hand.wait(lambda: session.light.snapshot.photons == few)
     ctx.mouse_up(0)
     hand.wait_for_light()
-    assert session.light.snapshot.photons == 20_000 and rows[-1] is not None
+    assert session.light.snapshot.photons == 8_192 and rows[-1] is not None
     assert hand.light_is_that_from_scratch()
     rows.clear()
     ctx.yield_(2)
-    assert ("Photons shown", "20,000 of 20,000") in rows
+    assert ("Photons shown", "8,192 of 8,192") in rows
 
     # Off: all photons, for any prediction.
     ctx.item_input_value("##Time budget", 101)
@@ -307,7 +295,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(hand, viewer, monkeyp
     ctx.mouse_down(0)
     for k in range(1, 4):
         hand.move((at[0] - 15 * k, at[1]))
-        assert session.light.snapshot.photons == 20_000
+        assert session.light.snapshot.photons == 8_192
     ctx.mouse_up(0)
     ctx.yield_(2)
 
@@ -346,11 +334,8 @@ def test_sections_and_the_research_switch_keep_their_state(play):
     assert errors(play(second, keep_ini=True)) == []
 
 
-@in_window(measure_errors=True)
+@in_window(measure_errors=True, photons=20_000)
 def test_quality_slider_sets_photons_and_budget_and_the_status_line_tells_their_light(hand, viewer, monkeypatch):
-    from app.window import overlay
-    from app.window.panel import quality
-
     written, draw = [], overlay.draw_status
     monkeypatch.setattr(overlay, "draw_status", lambda *given: (written.append(given[2]), draw(*given)))
     session, ctx = viewer.session, hand.ctx

@@ -9,9 +9,14 @@ import pytest
 from PIL import Image
 
 from app.cli import saved_scene
+from app.draw.colour_map import sequential_colours
+from app.draw.picking import Picker
+from app.rest.jobs import SurfacesJob
 from app.session.log import Log
+from app.session.reload import settings_for
 from app.values import LampLevel
-from app.window import overlay, spot_card, view_content
+from app.window import legend as module
+from app.window import overlay, readout_marks, spot_card, view_content
 from gi_core.gather.origins import BOUNCES
 from gi_core.scene import CalculationSurface, Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
@@ -42,8 +47,6 @@ def lamp_over_floor() -> Scene:
 @in_window(scene=lamp_over_floor, light="best")
 def test_illuminance_under_the_cursor_is_the_closed_form(hand, viewer, monkeypatch):
     """Gathered direct light is exact at vertices. One ray per new place, none while the mouse rests."""
-    from app.draw.picking import Picker
-
     written, draw, rays, pick = [], overlay.draw_status, [], Picker.pick
     monkeypatch.setattr(overlay, "draw_status", lambda *given: (written.append(given[1]), draw(*given)))
     monkeypatch.setattr(Picker, "pick", lambda *given: (rays.append(1), pick(*given))[1])
@@ -100,8 +103,6 @@ def test_each_side_of_a_wipe_reads_its_own_light(hand, viewer):
 @in_window(scene=lambda: replace(lamp_over_floor(), units="radiometric"))
 def test_units_are_chosen_in_the_panel(hand, viewer, folder):
     """Read-out, lamps, saved scene and false colours follow at once; the light stays, and another scene has its own."""
-    from app.session.reload import settings_for
-
     light, viewport = viewer.session.irradiance, viewer.viewport
     hand.move(hand.at((0.3, -0.2, 0.0)))
     assert " W/m²" in viewport.readout() and viewport.picture.units.per_area == "W/m²"
@@ -122,8 +123,6 @@ def test_units_are_chosen_in_the_panel(hand, viewer, folder):
 @in_window(scene=lamp_over_floor, light="best")
 def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(hand, viewer):
     """A pixel has the colour of the illuminance at its place. The scale is fitted at rest, not during a drag."""
-    from app.draw.colour_map import sequential_colours
-
     settings = replace(support.SETTINGS, light="best")
     viewport = viewer.viewport
     hand.wait(lambda: viewer.session.light.all_done)
@@ -203,8 +202,6 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(hand,
 
 @in_window(scene=lamp_over_floor, show="illuminance", lit=False)
 def test_nothing_is_measured_again_while_false_colours_rest(hand, viewer, monkeypatch):
-    from app.window import legend as module
-
     calls, visible = [], module.visible_light
 
     def counted(*given):
@@ -297,8 +294,6 @@ SURFACE = CalculationSurface("desk", "", (0.0, 0.0), (2.0, 1.0), 0.75, points=(5
 @in_window(scene=lamp_over_floor, light="photons")
 def test_a_surface_is_measured_at_rest_and_again_after_a_move(hand, viewer, monkeypatch):
     """The window's thread traces none of its paths."""
-    from app.rest.jobs import SurfacesJob
-
     threads, step = set(), SurfacesJob.step
     monkeypatch.setattr(SurfacesJob, "step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
     session = viewer.session
@@ -397,7 +392,7 @@ def test_a_message_is_shown_once():
 
 
 @in_window(light="best")
-def test_the_read_out_states_the_error_at_its_place(hand, viewer):
+def test_the_read_out_states_the_error_at_its_place(hand, viewer, rough_light):
     """The status line had the mean error of the scene alone. In motion the error is not known."""
     session, viewport = viewer.session, viewer.viewport
     hand.wait(lambda: session.light.all_done)
@@ -425,8 +420,6 @@ def test_the_read_out_states_the_error_at_its_place(hand, viewer):
 @in_window(scene=lamp_over_floor, light="photons")
 def test_a_folded_surface_shows_its_name_and_mean_alone(hand, viewer):
     """Points of several surfaces covered the picture and each other."""
-    from app.window import readout_marks
-
     session, viewport = viewer.session, viewer.viewport
     session.edit(surfaces=(SURFACE,))
     hand.ctx.set_ref("Panel")

@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.draw import renderer
 from app.session.opening import Opening
+from app.window import window
 from gi_core.scene import Camera, Pose, SceneError
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors, keys
@@ -50,7 +52,6 @@ def again(hand, viewer) -> None:
 @pytest.fixture
 def drop():
     """Return a function that drops files on the window: it calls the function as GLFW does."""
-    from app.window import window
 
     def drop(hand, *files: str) -> None:
         window._dropped[0](None, len(files), (ctypes.c_char_p * len(files))(*map(os.fsencode, files)))
@@ -162,8 +163,6 @@ def test_failed_load_keeps_the_old_scene_and_reports_why(play):
 
 
 def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
-    from app.draw import renderer
-
     files = Files()
 
     def script(hand, viewer):

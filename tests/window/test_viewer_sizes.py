@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from imgui_bundle import imgui
 
 from app.settings import Pin
 from app.window import label, legend, overlay
@@ -15,8 +16,6 @@ SMALL = replace(support.SETTINGS, size=(640, 480))
 
 @in_window(settings=SMALL)
 def test_help_shows_its_texts_whole_in_a_small_window(hand, viewer, monkeypatch):
-    from imgui_bundle import imgui
-
     cut, seen = set(), set()
 
     def noting(write):
@@ -64,8 +63,6 @@ def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(hand, vi
 
 
 def test_the_interface_size_is_kept_from_one_start_to_the_next(play):
-    from imgui_bundle import imgui
-
     sizes = []
 
     def choose(hand, viewer):

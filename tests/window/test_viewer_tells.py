@@ -3,13 +3,17 @@
 import math
 import os
 import threading
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from imgui_bundle import imgui
 
 from app.session.opening import Opening
 from app.window import dialogs, label, menus, overlay, readout_marks
+from app.window.panel import Section
+from app.window.panel import widgets as ui
 from app.window.panel.quality import status_of
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors, in_window
@@ -49,8 +53,6 @@ def test_opening_another_scene_is_said_in_the_middle_of_the_picture_beside_a_hin
 
 @in_window()
 def test_an_estimator_chosen_is_named_in_the_picture_and_old_numbers_are_dim(hand, viewer, written, monkeypatch):
-    from imgui_bundle import imgui
-
     dim, write = set(), imgui.text
 
     def noted(text):
@@ -115,8 +117,6 @@ def test_frames_per_second_are_shown_in_motion_alone(hand, viewer, monkeypatch, 
 
 @pytest.mark.parametrize("size", [(1280, 800), (720, 540)])
 def test_at_twice_the_size_the_panel_is_as_wide_in_letters_and_the_state_stays(play, size):
-    from imgui_bundle import imgui
-
     widths = []
 
     def script(hand, viewer):
@@ -168,8 +168,6 @@ def test_a_click_on_a_lamps_name_leaves_its_row_under_the_mouse(hand, viewer):
 
 def test_a_key_right_after_a_chord_is_not_lost():
     """Ctrl+Z in one frame; in the next Ctrl is up and Tab down. Ctrl down, then Ctrl+Z and its release in a frame."""
-    from imgui_bundle import imgui
-
     K, before = named_keys(), imgui.get_current_context()
     context = imgui.create_context()
     imgui.set_current_context(context)
@@ -322,10 +320,6 @@ def test_a_section_that_is_seen_whole_unfolds_without_a_scroll(hand, viewer):
 @in_window()
 def test_two_clicks_of_a_slow_frame_are_a_double_click(hand, viewer, monkeypatch):
     """ImGui takes one event per frame: at 5 frames/s the second press came 0.4 s after the first."""
-    import time
-
-    from imgui_bundle import imgui
-
     seen, begin = [], viewer.clock.begin
 
     def slow(has_input):
@@ -352,11 +346,6 @@ def test_colours_of_the_method_have_no_legend_of_light(hand, viewer):
 @in_window()
 def test_values_too_long_for_a_row_wrap(hand, viewer, monkeypatch):
     """24 W ... without default lig: the rest was beyond the panel's edge."""
-    from imgui_bundle import imgui
-
-    from app.window.panel import Section
-    from app.window.panel import widgets as ui
-
     ends = []
 
     def drawn(s, window, actions):
