@@ -7,6 +7,7 @@ that `--help` and `--version` stay instant.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
@@ -21,6 +22,7 @@ from gi_core.scene.types import CalculationSurface, LampLevel, LightScene
 if TYPE_CHECKING:
     from gi_core.base.results import Results
     from gi_core.files.edits import Edit
+    from gi_core.model import Model
     from gi_core.scene import Pose, Scene
     from gi_core.solver import Solver
 
@@ -43,6 +45,14 @@ PICTURE_SCALES = (1, 2, 4)
 SECONDS = 20.0  # for gathering light before a picture without a window
 STEP_PER_FRAME = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
 TOGETHER = "settings"  # the table of a saved scene with the settings that have none of their own
+
+
+class State(NamedTuple):
+    """What light depends on besides settings."""
+
+    model: weakref.ref[Model]
+    poses: tuple[tuple[str, Pose], ...]
+    levels: tuple[tuple[float, ...], ...]  # (G, 3) of the lamps
 
 
 class UsageError(ValueError):
@@ -201,6 +211,7 @@ class Display:
     )
     white_balance: bool = switch(True, "draw coloured lamps coloured instead of neutral")
     tone_map: str = choice(DEFAULT_TONE_MAP, TONE_MAPS, f"({DEFAULT_TONE_MAP})")
+    since: State | None = unlisted(None, of_scene=True)  # that changes are shown from: of light A
     show: str = choice(  # in the window ERRORS and CHANGE too
         "radiance", SHOWS,
         "with reflectance, without, or false colours with a legend: of the light on surfaces, or of that seen by the"

@@ -324,6 +324,27 @@ class Solver:
         at, f = self.model.transforms(self.poses), self.frame
         return self.frame_light.deviation(at, b, (f.irradiance, f.deviation))
 
+    def since(self, poses: Mapping[str, Pose], levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return irradiance (R, 3) [W/m2] at other poses and levels (G, 3) of the lamps, by the same photons and paths,
+        and the standard error (R,) [W/m2] of the change of luminance from there to here; nan where it is not known.
+
+        At other poses both errors count as independent, as how the noise of two frames goes together is not known.
+        """
+        twin = self.twin()
+        twin.frame_light.held = None
+
+        def dim(to: np.ndarray) -> None:
+            twin.set_lamps(dict(zip(self.lamps.names, to.tolist(), strict=True)))
+
+        dim(levels)
+        twin.move_all(poses)
+        irradiance, apart = twin.irradiance, np.hypot(self.deviation, twin.deviation)
+        if twin.poses != self.poses:
+            return irradiance, apart
+        dim(np.abs(self.levels - levels))  # light is linear, and lamps are independent
+        deviation = twin.deviation
+        return irradiance, np.where(np.isnan(deviation), apart, deviation)
+
     @property
     def error(self) -> float:
         """Relative l1 error of `irradiance` where `deviation` knows it; nan where it knows none.

@@ -10,8 +10,8 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, meshes_of
 from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
-from app.rest.results import Asked, Comparison, FinePicture, GatherProgress
-from app.settings import REFERENCE, Pin, Settings
+from app.rest.results import Asked, Change, Comparison, FinePicture, GatherProgress
+from app.settings import CHANGE, REFERENCE, Pin, Settings, State
 from app.worker import Task
 from gi_core.base.pause import Progress, pause, steps
 from gi_core.scene.pose import to_world, to_world_directions
@@ -342,6 +342,45 @@ class AskedJob(Job):
     def drop(self) -> None:
         super().drop()
         self._answer = None
+
+
+class ChangeJob(Job):
+    """Computes light A anew by the photons and paths of the light on show, as both get better."""
+
+    name = "comparing with light A"
+
+    def __init__(self, solver: Solver) -> None:
+        super().__init__(solver)
+        self._result: tuple[Change, tuple] | None = None  # and the states that it is of
+
+    @property
+    def result(self) -> Change | None:
+        """The change to the present state."""
+        of = self._result
+        return None if of is None or self._key is None or of[1] != self._key[:-1] else of[0]
+
+    def key(self, settings: Settings) -> tuple | None:
+        a, s = settings.since, self._solver
+        if settings.show != CHANGE or a is None or a.model() is not s.model or s.frame.background is None:
+            return None
+        return a, *state_of(s), id(s.irradiance)  # the result refers to this array
+
+    def begin(self) -> Iterator:
+        return _changed(self._solver, self._key[0])
+
+    def take(self, result: Change) -> bool:
+        self._result = result, self._key[:-1]
+        return False
+
+    def drop(self) -> None:
+        super().drop()
+        self._result = None
+
+
+def _changed(solver: Solver, a: State) -> Iterator[Change]:
+    """Yield the change, at once."""
+    before, deviation = solver.since(dict(a.poses), np.array(a.levels))
+    yield Change(before, solver.irradiance, deviation)
 
 
 def placed(pins: Sequence[Pin], poses: Mapping[str, Pose]) -> tuple[np.ndarray, np.ndarray]:

@@ -78,6 +78,14 @@ class Comparison(NamedTuple):
     drawn: Drawn
 
 
+class Change(NamedTuple):
+    """Light on show, and light A computed anew by the same photons and paths."""
+
+    before: np.ndarray  # (R, 3) [W/m2], light A
+    now: np.ndarray  # (R, 3) [W/m2]
+    deviation: np.ndarray  # (R,) [W/m2], standard error of the change of luminance; nan: unknown
+
+
 class FinePicture(NamedTuple):
     """Fine points of the picture."""
 
@@ -108,10 +116,12 @@ class RestResults(NamedTuple):
     held: HeldResult | None = None  # None: lamps hold no targets
     finding: float = 0.0  # share of the search for levels that is done
     asked: Asked | None = None  # None: no pin is asked, or nothing is known yet
+    change: Change | None = None  # since light A; None: not asked for, not known yet, or of another scene
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""
-        return self.reference is other.reference and self.comparison is other.comparison
+        names = "reference", "comparison", "change"
+        return all(getattr(self, name) is getattr(other, name) for name in names)
 
 
 class MeasuredPoints:

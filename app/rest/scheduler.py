@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from app import settings as defaults
 from app.cli.progress import time_left
-from app.rest.jobs import AskedJob, FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
+from app.rest.jobs import AskedJob, ChangeJob, FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
 from app.settings import REFERENCE, Settings
@@ -41,7 +41,7 @@ class RestWork:
         self._stated: tuple[np.ndarray | None, float] = None, math.nan  # irradiance, and the error that it states
         self.gathering, self.live_error = StaticJob(solver, clock), LiveError(solver, clock)
         self.at_poses, self.surfaces, self.fine = PoseJob(solver), SurfacesJob(solver), FineJob(solver)
-        self.hold, self.asked = HoldJob(solver), AskedJob(solver)
+        self.hold, self.asked, self.change = HoldJob(solver), AskedJob(solver), ChangeJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
         self._turn = 0
@@ -57,7 +57,7 @@ class RestWork:
         # Static light has three turns per turn of measuring errors, until it has a first result.
         gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
         # Surfaces have two turns: the user waits for their numbers.
-        jobs = *gathering, self.surfaces, self.live_error, self.surfaces
+        jobs = *gathering, self.surfaces, self.change, self.live_error, self.surfaces
         # Levels change all other light at rest: they come first. An asked pin takes a second, and the user waits.
         self._turn += 1
         turn = self._turn % len(jobs)
@@ -93,15 +93,18 @@ class RestWork:
         error = self._stated[1] if self._stated[0] is E else math.nan
         measured = (e.report, e.point, e.comparison.result) if e.light is E else (None, None, None)
         report, point, comparison = measured
-        return RestResults(self.gathering.progress, error, at_poses, report, point, reference, comparison, surfaces,
-                           self.fine.light, held, self.hold.fraction, self.asked.answer)  # fmt: skip
+        more = self.fine.light, held, self.hold.fraction, self.asked.answer, self.change.result
+        return RestResults(
+            self.gathering.progress, error, at_poses, report, point, reference, comparison, surfaces, *more
+        )
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
         e = self.live_error
-        for job in (self.gathering, self.at_poses, self.fine, self.hold, self.asked, self.surfaces, e, e.comparison):
+        first = self.gathering, self.at_poses, self.fine, self.hold, self.asked, self.change, self.surfaces
+        for job in (*first, e, e.comparison):
             job.drop()
 
 

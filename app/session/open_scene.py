@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -13,7 +14,7 @@ from app.draw.camera import Turntable, matrices
 from app.draw.tonemap import NEUTRAL, Gains, gains_for
 from app.session.opening import Opened
 from app.session.solver_thread import SolverThread
-from app.settings import Settings
+from app.settings import Settings, State
 from gi_core.scene import Pose
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
@@ -46,6 +47,7 @@ class KeptLight(NamedTuple):
     irradiance: np.ndarray  # (R, 3) [W/m2]
     deviation: np.ndarray  # (R,) [W/m2], standard error of its luminance
     places: np.ndarray  # (R, 3) [m] of the receivers in the spaces of their objects
+    state: State  # that it is of
 
 
 class OpenScene:
@@ -128,12 +130,9 @@ class OpenScene:
         in_place = not light.poses or (at_poses is not None and at_poses.used)  # else those near objects are unknown
         if light.deviation is None or not in_place or np.isnan(light.deviation).all():
             return None
-        return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions)
-
-    def keep_light(self) -> None:
-        """Keep the light on show, to compare later light with it."""
-        self.kept = self.light_to_keep or self.kept
-        self.light.version += 1
+        levels = tuple(map(tuple, light.levels.tolist()))
+        state = State(weakref.ref(self.model), tuple(sorted(light.poses.items())), levels)
+        return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions, state)
 
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:

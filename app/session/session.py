@@ -366,6 +366,13 @@ class Session(OpenScene):
         if poses := {name: pose for name, pose in poses.items() if name in self.poses}:
             self.move(poses)
 
+    def keep_light(self) -> None:
+        """Keep the light on show as light A, to compare later light with it."""
+        if (light := self.light_to_keep) is not None:
+            self.kept = light
+            self.light.version += 1
+            self.want(replace(self.settings, since=light.state))
+
     def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
         """Change fields of the settings; the changes from a `first` to a `last` are one step of undo."""
         if first:

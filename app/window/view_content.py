@@ -199,8 +199,11 @@ def _change(session: Session) -> Change | None:
     kept, light = session.kept, session.light.snapshot
     if kept is None or light.deviation is None:
         return None
-    deviation = np.hypot(kept.deviation, light.deviation)
-    values = certain_change(luminance(light.irradiance), luminance(kept.irradiance), deviation)
+    if (of := light.rest.change) is not None:
+        before, now, deviation = of
+    else:  # light of another scene, or of other photons
+        before, now, deviation = kept.irradiance, light.irradiance, np.hypot(kept.deviation, light.deviation)
+    values = certain_change(luminance(now), luminance(before), deviation)
     scale = round_scale(values, session.model.object_receivers.areas * (np.nan_to_num(values) != 0))
     return Change(values, scale, UNITS[session.scene.units])
 

@@ -180,6 +180,7 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     hand.wait(lambda: shown(viewer).errors is not None and np.nan_to_num(shown(viewer).errors.values).any())
     hand.wait(lambda: viewer.session.light.all_done)
     hand.ctx.yield_(3)
+    assert viewer.session.light.snapshot.rest.change is not None, "of the same photons"
     values, change_now = shown(viewer).errors.values, E() - before
     lit = np.isfinite(values) & (before > 6 * deviation)
     coloured = lit & (values != 0)  # the others are grey: not certain
@@ -202,6 +203,6 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
 
     # A material keeps the surfaces, a further object does not.
     change(hand, viewer, lambda: viewer.session.change_scene(Finish("white", (("reflectance", RED),))))
-    assert viewer.session.kept is not None
+    assert viewer.session.kept is not None and viewer.session.light.snapshot.rest.change is None
     change(hand, viewer, lambda: viewer.session.change_scene(Remove("block")))
     assert viewer.session.kept is None and any("light A is dropped" in e.text for e in viewer.log.entries)

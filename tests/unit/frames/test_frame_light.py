@@ -15,6 +15,7 @@ from gi_core.frames.static_light import StaticLight
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
+from gi_core.geometry.error import luminance
 from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
@@ -156,6 +157,37 @@ def test_twin_shares_photons_but_not_settings():
     solver.configure(photons=10_000)
     solver.solve()
     assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.frame.photons == 10_000
+
+
+def test_a_change_of_lamps_has_little_noise():
+    """Light dimmed by a tenth less that before it: its error is that of a tenth of the light, above its scatter."""
+    changes, stated, apart = [], [], []
+    for seed in range(5):
+        solver = solve(coloured_room((box_mobile(size=0.2),), grid=6), photons=20_000, light="best", seed=seed)
+        for _ in solver.gather_steps():
+            pass
+        levels, n = solver.levels, len(solver.static_irradiance)
+        before, none = solver.since(solver.poses, levels)
+        assert np.array_equal(before, solver.irradiance) and (none[:n] <= solver.deviation[:n] * np.sqrt(2)).all()
+        solver.set_lamps(dict.fromkeys(solver.lamps.names, 0.9))
+        before, deviation = solver.since(solver.poses, levels)
+        changes.append(luminance(solver.irradiance - before)[:n])
+        stated.append(deviation[:n])
+        apart.append(np.sqrt(2) * solver.deviation[:n])
+    scatter, stated = np.std(changes, axis=0, ddof=1), np.mean(stated, axis=0)
+    assert 0.2 * stated.sum() < scatter.sum() < 1.1 * stated.sum() and stated.sum() < 0.5 * np.mean(apart, axis=0).sum()
+
+
+def test_light_of_an_earlier_state_is_that_of_a_solver_there():
+    solver = solve(coloured_room((box_mobile(size=0.2),)), photons=5_000, light="best")
+    poses, levels, before = solver.poses, solver.levels, solver.irradiance
+    there = {"box": poses["box"]._replace(position=(0.2, 0.0, 0.1))}
+    solver.move_all(there)
+    solver.set_lamps(dict.fromkeys(solver.lamps.names, 0.3))
+    now = solver.irradiance
+    E, _ = solver.since(poses, levels)
+    assert np.array_equal(E, before) and not np.array_equal(E, now)
+    assert np.array_equal(solver.irradiance, now) and solver.poses == there
 
 
 def test_the_error_of_a_frame_counts_bias_and_the_change_by_mobiles(model):
