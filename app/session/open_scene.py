@@ -134,6 +134,11 @@ class OpenScene:
         state = State(weakref.ref(self.model), tuple(sorted(light.poses.items())), levels)
         return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions, state)
 
+    def keep_light(self) -> None:
+        """Keep the light on show as light A, to compare later light with it."""
+        self.kept = self.light_to_keep or self.kept
+        self.light.version += 1
+
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:
         """The calculation surfaces at the poses of the light on show."""

@@ -367,11 +367,9 @@ class Session(OpenScene):
             self.move(poses)
 
     def keep_light(self) -> None:
-        """Keep the light on show as light A, to compare later light with it."""
-        if (light := self.light_to_keep) is not None:
-            self.kept = light
-            self.light.version += 1
-            self.want(replace(self.settings, since=light.state))
+        super().keep_light()
+        if self.kept is not None:
+            self.want(replace(self.settings, since=self.kept.state))
 
     def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
         """Change fields of the settings; the changes from a `first` to a `last` are one step of undo."""
