@@ -90,7 +90,7 @@ def test_light_of_single_bounces_stays_whole_for_gloss():
     for resting in (light, None):
         gather = MobileGather(model, 0)
         gather.irradiance(at, light, PATHS, resting=resting)
-        found.append(gather._bounced.copy())
+        found.append(gather.path_light.bounced.light.copy())
     assert found[0].max() > 1 and np.allclose(found[0].sum(), found[1].sum(), rtol=0.05)
 
 
