@@ -6,6 +6,7 @@ all that the window reads of a solver.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
@@ -99,7 +100,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Refine:
-    """Run the next step of the first frame, and of levels or fine points: sunlight has teeth without them."""
+    """Run the next step of the first frame, and of levels or fine points as long: sunlight has teeth without them."""
 
     steps: Iterator[Progress]
     rest: Settings | None  # None: no work at rest
@@ -107,8 +108,14 @@ class Refine:
     busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Step:
+        began = time.perf_counter()
         progress = next(self.steps, None)
+        until = 2 * time.perf_counter() - began
         urgent = work.run(None if self.rest is None else work.next_urgent(self.rest))
+        while urgent.name and not urgent.changed and time.perf_counter() < until:
+            if (task := work.next_urgent(self.rest)) is None:
+                break
+            urgent = work.run(task)
         rest, changed = work.results() if urgent.name else None, urgent.changed
         if progress is None:
             return Step(None, snapshot_of(solver, work) if changed else None, warnings_of(solver), urgent, rest)
