@@ -345,7 +345,7 @@ class AskedJob(Job):
 
 
 class ChangeJob(Job):
-    """Computes light A anew by the photons and paths of the light on show, as both get better."""
+    """Finds the change since light A, by one set of photons and paths, each time the light on show improves."""
 
     name = "comparing with light A"
 

@@ -79,7 +79,7 @@ class Comparison(NamedTuple):
 
 
 class Change(NamedTuple):
-    """Light on show, and light A computed anew by the same photons and paths."""
+    """The change since light A; both lights are of the same photons and paths."""
 
     before: np.ndarray  # (R, 3) [W/m2], light A
     now: np.ndarray  # (R, 3) [W/m2]
