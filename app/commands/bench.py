@@ -25,7 +25,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--tables",
         action="store_true",
-        help="the report's tables 2.2 to 2.5 and its space partitionings, over SCENE too, into --out; minutes "
+        help="the report's tables 2.2 to 2.4 and its space partitionings, over SCENE too, into --out; minutes "
         "(2.1 and 2.6 to 2.8: `gi-viewer chart tree`)",
     )
     add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")

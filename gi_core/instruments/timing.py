@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.discs.region import whole_discs
-from gi_core.discs.search import PRETESTS, SEARCHES, Search
+from gi_core.discs.search import SEARCHES, Search
 from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.predicate import Discs, Lines, lines
 from gi_core.files.completion.camera_view import picture_rays, unit
@@ -26,7 +26,7 @@ from gi_core.scene.types import Camera
 from gi_core.solver import Solver
 
 __all__ = [
-    "KINDS", "LEAVES", "PRETESTS", "REPEATS", "SEARCHES", "STRUCTURES", "Cost", "Rays", "Structure", "boxes_crossed",
+    "KINDS", "LEAVES", "REPEATS", "SEARCHES", "STRUCTURES", "Cost", "Rays", "Structure", "boxes_crossed",
     "built", "cells_of", "costs", "frame_lines", "photon_lines", "rays_of", "run_of", "search_run", "static_discs",
 ]  # fmt: skip
 KINDS = ("primary", "random", "shadow")

@@ -6,7 +6,7 @@ import pytest
 from app import __main__ as cli
 from app.measure.bench import report
 from app.measure.bench.report import Times, markdown
-from gi_core.discs.search import PRETESTS, SEARCHES
+from gi_core.discs.search import SEARCHES
 from gi_core.instruments.timing import (
     KINDS,
     Cost,
@@ -55,17 +55,15 @@ def test_every_number_of_the_report_is_beside_ours():
     steps = (0.001, 0.002, 0.003, 0.004)
     tree = measured(steps, steps[::-1], report.TREE_RADII)
     found = {"tree 10000": tree, "tree 20000": tree, "second 20000": measured(steps, steps, report.SECOND_RADII)}
-    pretests = {(s, p): (0.5, 0.25) for s in (report.RAY_CACHE, report.DISC_INDEX) for p in PRETESTS}
     facts = {"machine": "machine", "tree": "tree", "second": "second"}
-    text = markdown(facts, found, pretests)
+    text = markdown(facts, found)
     for table in (report.TREE_10000, report.TREE_20000, report.SECOND_20000):
         for numbers in table.values():
             assert all(f"({x:g})" in text for x in numbers)
     for table in (report.VOXELS_10000, report.VOXELS_20000, report.VOXELS_SECOND):
         assert all(f"({x})" in text for numbers in table.values() for x in numbers)
-    assert all(f"({seconds[k]:g})" in text for seconds in report.PRETESTS.values() for k in (1, 3))
     assert "500, frame" not in text
-    assert np.char.count(text, "\n## ") == 4
+    assert np.char.count(text, "\n## ") == 3
 
 
 @pytest.mark.parametrize("arguments", [["--tables"], ["--out", "x"]])

@@ -7,7 +7,7 @@ threads, against the naive twin, and at probes.
 
 import os
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import gi_core.frames.frame
 from app.rest.hold import Inputs, measured_steps
-from gi_core.discs.search import PRETESTS, SEARCHES
+from gi_core.discs.search import SEARCHES
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.frames.held_light import Held
 from gi_core.model import Model
@@ -371,12 +371,10 @@ def solver_of(scene_name: str, radius: float, **settings) -> Solver:
 
 
 @pytest.mark.parametrize("scene_name, radius", [("room", RADIUS), ("bowl", 0.3)])
-@pytest.mark.parametrize("pretest", PRETESTS)
 @pytest.mark.parametrize("search", SEARCHES)
-def test_frames_equal_the_naive_twin(search, pretest, scene_name, radius, monkeypatch, small_shares):
+def test_frames_equal_the_naive_twin(search, scene_name, radius, small_shares):
     """In a room, and in a bowl where segments count behind their hits; with mobiles on the floor and on each other."""
-    threads = 1 + (list(SEARCHES).index(search) + list(PRETESTS).index(pretest)) % 3
-    monkeypatch.setitem(SEARCHES, search, partial(SEARCHES[search], pretest=pretest))
+    threads = 1 + list(SEARCHES).index(search) % 3
     solver = solver_of(scene_name, radius, search=search, threads=threads)
     contact = []
     for k, poses in enumerate(MOVES):

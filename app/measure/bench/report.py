@@ -1,4 +1,4 @@
-"""`gi-viewer bench --tables --out DIR`: tables 2.2 to 2.5 of the report beside ours, as Markdown.
+"""`gi-viewer bench --tables --out DIR`: tables 2.2 to 2.4 of the report beside ours, as Markdown.
 
 Then its space partitionings (section 3.4.1) beside bvh and Embree: a table per scene.
 
@@ -52,13 +52,6 @@ VOXELS_10000 = {"whole": (20, 20, 50, 800), "tree": (20, 10, 100, 1600), "ground
 VOXELS_20000 = {"whole": (20, 20, 200, 1600)}
 VOXELS_SECOND = {"whole": (40, 80, 160, 32000)}
 
-# Table 2.5: simulation and illumination [s], at the start and per frame.
-PRETESTS = {
-    "badouel": (10.34, 679.44, 1.02, 67.90),
-    "moeller_trumbore": (10.29, 666.34, 0.98, 67.27),
-    "pluecker": (10.40, 716.47, 1.05, 68.66),
-    "none": (10.38, 678.75, 1.05, 68.00),
-}
 NAMES = {RAY_CACHE: "ray cache", DISC_INDEX: "disc indexing"}
 
 
@@ -70,7 +63,7 @@ class Times(NamedTuple):
     cells: tuple[float, float] | None  # of a grid: edge [radii], discs per occupied cell
 
 
-def markdown(facts: dict, measured: dict, pretests: dict) -> str:
+def markdown(facts: dict, measured: dict) -> str:
     """Return the whole text; measured: `Times` by scene and photons, then by (receivers, search, radius)."""
     tree, more, second = measured["tree 10000"], measured["tree 20000"], measured["second 20000"]
     parts = [
@@ -81,14 +74,13 @@ def markdown(facts: dict, measured: dict, pretests: dict) -> str:
         _voxels(more, VOXELS_20000, TREE_RADII),
         section("Table 2.4: second tree, 20,000 photons", _searches(second, SECOND_20000, SECOND_RADII)),
         _voxels(second, VOXELS_SECOND, SECOND_RADII),
-        _pretests(pretests),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
 
 
 def _head(facts: dict) -> str:
     return (
-        f"# Tables 2.2 to 2.5 of the report\n\n{facts['machine']}. Our times are milliseconds, the report's (in "
+        f"# Tables 2.2 to 2.4 of the report\n\n{facts['machine']}. Our times are milliseconds, the report's (in "
         'brackets) seconds of a computer of 2003. Our times are for all segments of the photons, and after "frame" '
         "for the segments that one move of the mobile removes and adds at 20,000 photons. The report times a frame "
         f"and gives no number of rays. Tree scene: {facts['tree']}, as many as the report's; leaves are two-sided "
@@ -119,19 +111,6 @@ def _voxels(measured: dict, theirs: dict, radii) -> str:
     return markdown_table(["b) best", *(f"{r:g}" for r in radii)], lines)
 
 
-def _pretests(measured: dict) -> str:
-    lines = []
-    for name, seconds in PRETESTS.items():
-        cells = [f"{1e3 * measured[search, name][k]:.3g} ({seconds[1 + 2 * k]:g})" for search in NAMES for k in (0, 1)]
-        lines.append([name, *cells])
-    head = ["pre-test", "ray cache, all", "frame", "disc indexing, all", "frame"]
-    note = (
-        "Illumination of the tree scene, radius 1 %, 10,000 photons; the report gives no number of photons. "
-        "Sixteen disc tests run at once without a branch here: a pre-test costs as much as it saves."
-    )
-    return section("Table 2.5: pre-intersection tests", f"{markdown_table(head, lines)}\n\n{note}")
-
-
 GROUND, TREE = ("ground", "skirt"), ("bark", "leaf")  # materials of the scene `tree`
 REPEATS = 5  # of a count; the least time counts
 LEAST_SECONDS = 0.02  # of all repeats of a count
@@ -149,7 +128,6 @@ def tables(settings: Settings, out: Path) -> str:
             "tree 20000": _search_times(tree, 20_000, TREE_RADII, {"whole": None}, bar),
             "second 20000": _search_times(second, 20_000, SECOND_RADII, {"whole": None}, bar),
         }
-        pretests = _timed_pretests(tree, bar)
         asked = {name: Settings(scene=name) for name in SCENES} | {settings.scene: settings}
         rays = {Path(name).stem: measured_structures(Model(open_scene(s)), bar) for name, s in asked.items()}
     facts = {
@@ -157,7 +135,7 @@ def tables(settings: Settings, out: Path) -> str:
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
         "second": f"{_static(second):,} static triangles and a mobile of {len(second.scene.mobiles[0].mesh.faces)}",
     }
-    text = markdown(facts, measured, pretests) + "\n" + partitionings(rays) + "\n"
+    text = markdown(facts, measured) + "\n" + partitionings(rays) + "\n"
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "tables.md", text)
     return text
@@ -192,22 +170,6 @@ def _search_times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> 
                 made = SEARCHES[search](discs)
                 all_seconds, few_seconds = (best_seconds(search_run(made, over)) for over in (every, changed))
                 out[name, search, radius] = Times(all_seconds, few_seconds, cells_of(made))
-    return out
-
-
-def _timed_pretests(solver: Solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
-    """Return seconds by (search, pre-test) for all segments of 10,000 photons and for those of a frame."""
-    from gi_core.instruments.timing import PRETESTS as TRIED
-    from gi_core.instruments.timing import SEARCHES, frame_lines, photon_lines, search_run, static_discs
-
-    radius = TREE_RADII[0] * solver.scene_size
-    discs, out = static_discs(solver.model, radius), {}
-    every, changed = photon_lines(solver, 10_000, radius), frame_lines(solver, radius)
-    for k, pretest in enumerate(TRIED):
-        bar(f"pre-test {pretest}", k / len(TRIED))
-        for search in (RAY_CACHE, DISC_INDEX):
-            made = SEARCHES[search](discs, pretest)
-            out[search, pretest] = best_seconds(search_run(made, every)), best_seconds(search_run(made, changed))
     return out
 
 

@@ -10,7 +10,6 @@ from typing import Protocol
 from gi_core.discs.search.brute_force import BruteForce
 from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.predicate import Discs, Lines
-from gi_core.discs.search.pretest import PRETESTS
 from gi_core.discs.search.ray_cache import RayCache
 from gi_core.photons.flux_sums import Sums
 
@@ -32,11 +31,8 @@ class Search(Protocol):
         Where False, the estimator prepares only the lines of the share.
         """
 
-    def __init__(self, discs: Discs, pretest: str = "none") -> None:
-        """Build over discs; no disc at all is allowed.
-
-        pretest: a key of `PRETESTS`, for the report's tables: it changes the time, not the intersections.
-        """
+    def __init__(self, discs: Discs) -> None:
+        """Build over discs; no disc at all is allowed."""
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of the lines to the sums of the discs that they cross; return the number of intersections.
@@ -50,7 +46,7 @@ class Search(Protocol):
         """Return a summary of the structures, beginning with the search's name. Shown by `info` and the panel."""
 
 
-__all__ = ["DEFAULT", "PRETESTS", "SEARCHES", "Search"]
+__all__ = ["DEFAULT", "SEARCHES", "Search"]
 
 DEFAULT = "disc_index"
 

@@ -22,7 +22,6 @@ from gi_core.discs.search.predicate import (
     share,
     to_list,
 )
-from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import CHUNK_BITS, Sums
 
 
@@ -31,17 +30,17 @@ class BruteForce:
 
     parts_share_lines = False
 
-    def __init__(self, discs: Discs, pretest: str = "none"):
+    def __init__(self, discs: Discs):
         self.discs = discs
         listed = np.flatnonzero(to_list(discs))
         rows = np.full(-(-len(listed) // LANES) * LANES, -1)
         rows[: len(listed)] = listed
-        self.blocks, self.pretest = blocks(discs, rows), triangles(pretest, discs, rows)
+        self.blocks = blocks(discs, rows)
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         first, last = share(len(lines.low), part, parts)
-        return _accumulate(self.blocks, self.discs, self.pretest, lines, first, last, sign, sums)
+        return _accumulate(self.blocks, self.discs, lines, first, last, sign, sums)
 
     def summary(self) -> str:
         """Return the number of discs, in words."""
@@ -49,19 +48,13 @@ class BruteForce:
 
 
 @kernel
-def _accumulate(blocks, discs, pretest, lines, first, last, sign, sums):
+def _accumulate(blocks, discs, lines, first, last, sign, sums):
     r2 = discs.radius * discs.radius
     total = 0
     for k in range(first, last):
         origin, direction = row(lines.origin, k), row(lines.direction, k)
         for block in range(len(blocks.front) // LANES):
-            if pretest is not None:
-                left = discs_left(pretest, blocks.data, block, origin, direction)
-                if left == 0:
-                    continue
             bits = discs_crossed(blocks.data, block, origin, direction, lines.low[k], lines.high[k], r2)
-            if pretest is not None:
-                bits &= left
             while bits != 0:
                 i, centre, normal = receiver(blocks, block * LANES + lowest_bit(bits), direction)
                 bits &= bits - np.uint32(1)

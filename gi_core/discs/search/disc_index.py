@@ -32,7 +32,6 @@ from gi_core.discs.search.predicate import (
     share,
     to_list,
 )
-from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/decisions/disc-searches.md
@@ -92,7 +91,7 @@ class DiscIndex:
 
     parts_share_lines = False
 
-    def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float | None = None):
+    def __init__(self, discs: Discs, cell_radii: float | None = None):
         """cell_radii: edge of the cells in disc radii; None: chosen."""
         rows = np.flatnonzero(to_list(discs))
         self.discs, self.cell_radii = discs, cell_radii or best_cell_radii(discs, rows)
@@ -103,13 +102,13 @@ class DiscIndex:
         half = _half_extents(discs, PAD * cell)
         _list(rows, discs.positions, half, low, cell, shape, first[:-1] * np.int64(LANES), ids)
         self.cells = Cells(low, cell, shape, first)
-        self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
+        self.blocks = blocks(discs, ids)
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         first, last = share(len(lines.low), part, parts)
         visits = Visits.of(VISITS)
-        return _accumulate(self.cells, self.blocks, self.discs, self.pretest, lines, first, last, sign, sums, visits)
+        return _accumulate(self.cells, self.blocks, self.discs, lines, first, last, sign, sums, visits)
 
     @cached_property
     def discs_a_cell(self) -> float:
@@ -173,7 +172,7 @@ def _axis(o, d, t, low, cell, n):
 
 
 @kernel
-def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, visits):
+def _accumulate(cells, blocks, discs, lines, first, last, sign, sums, visits):
     """Three passes over some segments at a time: occupied cells on the line, discs crossed there, sums.
 
     Passes are separate because most of the time is spent waiting for memory. Within one pass the
@@ -210,7 +209,7 @@ def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, v
                 visits.low[n], visits.high[n] = a, lines.high[k] if t >= t1 else max(a, np.float32(t))
                 n += 1
                 if n == VISITS:
-                    total += _cross(n, visits, blocks, discs, pretest, lines, sign, sums)
+                    total += _cross(n, visits, blocks, discs, lines, sign, sums)
                     n = 0
             if t >= t1:
                 break
@@ -224,11 +223,11 @@ def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, v
             else:
                 c += jump_z
                 tz += wz
-    return total + _cross(n, visits, blocks, discs, pretest, lines, sign, sums)
+    return total + _cross(n, visits, blocks, discs, lines, sign, sums)
 
 
 @kernel
-def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
+def _cross(visited, visits, blocks, discs, lines, sign, sums):
     r2 = discs.radius * discs.radius
     total = n = 0
     for v in range(visited):
@@ -236,13 +235,7 @@ def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
         origin, direction = row(lines.origin, k), row(lines.direction, k)
         a, b = visits.low[v], visits.high[v]
         for block in range(visits.blocks[v, 0], visits.blocks[v, 1]):
-            if pretest is not None:
-                left = discs_left(pretest, blocks.data, block, origin, direction)
-                if left == 0:
-                    continue
             bits = discs_crossed(blocks.data, block, origin, direction, a, b, r2)
-            if pretest is not None:
-                bits &= left
             while bits != 0:
                 visits.candidates[n, 0], visits.candidates[n, 1] = k, block * LANES + lowest_bit(bits)
                 bits &= bits - np.uint32(1)

@@ -36,7 +36,6 @@ from gi_core.discs.search.predicate import (
     three,
     to_list,
 )
-from gi_core.discs.search.pretest import lines_left, triangles
 from gi_core.photons.flux_sums import Sums
 
 SHRINK = 0.5  # radius of a sphere over its parent's, see docs/decisions/disc-searches.md
@@ -239,7 +238,7 @@ class RayCache:
 
     parts_share_lines = True  # a part is some of the discs, with every line
 
-    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True):
+    def __init__(self, discs: Discs, ordered: bool = True):
         """ordered: visit the discs along a Hilbert curve, not in the order of the mesh."""
         self.discs = discs
         rows = np.flatnonzero(to_list(discs))
@@ -248,7 +247,7 @@ class RayCache:
         self.spheres = stack_spheres(discs.positions[rows], float(discs.radius))
         filled = np.full(-(-len(rows) // LANES) * LANES, -1)
         filled[: len(rows)] = rows
-        self.blocks, self.pretest = blocks(discs, filled), triangles(pretest, discs, filled)
+        self.blocks = blocks(discs, filled)
         self._far = float(np.abs(discs.positions[rows]).max(initial=0.0))
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
@@ -260,7 +259,7 @@ class RayCache:
         count = 8 * parts if parts > 1 else 1
         bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
         bounds[0], bounds[-1] = 0, len(s.first)
-        return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, self.pretest, lines, sign, sums)
+        return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, lines, sign, sums)
 
     def summary(self) -> str:
         """Return a summary of the structures."""
@@ -269,7 +268,7 @@ class RayCache:
 
 
 @allocating
-def _accumulate(spheres, bounds, part, parts, far, blocks, discs, pretest, lines, sign, sums):
+def _accumulate(spheres, bounds, part, parts, far, blocks, discs, lines, sign, sums):
     low = lines.low
     depths = spheres.depth.max() + 2
     start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
@@ -284,15 +283,13 @@ def _accumulate(spheres, bounds, part, parts, far, blocks, discs, pretest, lines
         pad = np.float32(4e-6) * (load(lines, batch, batch + count[0], lists) + far)
         for block in range(part, len(bounds) - 1, parts):
             part_of = bounds[block], bounds[block + 1]
-            more, lists = _visit(
-                spheres, part_of, pad, lists, stack, candidates, blocks, discs, pretest, lines, sign, sums
-            )
+            more, lists = _visit(spheres, part_of, pad, lists, stack, candidates, blocks, discs, lines, sign, sums)
             total += more
     return total
 
 
 @allocating
-def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest, lines, sign, sums):
+def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, lines, sign, sums):
     """Visit the receivers from the first one of sphere part[0] to that of sphere part[1]; lists may grow."""
     k, last = part
     start, count = lists.start, lists.count
@@ -325,13 +322,7 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest,
                 normal = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES]
                 limit = data[j + 6 * LANES]
                 for b in range(start[height], start[height] + (count[height] + LANES - 1) // LANES):
-                    if pretest is not None:
-                        left = lines_left(pretest, listed, b, e, at_disc, normal)
-                        if left == 0:
-                            continue
                     bits = lines_crossing(listed, b, at_disc, normal, limit, r2)
-                    if pretest is not None:
-                        bits &= left
                     while bits != 0:
                         candidates[n, 0], candidates[n, 1] = number[b * LANES + lowest_bit(bits)], e
                         bits &= bits - np.uint32(1)

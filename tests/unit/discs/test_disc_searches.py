@@ -1,4 +1,4 @@
-"""Every search with every pre-test equals testing every pair, in hard cases: lines in the planes of discs, far
+"""Every search equals testing every pair, in hard cases: lines in the planes of discs, far
 
 origins, coincident discs, tiny and huge radii. Sums are integers, so equal means equal bits.
 """
@@ -12,7 +12,7 @@ import pytest
 
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.discs.region import RAYS, WHOLE, Regions
-from gi_core.discs.search import PRETESTS, SEARCHES
+from gi_core.discs.search import SEARCHES
 from gi_core.discs.search.disc_index import TRIED_CELL_RADII, _downhill, best_cell_radii
 from gi_core.discs.search.predicate import Discs, Lines
 from gi_core.discs.search.ray_cache import RayCache, stack_spheres
@@ -94,12 +94,11 @@ def expected(request) -> tuple[SearchCase, tuple]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pretest", PRETESTS)
 @pytest.mark.parametrize("name", MADE)
-def test_every_search_and_pretest_finds_the_same(name, pretest, expected):
+def test_every_search_finds_the_same(name, expected):
     c, (count, flux, touched) = expected
     assert count > 20
-    search = MADE[name](c.discs, pretest)
+    search = MADE[name](c.discs)
     for parts in (1, 3):
         got = found(search, c, parts)
         assert got[0] == count
