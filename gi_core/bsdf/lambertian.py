@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import cosine_hemisphere
 
@@ -30,10 +28,3 @@ def pdf(cos_out):
 def weight(rho):
     """Return f cos / pdf of a sampled direction for a channel: rho exactly, without the rounding of the quotient."""
     return rho
-
-
-def exitant_radiance(
-    irradiance: np.ndarray, reflectance: np.ndarray | float, emission: np.ndarray | float
-) -> np.ndarray:
-    """Return L = rho E / pi + Le (n, 3) [W/m2/sr] from E (n, 3) [W/m2], rho and Le (n, 3) (report Eq. 2.2, 3.4.2)."""
-    return reflectance * irradiance / math.pi + emission

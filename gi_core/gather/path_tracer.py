@@ -120,19 +120,16 @@ class PathTracer(NamedTuple):
         add_unblocked(model, self.at, rays, join_area(bsdfs, points, ends, lights.area, rays), total)
 
 
-def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0,
+def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, m=0,
            ending: InKnownLight = WHOLE, lift: np.ndarray | None = None,
            apart: ByBounce | None = None):  # fmt: skip
     """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
     path (n,) int64: path numbers, in sets of 2^m (stratified()) that begin at one point. position [m] and normal (n, 3)
-    float64 of the starts; lift: see starts(); apart: see follow(). `light_sampling` False finds emissive faces by hits
-    only. An estimate depends on its own path alone; the mean of a set has no noise of delta lights at its start.
+    float64 of the starts; lift: see starts(); apart: see follow(). An
+    estimate depends on its own path alone; the mean of a set has no noise of delta lights at its start.
     """
     total = np.zeros((len(path), lights.channels))
-    if not light_sampling:
-        none = np.zeros(0)
-        lights = lights._replace(area=lights.area._replace(cdf=none, density=np.zeros_like(lights.area.density)))
     tracer = PathTracer(model, at, lights, seed, m, ending)
 
     def work(_, a, b):

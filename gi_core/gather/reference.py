@@ -43,7 +43,7 @@ class Gatherer:
     """Points of a scene, prepared for path tracing."""
 
     def __init__(
-        self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True,
+        self, scene: Scene, positions, normals, seed: int, poses=None, model=None, mobiles=True,
         levels=None, per_lamp=False, lights=None, about=None,
     ):  # fmt: skip
         """Arguments and errors are those of ReferenceRounds."""
@@ -57,9 +57,6 @@ class Gatherer:
         self._lights = self.model.lights if self.per_lamp else lights or self.model.lights_at(levels)
         self._seed = seed_of(Stream.REFERENCE, seed)
         self.least_set = least_set(self._lights.delta)
-        self._light_sampling = light_sampling
-        if not light_sampling and (self._lights.area.table >= 0).any():
-            raise ValueError(f"{scene.name}: no path hits a luminaire, so light_sampling must be True")
         length = np.sqrt((normals * normals).sum(axis=1))
         self.lit = np.flatnonzero(length > 0)  # points with a normal
         self._normals = normals / np.where(length > 0, length, 1)[:, None]
@@ -84,7 +81,7 @@ class Gatherer:
         if self._about is not None:
             _spread(seed, path, m, *self._about, start[1])
             m = 0  # the starts of a set differ: lights straight from there are joined per path
-        of = self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m
+        of = self.model, self._at, self._lights, seed, path, *start, m
         values = gather(*of, lift=lift, apart=apart)
         if self.per_lamp:
             values = np.concatenate([sum_of_lamps(values), values], axis=1)
@@ -193,21 +190,19 @@ def may_be_light(values: np.ndarray) -> bool:
 
 def reference_irradiance(
     scene: Scene, positions: np.ndarray, normals: np.ndarray, paths: int, seed: int,
-    poses: Mapping[str, Pose | np.ndarray] | None = None, light_sampling: bool = True, model: Model | None = None,
+    poses: Mapping[str, Pose | np.ndarray] | None = None, model: Model | None = None,
     levels: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return irradiance at points and its standard error, both (n, 3) float64 [W/m2], by independent paths.
 
     positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses`: of mobiles by name, where
-    they differ from the scene's. `light_sampling` False finds emissive faces by hits only: the same expectation with
-    more noise, but not for luminaires, which nothing hits. `model` is reused if given. levels (G, 3): of the lamps,
-    None: those of the scene file. The result depends on seed and arguments alone. Points without a normal get 0. The
-    standard error of one path is inf. Raises SceneError for a bad pose, ValueError for bad points or paths, and for
-    luminaires without light sampling.
+    they differ from the scene's. `model` is reused if given. levels (G, 3): of the lamps, None: those of the scene
+    file. The result depends on seed and arguments alone. Points without a normal get 0. The standard error of one path
+    is inf. Raises SceneError for a bad pose, ValueError for bad points or paths.
     """
     if not 1 <= int(paths) < PATHS_PER_POINT:
         raise ValueError(f"paths must be a whole number >= 1, got {paths}")
-    gathered = ReferenceRounds(scene, positions, normals, seed, None, poses, light_sampling, model, levels=levels)
+    gathered = ReferenceRounds(scene, positions, normals, seed, None, poses, model, levels=levels)
     gathered.state.log2_set[:] = 0
     while len(gathered.state.sets) and gathered.state.rounds < paths:
         gathered.step(PATHS_AT_ONCE, int(paths))
@@ -300,7 +295,7 @@ class ReferenceRounds(Rounds):
 
     def __init__(
         self, scene: Scene, positions: np.ndarray, normals: np.ndarray, seed: int, weights: np.ndarray | None = None,
-        poses: Mapping[str, Pose | np.ndarray] | None = None, light_sampling: bool = True, model: Model | None = None,
+        poses: Mapping[str, Pose | np.ndarray] | None = None, model: Model | None = None,
         state: ReferenceState | None = None, mobiles: bool = True, rounds: int = ROUNDS,
         levels: np.ndarray | None = None, per_lamp: bool = False,
         smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray, lights: Lights | None = None,
@@ -316,8 +311,7 @@ class ReferenceRounds(Rounds):
         surfaces of `normals`. Raises SceneError for a bad pose, ValueError for bad points, weights, or a state of other
         points.
         """
-        gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles, levels, per_lamp,
-                            lights, about)  # fmt: skip
+        gatherer = Gatherer(scene, positions, normals, seed, poses, model, mobiles, levels, per_lamp, lights, about)
         n = len(gatherer.positions)
         if weights is not None:
             weights = np.asarray(weights, np.float64)

@@ -13,7 +13,6 @@ On mobiles whose light is gathered, paths give the directions (`gi_core.gather.m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -159,18 +158,6 @@ class GlossCells:
 
     def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
         return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]
-
-    def current_sums(self, change: PoseChange) -> np.ndarray:
-        """Return the sums (static rows, CELLS, SUMS) int64 of a frame of as many photons as are in the sums."""
-        out = self._static.photons.copy()
-        self._deposit(self._changes(change), change.at, out)
-        return out
-
-    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> np.ndarray:
-        """Return the sums (static rows, CELLS, SUMS) int64 from all current segments: those of current_sums()."""
-        out = np.zeros_like(self._static.photons)
-        self._deposit([(1, segments) for segments in parts], at, out)
-        return out
 
     def _deposit(self, parts: list[tuple[int, Segments]], at: Transforms, sums: np.ndarray) -> None:
         """Add the rays of segments, times their sign, to the cells of the static part's receivers."""

@@ -99,12 +99,6 @@ def direction_of(a, b):
     return flat * x, flat * y, 1.0 - r * r
 
 
-def centres() -> np.ndarray:
-    """Return the directions (CELLS, 3) float64 of the middles of the cells."""
-    a, b = ((2 * (m.reshape(-1) + 0.5) / SIDE - 1) for m in np.meshgrid(*[np.arange(SIDE)] * 2, indexing="ij"))
-    return directions(np.stack([a, b], axis=1))
-
-
 def even_light() -> np.ndarray:
     """Return the cells (CELLS, 6) float64 of a `GlossLight` under equal radiance from everywhere, normal z."""
     fine = (2 * (np.arange(SIDE * POINTS_PER_SIDE) + 0.5) / (SIDE * POINTS_PER_SIDE) - 1).reshape(SIDE, POINTS_PER_SIDE)

@@ -49,13 +49,6 @@ def sums(solver: Solver, E: np.ndarray) -> np.ndarray:
     return out
 
 
-def test_paths_without_light_sampling_refuse_luminaires(scene):
-    """Nothing hits them: their light would be lost."""
-    point = np.zeros((1, 3)), np.eye(3)[:1]
-    with pytest.raises(ValueError, match="no path hits a luminaire"):
-        reference_irradiance(scene, *point, 1, 0, light_sampling=False)
-
-
 @pytest.mark.slow
 def test_photons_and_gathered_light_agree_with_the_reference(scene, truth):
     solver = solved(scene, "photons")

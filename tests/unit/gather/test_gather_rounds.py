@@ -102,11 +102,10 @@ def answer() -> tuple[Model, np.ndarray]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("light_sampling", [True, False])
-def test_the_mean_of_many_runs_is_the_answer(light_sampling, answer):
+def test_the_mean_of_many_runs_is_the_answer(answer):
     """Each run has another pilot and therefore other sets; few rounds, so that a selection bias would show."""
     model, truth = answer
-    more = {"weights": UNEVEN, "light_sampling": light_sampling, "model": model}
+    more = {"weights": UNEVEN, "model": model}
     runs = [gathered(model.scene, 2, s, **more) for s in range(40)]
     assert len(np.unique([r.log2_set for r in runs])) > 3
     seeds_test(np.array([r.mean for r in runs]), truth, "runs of their own")

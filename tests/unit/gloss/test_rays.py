@@ -97,11 +97,11 @@ def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
 
 
 @pytest.mark.slow
-def test_list_and_cells_equal_those_from_scratch_throughout_many_moves():
+def test_lists_equal_those_from_scratch_throughout_many_moves():
     """Bit for bit, at each of 40 comparisons: nothing that frames insert and remove stays behind."""
     solver = solve(GLOSSY_BLOCK, photons=64, radius=0.4, gloss=LIST, seed=5, threads=1)
     source, rng = solver.frame_light.gloss.source, np.random.default_rng(2)
-    lists, cells = source.lists(solver.setting.radius), source.cells(solver.setting.radius, LIST)
+    lists = source.lists(solver.setting.radius)
     seen = []
     for move in range(120):
         solver.move("block", Pose(tuple(0.15 + 0.7 * rng.random(3)), axis_angle((0, 1, 1), 360 * rng.random())))
@@ -109,10 +109,8 @@ def test_list_and_cells_equal_those_from_scratch_throughout_many_moves():
             change = solver.frame.change
             segments, _ = current_segments(solver.model, change.at, solver.seed, 0, solver.photons)
             assert same(solver.frame.gloss.tree, lists.from_scratch([segments], change.at)), move
-            sums = cells.current_sums(change)
-            assert np.array_equal(sums, cells.from_scratch([segments], change.at)), move
-            seen.append(sums.sum())
-    assert len(seen) == 40 and len(set(seen)) > 30
+            seen.append(solver.frame.changes.photons_cut)
+    assert len(seen) == 40 and sum(n > 0 for n in seen) > 30
 
 
 def test_cells_are_the_sums_of_their_rays():
