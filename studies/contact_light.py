@@ -137,7 +137,7 @@ def row(name: str, seconds: float, points: int, paths: int):
     truth, noise = luminance(truth), np.sqrt(2 / np.pi) * luminance(deviation)
     others = distance_to_others(model, above, normals)
     mesh, at, levels = meshes_of(model)[0], model.transforms(solver.poses), solver.levels
-    fine = fine_points(model, solver.seed, at, mesh.triangles[:, :, None])
+    *_, fine = fine_points(model, solver.seed, at, mesh.triangles[:, :, None])
     drawn = solver.drawn(solver.irradiance)
     lights = (
         interpolated(solver, place, face, normals),

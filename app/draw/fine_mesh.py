@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,14 +29,14 @@ def takes_fine_points(solver: Solver) -> bool:
     return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
 
 
-def fine_points_of(solver: Solver, mesh: DrawMesh) -> FinePoints | None:
-    """Return the fine points of a solver's poses; None where its light or its lamps suit none.
+def fine_points_of(solver: Solver, mesh: DrawMesh) -> Iterator[FinePoints]:
+    """Yield the fine points of a solver's poses, more each time; none where its light or its lamps suit none.
 
     mesh: of the static part, whose draw vertices are further ids.
     """
     model = solver.model
     if not takes_fine_points(solver):
-        return None
+        return iter(())
     return fine_points(model, solver.seed, model.transforms(solver.poses), mesh.triangles[:, :, None])
 
 

@@ -56,7 +56,7 @@ class Shot:
         self.scale = self.scale or self.fitted_scale()
         if self.paths is not None and not any(mesh.reflectors for mesh in self._meshes):
             return  # but reflections show light at vertices
-        self._fine = fine_points_of(self.solver, self._meshes[0])
+        *_, self._fine = None, *fine_points_of(self.solver, self._meshes[0])
         if self._fine is not None:
             self._pictured = fine_mesh(self._meshes[0], self._fine), *self._meshes[1:]
 

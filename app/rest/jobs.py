@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -202,9 +203,13 @@ class FineJob(Job):
 
 
 def _refine(solver: Solver, out: list[tuple[FinePoints, DrawMesh]]) -> None:
-    """Write the fine points of a solver's poses, and the mesh that has them, in place of the last ones."""
+    """Write the fine points of a solver's poses, and the mesh that has them, in place of earlier ones.
+
+    The first ones show round after round; those of further poses once they are complete.
+    """
     mesh = meshes_of(solver.model)[0]
-    if (points := fine_points_of(solver, mesh)) is not None:
+    rounds = fine_points_of(solver, mesh)
+    for points in deque(rounds, maxlen=1) if out else rounds:
         out[:] = [(points, fine_mesh(mesh, points))]
         pause(Progress("refining the picture", 1.0, True))
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import itertools
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import NamedTuple, cast
 
@@ -230,6 +230,20 @@ class DirectLight:
                 _block(of.scenes, of.boxes[o], at, o, points[k], _far(m), groups, ray, *each)
 
         run_ranges(work, m.threads, m.threads, 1)
+
+
+def joined(parts: Sequence[DirectLight]) -> DirectLight:
+    """Return the direct light of the places of all parts, which share their points on lights, one after another."""
+    whole, groups = copy.copy(parts[0]), [part._groups for part in parts]
+    whole._places = Places(*map(np.concatenate, zip(*(part._places for part in parts), strict=True)))
+    whole.per_lamp, whole._blocked = np.concatenate([part.per_lamp for part in parts]), None
+    arrays = {name: np.concatenate([getattr(g, name) for g in groups]) for name in Groups._fields}
+    places = np.cumsum([0, *(len(part.per_lamp) for part in parts)])
+    pairs = np.cumsum([0, *(len(g.point) for g in groups)])
+    arrays["receiver"] = np.concatenate([g.receiver + n for g, n in zip(groups, places, strict=False)])
+    arrays["first"] = np.concatenate([[0], *(g.first[1:] + n for g, n in zip(groups, pairs, strict=False))])
+    whole._groups = Groups(**arrays)
+    return whole
 
 
 def _far(model: Model) -> float:

@@ -39,8 +39,7 @@ def found(model: Model, y: float = 5.0) -> tuple[FinePoints, tuple]:
     """Return fine points with the mobile at y, and transforms there."""
     at = model.transforms({"thing": Pose((0.5, y, 0.0))})
     mesh = meshes_of(model)[0]
-    points = fine_points(model, 3, at, mesh.triangles[:, :, None])
-    assert points is not None
+    *_, points = fine_points(model, 3, at, mesh.triangles[:, :, None])
     return points, at
 
 
@@ -91,7 +90,7 @@ def test_a_thin_shadow_stays_whole_on_coarse_faces():
     floor, post = quad((0, 0, 0), (2, 0, 0), (0, 2, 0), (10, 10), 0), box((0.43, 1.75, 0.0), (0.49, 1.81, 1.2), 1, 0)
     sun = DirectionalLight("sun", (0.15, -0.6, -0.8), (50.0, 50.0, 50.0))
     model = Model(replace(scene(), static=merge(floor, post), mobiles=(), lights=(sun,)), threads=2)
-    points = fine_points(model, 3, model.transforms({}), np.zeros((len(model.surfaces.faces[0]), 3, 0), int))
+    *_, points = fine_points(model, 3, model.transforms({}), np.zeros((len(model.surfaces.faces[0]), 3, 0), int))
     first, light = len(model.object_receivers.areas), points.at(model.transforms({}), model.emitters.lamps.full())
     p, E = points.direct[1]._places.positions, light.own[:, 0]
     p, E = np.concatenate([model.object_receivers.positions, p]), np.concatenate([light.receivers[:, 0], E])
@@ -117,8 +116,19 @@ def test_sunlight_by_a_window_takes_few_points(direction):
     room = replace(l_room(), mobiles=(), lights=(DirectionalLight("sun", direction, (1.0, 1.0, 1.0)),))
     model = Model(room)
     corners = np.zeros((int(model.world.first_face[1]), 3, 0), int)
-    points = fine_points(model, 0, model.transforms({}), corners)
+    *_, points = fine_points(model, 0, model.transforms({}), corners)
     assert 500 < len(points.parents.shares) < 3000  # 1,125, 2,117, 2,219; parallel light takes 129 to 632
+
+
+def test_each_round_adds_points(model):
+    at, corners = found(model)[1], np.zeros((len(model.surfaces.faces[0]), 3, 0), int)
+    rounds, full = list(fine_points(model, 3, at, corners)), model.emitters.lamps.full()
+    counts = [len(points.parents.shares) for points in rounds]
+    assert len(rounds) > 2 and counts == sorted(counts) and counts[0] < counts[-1]
+    last = rounds[-1].at(at, full).own
+    for points, count in zip(rounds, counts, strict=True):
+        assert points.ids[..., :2].max() < len(model.object_receivers.areas) + count
+        assert np.array_equal(points.at(at, full).own, last[:count])
 
 
 def test_light_of_receivers_stays_bit_for_bit(model):
