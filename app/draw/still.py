@@ -19,7 +19,7 @@ from app.draw.visible import PIXEL_OFFSETS, PictureScene, PictureView, Strip
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
-from gi_core.display.pixel_light import LOG2_SET, PixelLight, Sites, alike, around, group, spans, start_rays
+from gi_core.display.pixel_light import LOG2_SET, TILE, PixelLight, Sites, alike, around, group, spans, start_rays
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import LIFT
@@ -44,7 +44,7 @@ class PixelSites(NamedTuple):
     places: Sites  # a point per ray; their keys are pixels
     edge: np.ndarray  # (n,) float64 [m], longest edge of the face
     bounced: np.ndarray  # (n, 3) float64 [W/m2], light of vertices without direct light
-    pixels: np.ndarray  # (h, w) int64, first site of each pixel, -1: none
+    pixels: np.ndarray  # (h, >= w) int64, first site of each pixel, -1: none
     threads: int
     strips: list[Strip]
 
@@ -153,11 +153,11 @@ def _sites(lit: LitScene, world: PictureScene, view: PictureView, vertices: rayc
         p[1][p[1] >= 0] += n
     strips, arrays = [p[0] for p in ordered], (p[1:] for p in ordered)
     of_ray, pixel, count, hits, normal, edge, light = (np.concatenate(a) for a in zip(*arrays, strict=True))
-    first = np.cumsum(count) - count
-    pixels = np.full(view.width * view.height, -1, np.int64)
-    pixels[pixel[::-1]] = np.arange(len(pixel))[::-1]
-    places, shape = Sites(hits, first, count, normal, pixel), (view.height, view.width)
-    return PixelSites(of_ray, places, edge, light, pixels.reshape(shape), lit.model.threads, strips)
+    row = view.width + (TILE - view.width) % TILE**2  # any square of pixels has all sets of points on lights
+    pixel += pixel // view.width * (row - view.width)
+    pixels, places = np.full((view.height, row), -1), Sites(hits, np.cumsum(count) - count, count, normal, pixel)
+    pixels.flat[pixel[::-1]] = np.arange(len(pixel))[::-1]
+    return PixelSites(of_ray, places, edge, light, pixels, lit.model.threads, strips)
 
 
 def _vertex_normals(lit: LitScene, fine: FinePoints | None) -> np.ndarray:
@@ -172,7 +172,7 @@ def _vertex_normals(lit: LitScene, fine: FinePoints | None) -> np.ndarray:
 def _direct(sites: PixelSites, light: PixelLight, report: Report) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return direct light (n, 3) [W/m2] of sites, the variance of its luminance, and where (n,) lamps are too near."""
     rays_at_first, rays_at_borders, differ = 8, 32, 0.02  # of a pixel's light, beside it
-    pixels, even_share = 3, 0.005  # that alike light is averaged over; scatter of unblocked light that is left
+    pixels, even_share = TILE // 2, 0.005  # that alike light is averaged over; scatter of unblocked light that is left
     n = len(sites.edge)
     E, whole, near, rays = np.empty((n, 3)), np.empty(n), np.empty(n, bool), np.empty(n)
 
@@ -195,7 +195,7 @@ def _direct(sites: PixelSites, light: PixelLight, report: Report) -> tuple[np.nd
     of_guide = np.ascontiguousarray(np.stack([guide[:, 0], guide[:, 2]], axis=1))
     values = np.concatenate([E * per[:, None], variance[:, None]], axis=1)
     smooth = sites.mean(alike, values, of_guide, pixels)
-    # Each pixel has points of its own on lamps: unblocked light is noisy too, and has no borders of shadows.
+    # Pixels have different points on lamps: unblocked light is noisy too, and has no borders of shadows.
     beside, square, _ = sites.mean(around, np.stack([whole, whole**2, whole], axis=1), np.full(n, np.inf), 1).T
     scatter = np.maximum(square - beside**2, 0.0)
     scatter[scatter < (even_share * beside) ** 2] = 0.0
@@ -284,8 +284,7 @@ def longest_edges(model: Model) -> np.ndarray:
 def _whole_paths(sites: PixelSites, light: PixelLight, paths: int, report: Report) -> tuple[np.ndarray, np.ndarray]:
     """Return the light (n, 3) [W/m2] of whole paths at sites, and the variance of its luminance."""
     n, sets = len(sites.edge), max(-(-paths >> LOG2_SET), 2)
-    mean, squares = np.zeros((n, 3)), np.zeros(n)
-    text = ""
+    mean, squares, text = np.zeros((n, 3)), np.zeros(n), ""
     for j in range(sets):
         before = luminance(mean)
         for k in range(0, n, AT_ONCE >> LOG2_SET):

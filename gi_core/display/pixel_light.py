@@ -30,12 +30,13 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
 
-LIGHT_SETS = 64  # sets of points on lights: each pixel has one of them, so that 64 points draw no steps
+TILE = 7  # pixels of a square in which each has a set of points of its own (Keller and Heidrich 2001, interleaved)
+LIGHT_SETS = TILE**2  # of points on lights: a place has one by its key
 SPARSE = 4.0  # radii of the disc that a point on a light stands for: nearer places have ...
 NEAR_SETS = 16  # ... so many sets, ...
 TOO_NEAR = 3.0  # ... and no points serve places nearer than so many radii of the discs of these
 LOG2_SET = 3  # of the paths of a set at a place
-SET, OFFSET, WAY = range(3)  # dimensions of random numbers
+OFFSET, WAY = range(2)  # dimensions of random numbers
 
 
 class Sites(NamedTuple):
@@ -45,7 +46,7 @@ class Sites(NamedTuple):
     first: np.ndarray  # (n,) int64, the first point of each place
     count: np.ndarray  # (n,) int64, points of each place: rays take them in turn
     normal: np.ndarray  # (n, 3) float64 unit
-    key: np.ndarray  # (n,) int64 >= 0, of random numbers: light does not depend on other places
+    key: np.ndarray  # (n,) int64 >= 0, of random numbers and sets: light does not depend on other places
 
     def at(self, rows) -> Sites:
         """Return some of the places."""
@@ -161,7 +162,7 @@ def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
         for q in range(sites.first[k], sites.first[k] + sites.count[k]):
             share, start = 1.0 / sites.count[k], row(sites.start, q)
             middle = middle[0] + share * start[0], middle[1] + share * start[1], middle[2] + share * start[2]
-        chosen = int(random_numbers.independent(seed, sites.key[k], 0, SET) * LIGHT_SETS)
+        chosen = sites.key[k] % LIGHT_SETS
         total, of_suns, sets = 0.0, 0.0, 1
         for s in range(NEAR_SETS):
             if s == sets:
@@ -358,7 +359,7 @@ def alike(pixels, pixel, start, normal, light, guide, radius, first, out):
                 if j < 0 or (u == x and v == y) or not _on_one_surface(start, normal, i, j):
                     continue
                 off = guide[i, 0] - guide[j, 0]
-                weight = math.exp(-0.5 * off * off / guide[i, 1])
+                weight = math.exp(-0.125 * off * off / guide[i, 1])
                 total += weight
                 for c in range(3):
                     out[k, c] += weight * light[j, c]
