@@ -18,12 +18,11 @@ from gi_core.geometry.receiver_classes import covered_share
 from gi_core.geometry.receivers import NONE, Receivers
 from gi_core.geometry.surfaces import Surfaces, evaluation_points, flatten
 from gi_core.lights.emission import Guide, build_emitters
-from gi_core.lights.light_sampling import Lights, at_levels, lights_of
+from gi_core.lights.lamps import Lights, at_levels, lights_of
 from gi_core.photons.pilot import LitPart, Pilot, lit_part, pilot
 from gi_core.rays.accelerator import FAR, LIFT, Accelerator, Transforms, bounding_spheres, transforms
-from gi_core.rays.all_objects import nearest_in_world
+from gi_core.rays.all_objects import build_world, enclosing_sphere, nearest_in_world
 from gi_core.rays.structures import checked
-from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions

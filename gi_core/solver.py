@@ -20,9 +20,9 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.edited_light import LightBefore
 from gi_core.frames.first_frame import FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
-from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.held_light import Held
+from gi_core.frames.light_setting import FrameBudget
 from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.receivers import Receivers

@@ -14,7 +14,7 @@ import numpy as np
 from app.draw.draw_mesh import DrawMesh
 from gi_core.geometry.error import luminance
 from gi_core.gloss.lobe_rays import arriving, unoccluded, without_surface
-from gi_core.lights.light_sampling import DeltaLights
+from gi_core.lights.lamps import DeltaLights
 from gi_core.lights.photometric import axes, share_ahead
 from gi_core.lights.sky import Sky
 from gi_core.scene.types import PhotometricLight

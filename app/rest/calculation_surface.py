@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from app.settings import Settings
-    from gi_core.lights.light_sampling import Lights
+    from gi_core.lights.lamps import Lights
     from gi_core.model import Model
     from gi_core.scene import Pose, Scene
 

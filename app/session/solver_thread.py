@@ -2,7 +2,7 @@
 
 Poses and their light change together, when a picture or a move is complete. A frame waits for a job within its budget;
 the job then goes on behind the picture. During a motion the light may be that of a subset of the photons
-(gi_core/frames/frame_budget.py).
+(gi_core/frames/light_setting.py).
 """
 
 from __future__ import annotations

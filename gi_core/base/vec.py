@@ -5,7 +5,9 @@ A tuple is indexed by constants alone: numba checks a running index at run time.
 
 from __future__ import annotations
 
-from gi_core.base.jit import inlined
+import math
+
+from gi_core.base.jit import inlined, kernel
 
 
 @inlined
@@ -79,3 +81,9 @@ def barycentric(a, b, c, p):
         s = min(max((vv * wu - uv * wv) / area2, 0.0), 1.0)
         t = min(max((uu * wv - uv * wu) / area2, 0.0), 1.0 - s)
     return 1.0 - s - t, s, t
+
+
+@kernel
+def cell_of(x, low, cell):
+    """Return the index of a grid's cell along one axis, not clamped."""
+    return int(math.floor((x - low) / cell))

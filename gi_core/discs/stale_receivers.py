@@ -24,14 +24,13 @@ from gi_core.base.jit import kernel
 from gi_core.base.pause import pause, pieces
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import CHEAP, run_ranges
-from gi_core.base.vec import cross, difference, dot, rotate, rotate_back, row
+from gi_core.base.vec import cell_of, cross, difference, dot, rotate, rotate_back, row
 from gi_core.discs.region import COS, PROBES, RAYS, SIN, Regions, levels, look_from, polygon_areas
 from gi_core.discs.search.disc_index import CELL_RADII, DiscIndex
 from gi_core.discs.search.predicate import Discs, lines, longest_extension
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
-from gi_core.photons.hit_grid import cell_of
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.retrace.cuts import Wanted

@@ -26,7 +26,7 @@ from gi_core.base import vectors
 from gi_core.base.jit import kernel
 from gi_core.base.pause import pieces
 from gi_core.base.threads import COSTLY, run_ranges
-from gi_core.base.vec import difference, dot
+from gi_core.base.vec import cell_of, difference, dot
 from gi_core.discs.search import Search
 from gi_core.discs.stale_receivers import ControlFacts
 from gi_core.estimators.base import Setting
@@ -34,7 +34,7 @@ from gi_core.estimators.counting import Counts, Find, Place, circle, ends
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, SubsetStore, chunks_of
-from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_from, cell_of, gather, hits_of
+from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_from, gather, hits_of
 from gi_core.photons.paths import ADDED, KEPT, Segments, rows_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted

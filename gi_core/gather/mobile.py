@@ -3,9 +3,9 @@
 Photons rarely reach a small mobile, so its photon estimate is the noisiest of a frame. Its surroundings are known:
 lamps, and the irradiance of the static part in this frame. A bounce therefore ends at its first hit with rho E of that
 place. Where it hits a mobile, E is unknown: these few hits form a linear system, solved by Jacobi's method. Bright
-places of the static part get rays of their own (`bright_faces.py`).
+places of the static part get rays of their own (`candidates.py`).
 
-All receivers of a mobile choose among the same points on lamps (`area.aimed`, `lights/candidates.py`), so
+All receivers of a mobile choose among the same points on lamps (`area.aimed`, `gather/candidates.py`), so
 errors of neighbours are correlated and invisible on a smooth surface. Bounces come in a few kinds, fixed in the
 mobile's object space. Each receiver traces one kind, and bounced light is averaged over neighbours
 (`interleaved_mean.py`). So E = direct + mean of bounced: `direct` comes from shadow rays, `bounced` from hits on static
@@ -29,7 +29,18 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import run_ranges
 from gi_core.gather import path_ends
-from gi_core.gather.bright_faces import BOUNCES_PER_BRIGHT, BrightFaces, StaticFaces, add_reflected, relative_light
+from gi_core.gather.candidates import (
+    BOUNCES_PER_BRIGHT,
+    PATHS_PER_SHADOW,
+    BrightFaces,
+    Candidates,
+    StaticFaces,
+    add_reflected,
+    candidates,
+    join_lamps,
+    rays_to_candidates,
+    relative_light,
+)
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import (
     KINDS,
@@ -46,12 +57,11 @@ from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corner
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
 from gi_core.lights.area import aimed, steady
-from gi_core.lights.candidates import PATHS_PER_SHADOW, Candidates, candidates, join_lamps, rays_to_candidates
-from gi_core.lights.light_sampling import Lights
+from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import add_lit, picks
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT, Transforms
-from gi_core.rays.two_level import World
+from gi_core.rays.all_objects import World
 from gi_core.scene.pose import to_world_at
 
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each

@@ -1,7 +1,7 @@
 """Directions of the light on mobiles: the paths that light a receiver in a frame, summed into its cells.
 
 A receiver takes only its own shadow rays, as direct light has edges. A ray that reaches its lamp brings light from all
-candidates of its stratum (`lights/candidates.py`), in proportion to their unoccluded light: where shadow divides a
+candidates of its stratum (`gather/candidates.py`), in proportion to their unoccluded light: where shadow divides a
 stratum, the highlight of the stratum is dimmer, not cut. Bounces come in KINDS. A receiver takes those of
 the nearest receiver of each kind, carried to its own frame: KINDS times as many directions as it traced.
 """
@@ -16,11 +16,11 @@ import numpy as np
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row, weighted
+from gi_core.gather.candidates import CANDIDATES, Candidates, thinned, unoccluded
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
 from gi_core.gather.path_ends import reflected
 from gi_core.gloss.hemisphere import CELLS, GRAZING, SUMS, add_ray, axes_of, cell_of, weight_of
 from gi_core.lights.area import AreaLights
-from gi_core.lights.candidates import CANDIDATES, Candidates, thinned, unoccluded
 from gi_core.lights.next_event import Shadows
 
 ROOM = 64  # rays that are added at a time: columns of SUMS lines of scratch memory, one after the other

@@ -14,7 +14,7 @@ import numpy as np
 from gi_core.gather.path_tracer import ByBounce
 from gi_core.gather.reference import Gatherer
 from gi_core.geometry.error import luminance
-from gi_core.lights.light_sampling import lamps_at
+from gi_core.lights.lamps import lamps_at
 from gi_core.model import Model
 from gi_core.scene.pose import three
 from gi_core.scene.types import Pose, part_named

@@ -22,7 +22,7 @@ from gi_core.lights.next_event import lifted, share_of_bounce
 from gi_core.lights.sky import patch
 from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT, Transforms
-from gi_core.rays.two_level import lift_off, on_plane
+from gi_core.rays.all_objects import lift_off, on_plane
 from gi_core.scene.pose import to_world_at
 
 # Of the light of the brightest corner or neighbour; above 0, since one photon in a million slips through where edges
@@ -135,7 +135,7 @@ def in_known_light(
 
 
 class Bright(NamedTuple):
-    """Static faces that have rays of their own, see `bright_faces.py`; empty: none."""
+    """Static faces that have rays of their own, see `candidates.py`; empty: none."""
 
     of_face: np.ndarray  # (F,) int32, index of a face among them, -1: none
     density: np.ndarray  # (A,) float64 [1/m2], probability density of a point on the face

@@ -16,7 +16,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vec import row
 from gi_core.bsdf import lambertian, surface
 from gi_core.gather.path_ends import WHOLE, InKnownLight, PathEnds, PathHits, arrive, starts
-from gi_core.lights.light_sampling import Lights
+from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import (
     Shadows,
     add_lit,

@@ -35,7 +35,7 @@ from gi_core.gather.reference import PATHS_PER_POINT, ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, relative_error, relative_noise, small_sample_bias
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
-from gi_core.lights.light_sampling import Lights
+from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT, Transforms

@@ -3,9 +3,9 @@
 A receiver's light is direct light plus the mean, over its bounces, of what the faces that they hit reflect. Hits are
 traced once and kept. Light at them is that of the receivers themselves, iterated until it stands (Jacobi; Cohen and
 Wallace 1993). So an iteration costs no rays, and hundreds of receivers around each hit average the noise away.
-Direct light comes by shadow rays to points chosen among candidates (`lights/candidates.py`), and by bounces that hit
+Direct light comes by shadow rays to points chosen among candidates (`gather/candidates.py`), and by bounces that hit
 lamps or sky. Shadows of delta lights are sharp, so a face may have other light than its corners: shadow rays light
-points on each face. Bright faces, such as a small patch of sun, also get rays from receivers (`bright_faces.py`),
+points on each face. Bright faces, such as a small patch of sun, also get rays from receivers (`candidates.py`),
 because few bounces meet them.
 
 Paths come in pairs of sets; each pair has twice as many paths as the last, because large sets are better stratified.
@@ -27,19 +27,22 @@ from gi_core.base.pause import STEP, Pace, pause
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import dot, row
-from gi_core.gather.bright_faces import BOUNCES_PER_BRIGHT, BrightFaces, StaticFaces, add_reflected
-from gi_core.gather.direct_light import DirectLight, Places
-from gi_core.gather.path_ends import BLACK, BounceHits, Bright, KeptHits, arrive, starts
-from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
-from gi_core.geometry.error import REC709, luminance, relative_noise, small_sample_bias
-from gi_core.lights.candidates import (
+from gi_core.gather.candidates import (
+    BOUNCES_PER_BRIGHT,
     PATHS_PER_SHADOW,
+    BrightFaces,
     Candidates,
+    StaticFaces,
+    add_reflected,
     candidates,
     join_lamps,
     rays_to_candidates,
     sets_by_chance,
 )
+from gi_core.gather.direct_light import DirectLight, Places
+from gi_core.gather.path_ends import BLACK, BounceHits, Bright, KeptHits, arrive, starts
+from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
+from gi_core.geometry.error import REC709, luminance, relative_noise, small_sample_bias
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.lights.light_points import DELTA
 from gi_core.lights.next_event import picks

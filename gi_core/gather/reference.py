@@ -29,8 +29,7 @@ from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.vectors import frame_of
 from gi_core.gather.path_tracer import ByBounce, gather
 from gi_core.geometry.error import error_less_noise, luminance, relative_noise, small_sample_bias
-from gi_core.lights.lamps import sum_of_lamps
-from gi_core.lights.light_sampling import Lights
+from gi_core.lights.lamps import Lights, sum_of_lamps
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene

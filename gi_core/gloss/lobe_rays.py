@@ -24,7 +24,7 @@ from gi_core.bsdf.surface import Bsdfs, Glossy, Tabulated
 from gi_core.bsdf.table import Tables
 from gi_core.lights.area import AreaLights, point_on_lamp, triangle_area
 from gi_core.lights.kinds import PHOTOMETRIC, arrived
-from gi_core.lights.light_sampling import DeltaLights, Lights
+from gi_core.lights.lamps import DeltaLights, Lights
 from gi_core.rays.accelerator import FAR, GAP, Accelerator, Transforms
 from gi_core.rays.all_objects import occluded_in_world
 

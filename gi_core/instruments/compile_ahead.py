@@ -36,7 +36,7 @@ from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.frames.frame_gloss import GatheredGloss
 from gi_core.frames.light_setting import PATHS
-from gi_core.gather.bright_faces import add_reflected
+from gi_core.gather.candidates import add_reflected
 from gi_core.gather.denoise import denoise
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.mobile import MobileGather

@@ -20,7 +20,7 @@ from gi_core.gloss.lobe_rays import LobeViews, arriving, draw_lobe, gloss_alone,
 from gi_core.gloss.rays import MOST_LISTED_PHOTONS
 from gi_core.gloss.sharp import is_sharp
 from gi_core.gloss.source import LIST, OPENED, RADII
-from gi_core.lights.light_sampling import Lights
+from gi_core.lights.lamps import Lights
 from gi_core.model import Model
 from gi_core.photons.paths import segments_of
 from gi_core.rays.accelerator import LIFT, Transforms

@@ -14,7 +14,7 @@ from gi_core.base.vec import difference, dot, row
 from gi_core.lights import sun
 from gi_core.lights.area import AreaLights
 from gi_core.lights.kinds import arrived
-from gi_core.lights.light_sampling import Lights
+from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import LIGHT_U, LIGHT_V, points_on_lamps
 from gi_core.lights.photometric import density
 from gi_core.lights.sky import directions

@@ -18,7 +18,7 @@ from gi_core.bsdf import lambertian, surface
 from gi_core.lights import sun
 from gi_core.lights.area import AreaLights, gap_before, point_on_lamp
 from gi_core.lights.kinds import SUN, arrived
-from gi_core.lights.light_sampling import DeltaLights
+from gi_core.lights.lamps import DeltaLights
 from gi_core.lights.photometric import density
 from gi_core.rays.accelerator import GAP
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.pause import pause
-from gi_core.base.vec import difference, dot, rotate
+from gi_core.base.vec import cell_of, difference, dot, rotate
 from gi_core.geometry.receivers import NONE
 from gi_core.photons.paths import Segments, rows_of
 from gi_core.photons.trace import World
@@ -119,12 +119,6 @@ def _cells(extent: np.ndarray, cell: float, n: int) -> tuple[np.ndarray, float]:
         if float(shape[0]) * float(shape[1]) * float(shape[2]) <= 4 * n + 64:
             return shape, float(cell)
         cell *= 1.26
-
-
-@kernel
-def cell_of(x, low, cell):
-    """Return the index along one axis, not clamped."""
-    return int(math.floor((x - low) / cell))
 
 
 @kernel

@@ -13,7 +13,7 @@ from gi_core.lights.emission import Emitters
 from gi_core.photons.paths import PathStore, PathVertices
 from gi_core.photons.trace import trace_background
 from gi_core.rays.accelerator import Accelerator, Transforms
-from gi_core.rays.two_level import World
+from gi_core.rays.all_objects import World
 
 PHOTONS = 4096
 FEWEST_HITS = 100  # that say where light is

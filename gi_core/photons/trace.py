@@ -19,9 +19,9 @@ from gi_core.geometry.receivers import NONE
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown
 from gi_core.rays.accelerator import Accelerator, Transforms, line
+from gi_core.rays.all_objects import World, landing, mobile_cut, static_end, turned_normal
 from gi_core.rays.panes import chosen, pane_at
 from gi_core.rays.structures import new_ray
-from gi_core.rays.two_level import World, landing, mobile_cut, static_end, turned_normal
 
 USUAL = 4  # segments per path in the first allocation
 

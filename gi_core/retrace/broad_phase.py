@@ -17,7 +17,7 @@ from gi_core.base.jit import inlined, kernel, lowest_bit
 from gi_core.base.threads import run_ranges
 from gi_core.photons.paths import PathVertices, grown
 from gi_core.rays.accelerator import FAR, Transforms
-from gi_core.rays.two_level import World
+from gi_core.rays.all_objects import World
 
 LANES = 16  # segments per vector test
 PAD = 1e-3  # of the world's size: covers the rounding of the test; the grid's is one level

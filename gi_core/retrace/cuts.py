@@ -32,8 +32,8 @@ from gi_core.photons.paths import (
 )
 from gi_core.photons.trace import Fates, add_fates_behind, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
+from gi_core.rays.all_objects import nearest_mobile
 from gi_core.rays.structures import new_ray
-from gi_core.rays.two_level import nearest_mobile
 from gi_core.retrace.broad_phase import PAD, Coarse, find_near
 
 

@@ -181,7 +181,7 @@ def every_frame_takes_direct_light(history):
 @pytest.mark.parametrize("cached", [True, False])
 def test_sums_without_segments_that_leave_lamps(monkeypatch, estimator, cached):
     """Of the background, of a frame, and from scratch; with cached intersections and without."""
-    monkeypatch.setattr("gi_core.discs.intersection_cache.MOST_PER_PHOTON", 64 if cached else 0)
+    monkeypatch.setattr("gi_core.estimators.tangent_plane.MOST_PER_PHOTON", 64 if cached else 0)
     solver = solved(estimator=estimator)
     model, b, at = solver.model, solver.frame.background, solver.model.transforms(solver.poses)
     away = model.transforms(dict.fromkeys(solver.poses, AWAY))

@@ -21,8 +21,8 @@ from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.photons.hit_grid import OTHER_SIDE
 from gi_core.rays.accelerator import GAP
+from gi_core.rays.all_objects import landing, nearest_mobile, static_end
 from gi_core.rays.structures import new_ray
-from gi_core.rays.two_level import landing, nearest_mobile, static_end
 from gi_core.scene.pose import rotation
 
 F32 = np.float32

@@ -232,7 +232,7 @@ class CountingSolver:
     ) -> None:
         from gi_core.discs.stale_receivers import ControlFacts
         from gi_core.frames.frame import Changes
-        from gi_core.frames.frame_budget import FrameBudget
+        from gi_core.frames.light_setting import FrameBudget
         from gi_core.gather.estimate import Source
         from gi_core.geometry.surfaces import flatten
 

@@ -8,8 +8,7 @@ import pytest
 from app.session.log import ERROR
 from app.session.session import STILL, Session
 from app.session.solver_thread import _timings
-from gi_core.frames.frame_budget import IN_A_ROW, TIMED, FrameBudget
-from gi_core.frames.light_setting import PATHS, FrameSize
+from gi_core.frames.light_setting import IN_A_ROW, PATHS, TIMED, FrameBudget, FrameSize
 from gi_core.model import Model
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
@@ -21,7 +20,7 @@ BUDGET_MS = 12.5
 
 @pytest.fixture(autouse=True)
 def fewest_photons_is_100(monkeypatch):
-    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST_PHOTONS", 100)
+    monkeypatch.setattr("gi_core.frames.light_setting.LEAST_PHOTONS", 100)
 
 
 def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
@@ -355,7 +354,7 @@ def test_failed_settling_is_logged_once_and_the_drag_continues():
 
 def test_subset_never_falls_below_the_fewest_photons(monkeypatch):
     """A machine on which nothing fits: frames are late, but not below the fewest photons."""
-    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST_PHOTONS", 1 << 14)
+    monkeypatch.setattr("gi_core.frames.light_setting.LEAST_PHOTONS", 1 << 14)
     for subsets, enough in (
         ((4_096, 65_536, 131_072, 1_000_000), 65_536),
         ((8_192, 16_384, 65_536, 131_072, 1_500_000), 16_384),
@@ -388,7 +387,7 @@ def test_without_photons_there_is_nothing_to_choose():
     ],
 )
 def test_mobiles_have_paths_first(monkeypatch, budget, chosen):
-    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST_PHOTONS", 1 << 14)
+    monkeypatch.setattr("gi_core.frames.light_setting.LEAST_PHOTONS", 1 << 14)
     subsets, paths = {16_384: 0.005, 65_536: 0.007, 1_000_000: 0.1}, {8: 0.0025, 16: 0.006, 32: 0.0105, 64: 0.0185}
     known = FrameBudget()
     for photons, seconds in subsets.items():
@@ -399,5 +398,5 @@ def test_mobiles_have_paths_first(monkeypatch, budget, chosen):
 
 
 def test_unknown_costs_are_guessed_high(monkeypatch):
-    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST_PHOTONS", 1 << 14)
+    monkeypatch.setattr("gi_core.frames.light_setting.LEAST_PHOTONS", 1 << 14)
     assert FrameBudget().within(0.016, (16_384, 65_536, 131_072), True) == (16_384, 4)

@@ -15,8 +15,7 @@ from app.measure.tuning import Tuned
 from app.settings import BUDGET, Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.base import Setting
-from gi_core.frames.frame_budget import ENOUGH_PATHS
-from gi_core.frames.light_setting import PATHS, PATHS_AT_REST
+from gi_core.frames.light_setting import ENOUGH_PATHS, PATHS, PATHS_AT_REST
 from gi_core.solver import Solver
 
 TUNED, RIVAL = "tune's choice", "path gather"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.frames.mobile_light import CoarseFaces
+from gi_core.frames.frame_light import CoarseFaces
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather import mobile as mobile_gather
-from gi_core.gather.bright_faces import BRIGHT, LEAST_BRIGHT
+from gi_core.gather.candidates import BRIGHT, LEAST_BRIGHT
 from gi_core.gather.mobile import MobileGather
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.gather import bright_faces
+from gi_core.gather import candidates
 from gi_core.gather.radiosity import Radiosity, face_light
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
@@ -60,7 +60,7 @@ def test_coarse_room_with_a_sunbeam_has_the_light_of_whole_paths():
 @pytest.mark.slow
 def test_rays_to_bright_faces_lower_the_noise_and_keep_the_light(monkeypatch):
     with_rays, areas = radiosity(WING, 3)
-    monkeypatch.setattr(bright_faces, "LEAST_BRIGHT", np.inf)
+    monkeypatch.setattr(candidates, "LEAST_BRIGHT", np.inf)
     without, _ = radiosity(WING, 3)
     assert len(with_rays._on_faces.bright.face) and not len(without._on_faces.bright.face)
     assert with_rays.noise < 0.6 * without.noise

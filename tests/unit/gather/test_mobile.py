@@ -325,15 +325,15 @@ NOTHING_IS_COMPILED = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from gi_core.gather import bright_faces, path_ends, hit_cache, mobile, interleaved_mean
-from gi_core.lights import area, candidates, next_event
+from gi_core.gather import candidates, path_ends, hit_cache, mobile, interleaved_mean
+from gi_core.lights import area, next_event
 from gi_core.instruments import compile_ahead
 from gi_core.model import Model
 
 from tests.unit.gather.test_mobile import three_things
 
 compile_ahead._gather(compile_ahead._tiny_scene(), None)
-modules = bright_faces, candidates, path_ends, hit_cache, area, mobile
+modules = candidates, path_ends, hit_cache, area, mobile
 modules += interleaved_mean, next_event
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]

@@ -16,7 +16,7 @@ from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gathe
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.surfaces import evaluation_points, flatten
 from gi_core.lights.kinds import arrived
-from gi_core.lights.light_sampling import delta_lights
+from gi_core.lights.lamps import delta_lights
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle

@@ -9,7 +9,7 @@ from gi_core.gather import mobile
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
 from gi_core.lights.area import BY_FLUX, aimed, area_lights, steady
-from gi_core.lights.light_sampling import at_levels
+from gi_core.lights.lamps import at_levels
 from gi_core.lights.next_event import points_on_lamps
 from gi_core.lights.photometric import flux_of
 from gi_core.model import Model

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gi_core.estimators.tangent_plane import TangentPlane
-from gi_core.frames.frame_budget import FrameTimes
+from gi_core.frames.light_setting import FrameTimes
 from gi_core.photons.flux_sums import LOWEST, SubsetStore, next_level
 from gi_core.scene import Pose, SceneError
 from gi_core.scene.pose import axis_angle

@@ -8,7 +8,7 @@ import pytest
 
 from gi_core.geometry.surfaces import flatten
 from gi_core.lights.emission import build_emitters
-from gi_core.lights.light_sampling import delta_lights
+from gi_core.lights.lamps import delta_lights
 from gi_core.scene import SceneError
 from gi_core.scene.types import DirectionalLight, PointLight, SkyLight, SpotLight
 from gi_core.scene.validate import check_scene

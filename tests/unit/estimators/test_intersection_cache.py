@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from gi_core.discs import intersection_cache
-from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.search import SEARCHES
+from gi_core.estimators import tangent_plane
+from gi_core.estimators.tangent_plane import IntersectionCache
 from gi_core.frames import background
 from gi_core.photons.flux_sums import LOWEST
 from gi_core.scene import Pose
@@ -39,7 +39,7 @@ def walk() -> list[Pose]:
 
 def test_photons_are_merged_in_steps_that_may_be_abandoned(monkeypatch):
     """A drag waited for all: 0.1 to 0.5 s while 1.5 million photons were traced. No photon subset is lost."""
-    monkeypatch.setattr(intersection_cache, "ENTRIES_PER_STEP", 2000, raising=False)
+    monkeypatch.setattr(tangent_plane, "ENTRIES_PER_STEP", 2000, raising=False)
     monkeypatch.setattr(background, "PART", 512)
     broken, whole, merged = solver_of(threads=1), solver_of(threads=1), [0]
     for _ in whole.solve_steps(pictures=False):
@@ -83,7 +83,7 @@ def test_a_walk_through_poses_subsets_and_estimators_equals_from_scratch(control
 @pytest.mark.parametrize("search", SEARCHES)
 def test_searching_for_removed_suffixes_gives_the_same_bits(search, monkeypatch):
     looked_up = complete(solver_of(search=search))
-    monkeypatch.setattr(intersection_cache, "MOST_PER_PHOTON", 0)
+    monkeypatch.setattr(tangent_plane, "MOST_PER_PHOTON", 0)
     searched = complete(solver_of(search=search))
     assert looked_up.frame.background.estimate._intersections.complete
     assert not searched.frame.background.estimate._intersections.complete
@@ -102,7 +102,7 @@ def test_full_log_is_recorded_again(monkeypatch):
         return solver.irradiance, solver.static_irradiance
 
     frame, resting = light()
-    monkeypatch.setattr(intersection_cache, "ENTRIES_PER_SEGMENT", 0)
+    monkeypatch.setattr(tangent_plane, "ENTRIES_PER_SEGMENT", 0)
     calls = []
     find = IntersectionCache.find
 

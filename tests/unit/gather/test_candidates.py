@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from gi_core.gather.candidates import CANDIDATES, PATHS_PER_SHADOW, candidates, join_candidates, sets_by_chance
 from gi_core.gather.path_ends import starts
 from gi_core.geometry.error import luminance
 from gi_core.lights.area import area_lights
-from gi_core.lights.candidates import CANDIDATES, PATHS_PER_SHADOW, candidates, join_candidates, sets_by_chance
-from gi_core.lights.light_sampling import Lights, delta_lights
+from gi_core.lights.lamps import Lights, delta_lights
 from gi_core.lights.next_event import join_area, points_on_lamps, room_for_shadows
 from gi_core.lights.sky import sky_of
 from gi_core.model import Model
