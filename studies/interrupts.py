@@ -63,7 +63,6 @@ def commands(scene: str) -> dict[str, list[str]]:
         "render --frames": ["render", scene, "--out", "b.png", "--frames", "500", *few],
         "render gathered": ["render", scene, "--out", "c.png", "--light", "best"],
         "bench": ["bench", scene, *many],
-        "bench --sweep": ["bench", scene, "--sweep", "--out", "sweep"],
         "chart": ["chart", scene, "--quick", "--frames", "2", "--out", "chart"],
         "reference": ["reference", scene, "--error", "0.1"],
         "tune": ["tune", scene],

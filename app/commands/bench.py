@@ -1,4 +1,4 @@
-"""`gi-viewer bench`: frame times, sweeps, the report's tables."""
+"""`gi-viewer bench`: frame times, the report's tables."""
 
 from __future__ import annotations
 
@@ -21,29 +21,23 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--step", type=values.positive, default=100 * STEP_PER_FRAME, metavar="PCT",
         help=f"distance of a mobile per frame [%% of the scene size] ({100 * STEP_PER_FRAME:g})")  # fmt: skip
     add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
-    add("--sweep", action="store_true", help="measure a table of settings into --out; resumes one that was stopped")
     add(
         "--tables",
         action="store_true",
         help="the report's tables 2.2 to 2.4 and its space partitionings, over SCENE too, into --out; minutes "
         "(2.1 and 2.6 to 2.8: `gi-viewer chart tree`)",
     )
-    add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
+    add("--out", type=Path, metavar="DIR", help="where --tables writes tables.md")
 
 
 def run(arguments: argparse.Namespace) -> int:
     settings = settings_of(arguments)
-    if (arguments.sweep or arguments.tables) != (arguments.out is not None):
-        raise UsageError("--sweep and --out DIR go together, --tables and --out too: the folder that is written to")
+    if arguments.tables != (arguments.out is not None):
+        raise UsageError("--tables and --out DIR go together: the folder that is written to")
     if arguments.tables:
         from app.measure.bench.report import tables
 
         print(tables(settings, arguments.out))
-    elif arguments.sweep:
-        from app.measure.bench.sweep import sweep
-
-        sweep(settings, arguments.frames, arguments.out)
-        print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
     else:
         from app.measure.bench.measure import bench
 

@@ -47,10 +47,6 @@ def percent(value: float, places: int = 1) -> str:
     return f"{100 * value:.{places}f} %" if math.isfinite(value) else ""
 
 
-def times(value: float) -> str:
-    return f"{value:.3g} x"
-
-
 milliseconds = partial(digits, unit=" ms", most=1000)
 
 

@@ -34,7 +34,7 @@ VALUES = {  # of each option, or of one command's; None: a flag
     ("report", "--out"): "r.html",
 }  # fmt: skip
 ELSEWHERE = {"--help", "--version", "--no-fallback", "--workers", "--scheduler"}  # test_cli.py, test_cluster.py
-SEPARATE = {"bench": ["--sweep --out s --frames 2", "--tables --out t"]}  # options that no other goes with
+SEPARATE = {"bench": ["--tables --out t"]}  # options that no other goes with
 NEEDED = {"atlas": "--out atlas", "report": "--out r.html"}
 
 

@@ -10,7 +10,7 @@ from app import settings
 from app.draw import fine_mesh
 from app.measure import atlas
 from app.measure.atlas import row
-from app.measure.bench import report, sweep
+from app.measure.bench import report
 from app.measure.chart import page
 from app.measure.chart import settings as chart_settings
 from gi_core.display.fine_points import fine_points
@@ -87,8 +87,6 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))
-    patch.setattr(sweep, "COUNTS", (1000,))
-    patch.setattr(sweep.sweep, "__defaults__", (sweep.measure_row,))
     for name, value in TABLES.items():
         patch.setattr(f"app.measure.bench.{name}", value)
     open_scene, room = report.open_scene, settings.Settings(str(small_room(folder)))

@@ -1,1 +1,1 @@
-"""Frame times, sweeps, and the report's tables."""
+"""Frame times, and the report's tables."""
