@@ -53,7 +53,7 @@ def test_first_look_leaves_no_trace(low_receiver_threshold):
     assert np.array_equal(steps.irradiance, steps.from_scratch())
 
 
-@pytest.mark.parametrize("stop", range(12))
+@pytest.mark.parametrize("stop", [0, 1, 2, 4, 7, 11])
 def test_interrupted_first_look_leaves_no_trace(low_receiver_threshold, stop):
     """Interrupted after any step, also within the first look itself, and moved meanwhile."""
     left, straight = opened(), opened()

@@ -386,14 +386,6 @@ def test_frames_equal_the_naive_twin(search, scene_name, radius, small_shares):
     assert max(contact) > 5
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3, 7])
-@pytest.mark.parametrize("search", SEARCHES)
-def test_any_number_of_threads(search, threads, small_shares):
-    solver = solver_of("room", RADIUS, search=search, threads=threads)
-    solver.move_all(MOVES[1])
-    assert np.array_equal(solver.irradiance, expected("room", RADIUS, 1))
-
-
 @pytest.mark.parametrize("search", SEARCHES)
 def test_probes_read_the_same_by_every_search(search, small_shares):
     twin, E = twin_of("room", RADIUS), expected("room", RADIUS, 1)

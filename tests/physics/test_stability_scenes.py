@@ -69,24 +69,10 @@ def test_scaled_by_a_power_of_two_the_picture_is_the_same(factor, estimator):
     np.testing.assert_allclose(scaled.irradiance, one.irradiance, rtol=1e-5)
 
 
-@pytest.mark.parametrize("distance", [3.0, 30.0])
-def test_moved_from_the_origin_the_light_is_the_same(distance):
-    """Float32 places have 24 bits: thirty room sizes away that is enough."""
-    mesh = furnace_scene(1.0, 0.5, 4).static
-    means = []
-    for shift in (0.0, distance):
-        scene = Scene(mesh._replace(vertices=mesh.vertices + shift), (lamp(1.0, 0.5),), up=UP)
-        solver = solved(scene, 20_000)
-        assert_sound(solver)
-        means.append(solver.irradiance[:, 0].mean() / (2 * math.pi))
-        assert not solver.frame.fates["escaped"].any()
-    assert means == pytest.approx([1.0, 1.0], abs=0.02)
-
-
 def test_any_distance_from_the_origin_gives_the_same_light(tmp_path):
     """At 100 room sizes rays hit the face that they leave, and all was dark; geometry is shifted to the origin."""
     mesh = furnace_scene(1.0, 0.5, 4).static
-    for distance in (100.0, 1e6):
+    for distance in (30.0, 100.0, 1e6):
         scene = Scene(mesh._replace(vertices=mesh.vertices + distance), (lamp(1.0, 0.5),), up=UP, name="far room")
         solver = solved(scene, 20_000)
         assert solver.irradiance[:, 0].mean() == pytest.approx(2 * math.pi, rel=0.02)
@@ -295,19 +281,6 @@ def test_tiny_move_changes_at_most_the_flux_of_cut_photons():
         assert moved <= bound
         if step == 1e-7:
             assert moved < 1e-3 * solver.frame.fates["emitted"][0]  # none or a photon or two
-
-
-def test_three_hundred_jumps_and_back(estimator):
-    """Nothing is added to the last frame, so nothing drifts: the first picture is back, bit for bit."""
-    solver = solved(room(box_mobile("a")), 500, estimator=estimator)
-    begun = solver.irradiance.copy()
-    rng = np.random.default_rng(4)
-    for _ in range(300):
-        q = rng.normal(size=4)
-        solver.move("a", Pose(tuple(rng.uniform(-0.2, 1.2, 3)), tuple(q / np.sqrt((q * q).sum()))))
-    assert not np.array_equal(solver.irradiance, begun)
-    solver.move("a", solver.scene.mobiles[0].pose)
-    assert np.array_equal(solver.irradiance, begun)
 
 
 @pytest.mark.parametrize("gap", [0.0005, 0.002, 0.02])

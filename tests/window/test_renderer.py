@@ -9,7 +9,7 @@ from app.draw.false_colour import Scale, false_colours
 from app.draw.picture_files import screenshot, write_png
 from app.draw.renderer import Look, Renderer
 from app.draw.shot import Shot
-from app.draw.tonemap import TONE_MAPS, UNLIT, to_display
+from app.draw.tonemap import TONE_MAPS, to_display
 from app.draw.vertex_colours import colours
 from app.settings import Settings, make_solver
 from gi_core.geometry.surfaces import flatten
@@ -17,7 +17,6 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, rotation
 from tests.support import viewer_support as support
 from tests.support.gl_drawing import EYE, HALF_TURN, IDENTITY, SIZE, background, middle, square
-from tests.support.projection import projected
 from tests.support.scene_builders import complete
 
 
@@ -42,24 +41,6 @@ def test_false_colours_are_those_of_the_picture_without_a_window(draw, scale):
         got = middle(draw([square(radiance)], exposure=2.0, scale=scale))
         expected = false_colours(np.array([radiance], float), scale)[0].astype(int)
         assert np.abs(got - expected).max() <= 1, (radiance, got, expected)
-
-
-@pytest.mark.gl
-def test_each_side_has_its_own_light(draw):
-    two_sided = square((0.5, 0.1, 0.1), (0.1, 0.1, 0.5))
-    front = middle(draw([two_sided], tone_map="clip"))
-    back = middle(draw([two_sided], [HALF_TURN], tone_map="clip"))
-    assert np.array_equal(front, to_display(np.array([0.5, 0.1, 0.1]), 0, "clip"))
-    assert np.array_equal(back, to_display(np.array([0.1, 0.1, 0.5]), 0, "clip"))
-
-
-@pytest.mark.gl
-def test_backs_of_one_sided_faces_are_culled_or_grey_at_any_exposure(draw):
-    one_sided = square((0.5, 0.5, 0.5))
-    assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=True)), background())
-    grey = np.round(255 * np.array(UNLIT)).astype(int)
-    for exposure in (0.0, 9.0):
-        assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=False, exposure=exposure)), grey)
 
 
 @pytest.mark.gl
@@ -104,24 +85,6 @@ def test_many_samples_soften_edges_and_nothing_else(draw):
     assert len(np.unique(plain[..., 0])) == 2 and len(np.unique(soft[..., 0])) > 2
     assert np.array_equal(middle(plain), middle(soft))
     assert soft.min() >= background().min()  # nothing extrapolates beyond a triangle
-
-
-@pytest.mark.gl
-def test_depth_decides_not_order(draw):
-    near, far = square((0.9, 0, 0), half=0.1, z=0.3), square((0, 0.9, 0))
-    for objects in ([near, far], [far, near]):
-        assert middle(draw(objects))[0] > 150
-
-
-@pytest.mark.gl
-def test_a_mobile_is_drawn_at_its_pose(draw):
-    shifted = IDENTITY.copy()
-    shifted[:3, 3] = (0.5, 0.2, 0.0)
-    picture = draw([square((0.8, 0.8, 0.8), half=0.05)], [shifted])
-    v, u = np.argwhere(picture[..., 0] > 128).mean(axis=0)
-    at = projected(EYE, (0.5, 0.2, 0.0), SIZE[0] / SIZE[1])
-    assert (u + 0.5) / SIZE[0] == pytest.approx(at[0], abs=0.01)
-    assert (v + 0.5) / SIZE[1] == pytest.approx(at[1], abs=0.01)
 
 
 @pytest.mark.gl

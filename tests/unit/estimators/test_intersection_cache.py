@@ -131,16 +131,3 @@ def test_threads_and_parts_do_not_change_bits(monkeypatch, small_shares):
     monkeypatch.setattr("gi_core.frames.background.PART", 97)
     for threads in (2, 3):
         assert np.array_equal(one, frames(threads))
-
-
-@pytest.mark.parametrize("off", [-0.3, 0.3])
-def test_comparison_detects_a_shifted_cut(off, monkeypatch):
-    real = IntersectionCache.subtract
-
-    def shifted(self, removed_suffixes, *others):
-        real(self, removed_suffixes._replace(low=(removed_suffixes.low + np.float32(off)).astype(np.float32)), *others)
-
-    monkeypatch.setattr(IntersectionCache, "subtract", shifted)
-    solver = complete(solver_of(control=False))
-    solver.move("box", Pose((0.5, 0.45, 0.25)))
-    assert not np.array_equal(solver.irradiance, solver.from_scratch())

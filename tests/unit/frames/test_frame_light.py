@@ -159,8 +159,9 @@ def test_twin_shares_photons_but_not_settings():
     assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.frame.photons == 10_000
 
 
-def test_a_change_of_lamps_has_little_noise():
+def test_a_change_of_lamps_has_little_noise(monkeypatch):
     """Light dimmed by a tenth less that before it: its error is that of a tenth of the light, above its scatter."""
+    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.03)
     changes, stated, apart = [], [], []
     for seed in range(5):
         solver = solve(coloured_room((box_mobile(size=0.2),), grid=6), photons=20_000, light="best", seed=seed)
