@@ -44,6 +44,7 @@ class Reading(NamedTuple):
     units: Units
     is_sharp: bool = False  # gloss shows a reflection, which `radiance` lacks
     error: float = math.nan  # standard error of the irradiance, at the nearest receiver
+    before: tuple[float, float] | None = None  # irradiance of light A, and the standard error of the change since it
 
     def text(self) -> str:
         """Return the reading as one line."""
@@ -54,6 +55,10 @@ class Reading(NamedTuple):
         if math.isnan(self.irradiance):
             return f"{u.on_surface} not yet known  ·  {place}"
         E += f" ± {self.error:.2g}" if self.error > 0 else ""
+        if self.before is not None:
+            A, error = self.before
+            change = f"light A {A:.3g}, change {self.irradiance - A:+.3g} ± {error:.2g} {u.per_area}"
+            return f"{u.on_surface} {E} {u.per_area}  ·  {change}  ·  {place}"
         L = f"{L} {u.per_solid_angle}" + " without its reflection" * self.is_sharp
         return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L}  ·  {place}"
 

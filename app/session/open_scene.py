@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.draw_mesh import DrawMesh
     from app.draw.lit_scene import LitScene
     from app.draw.picking import Picker
+    from app.rest.calculation_surface import SurfaceLight
     from app.rest.results import GatherProgress
     from app.rest.surface_grid import Grid, Level
     from app.session.lights import LightId
@@ -48,6 +49,7 @@ class KeptLight(NamedTuple):
     deviation: np.ndarray  # (R,) [W/m2], standard error of its luminance
     places: np.ndarray  # (R, 3) [m] of the receivers in the spaces of their objects
     state: State  # that it is of
+    surfaces: tuple[SurfaceLight, ...]  # those measured
 
 
 class OpenScene:
@@ -132,7 +134,8 @@ class OpenScene:
             return None
         levels = tuple(map(tuple, light.levels.tolist()))
         state = State(weakref.ref(self.model), tuple(sorted(light.poses.items())), levels)
-        return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions, state)
+        surfaces = tuple(x for x in light.rest.surfaces if x.is_current and x.fraction == 1)
+        return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions, state, surfaces)
 
     def keep_light(self) -> None:
         """Keep the light on show as light A, to compare later light with it."""

@@ -28,7 +28,7 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the seven a
     "Edit": (
         "undo", "redo", LINE, "select all", "insert", SHAPE, "insert luminaire", "duplicate", "remove", LINE,
         "promote", "freeze", LINE,
-        "pin", "unpin", LINE, "gizmo", "rest", "reset poses", "reset settings",
+        "pin", "ask", "unpin", LINE, "gizmo", "rest", "reset poses", "reset settings",
     ),
     "View": (
         "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,

@@ -11,7 +11,8 @@ from imgui_bundle import imgui
 
 from app.draw.readout import Pinned, Reading, nearest_receiver, new_pin, read, read_pin
 from app.session.readouts import free_name
-from app.window.view_content import lit
+from app.window.view_content import Change, lit
+from gi_core.display.dilation import Drawn
 
 if TYPE_CHECKING:
     from app.draw.picking import Hit
@@ -55,11 +56,17 @@ def pick(session: Session, view: View, mouse) -> Hit | None:
 
 
 def _read(hit: Hit, s: Session, view: View, shown: Shown, side: Side) -> Reading:
-    """Return the light of the picture at a hit under the cursor."""
+    """Return the light of the picture at a hit under the cursor; on a map of changes light A too."""
     io = imgui.get_io()
     _, direction = view.ray(io.mouse_pos)
     height = round(view.size[1] * io.display_framebuffer_scale.y)
-    return read(lit(s, shown, side), hit, direction, view.camera, height)
+    light = lit(s, shown, side)
+    reading, of = read(light, hit, direction, view.camera, height), shown.errors
+    if not isinstance(of, Change):
+        return reading
+    light = replace(light, drawn=Drawn(of.before, None), deviation=of.deviation)
+    before = read(light, hit, direction, view.camera, height)
+    return reading._replace(before=(before.irradiance, before.error))
 
 
 class Pins:
@@ -67,19 +74,23 @@ class Pins:
 
     def __init__(self) -> None:
         self.waiting = False  # the next click pins a read-out
+        self._asks = False  # and asks it where its light comes from
         self.shown: tuple[Pinned, ...] = ()  # light at the pins
         self._asked: tuple | None = None  # arguments of these
 
-    def add(self, session: Session, view: View, at: Hit | None) -> None:
-        """Pin a read-out to a surface; without one, the next click does."""
+    def add(self, session: Session, view: View, at: Hit | None, asks: bool = False) -> None:
+        """Pin a read-out to a surface, and ask where its light comes from; without a surface, the next click does."""
+        asks = asks or (self.waiting and self._asks)
         if at is None:
-            self.waiting = not self.waiting
+            self.waiting, self._asks = not self.waiting, asks
             return
         self.waiting = False
         pins, direction = session.settings.pins, at.point - view.camera.eye()
         name = free_name(pin.name for pin in pins)
         pin = new_pin(name, at, direction, session.model, session.light.snapshot.poses)
         session.edit(pins=(*pins, pin))
+        if asks:
+            session.want(replace(session.settings, asked=pin))
 
     def remove(self, session: Session, view: View) -> None:
         """Remove the pin under the cursor, else the last one."""

@@ -64,6 +64,8 @@ class Change(NamedTuple):
     values: np.ndarray  # (R,) [W/m2], of the luminance, see certain_change()
     scale: float  # change at the ends of the colour map [W/m2, or lx]
     units: Units
+    before: np.ndarray  # (R, 3) [W/m2], the kept light
+    deviation: np.ndarray  # (R,) [W/m2], standard error of the luminance of the change, nan where unknown
 
     def positions(self, irradiance: np.ndarray) -> np.ndarray:
         """Return the place (R,) on the colour map, as of Errors."""
@@ -205,7 +207,7 @@ def _change(session: Session) -> Change | None:
         before, now, deviation = kept.irradiance, light.irradiance, np.hypot(kept.deviation, light.deviation)
     values = certain_change(luminance(now), luminance(before), deviation)
     scale = round_scale(values, session.model.object_receivers.areas * (np.nan_to_num(values) != 0))
-    return Change(values, scale, UNITS[session.scene.units])
+    return Change(values, scale, UNITS[session.scene.units], before, deviation)
 
 
 def _estimate(

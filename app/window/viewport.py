@@ -281,9 +281,9 @@ class Viewport:
             return True
         return self.lamps.cancel(self.session) or self.mobile_drag.cancel(self.session)
 
-    def pin(self) -> None:
-        """Pin a read-out to the surface under the cursor; without one, the next click does."""
-        self.pins.add(self.session, self.view, self.pointer.pointed)
+    def pin(self, asks: bool = False) -> None:
+        """Pin a read-out to the surface under the cursor, and ask for its origins; without one, the next click does."""
+        self.pins.add(self.session, self.view, self.pointer.pointed, asks)
 
     def unpin(self) -> None:
         """Remove the pin under the cursor, else the last one."""

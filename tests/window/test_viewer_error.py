@@ -15,6 +15,7 @@ from app.window.panel.chart import caption, limits
 from gi_core.estimators.base import Setting
 from gi_core.files.edits import Finish, Remove
 from gi_core.geometry.error import luminance
+from gi_core.scene.types import CalculationSurface
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import in_window, keys
 
@@ -164,6 +165,7 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     from tests.window.test_viewer_edits import RED, change
 
     ctx, E = hand.ctx, lambda: luminance(viewer.session.light.snapshot.irradiance)
+    viewer.session.edit(surfaces=(CalculationSurface("plane", height=0.1),))
     hand.wait(lambda: viewer.session.light.all_done)
     ctx.set_ref("Panel")
     ctx.combo_click("##Show/Change since A")
@@ -189,6 +191,13 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     assert viewer.viewport.legend.lines[0] == "Change since A [W/m²]"
     low, high = (min(viewer.viewport.legend.ticks)[1], max(viewer.viewport.legend.ticks)[1])
     assert low.startswith("\N{MINUS SIGN}") and low.endswith(" or less") and high.endswith(" or more")
+    hand.move(hand.at((0.2, 0.8, 0.0)))
+    reading = viewer.viewport.pointer.reading
+    A, error = reading.before
+    assert reading.irradiance == pytest.approx(0.5 * A, rel=0.02) and 0 < error < 0.1 * A
+    assert f"light A {A:.3g}, change {reading.irradiance - A:+.3g} ± " in viewer.viewport.readout()
+    (now,), (of_A,) = viewer.session.light.snapshot.rest.surfaces, viewer.session.kept.surfaces
+    assert now.numbers.mean[0] == pytest.approx(0.5 * of_A.numbers.mean[0], rel=0.02)
 
     # An object casts its shadow elsewhere: where nothing changes by more than noise, grey.
     viewer.session.want(replace(viewer.session.settings, lamps=()))

@@ -461,16 +461,15 @@ def test_a_surface_lies_on_a_clicked_material_and_its_rows_stay_where_they_are(h
 
 
 @in_window(scene=lamp_over_floor, light="best")
-def test_a_click_on_a_pin_asks_where_its_light_comes_from(hand, viewer, monkeypatch):
+def test_a_key_asks_where_light_comes_from_until_a_click_on_its_pin(hand, viewer, monkeypatch):
     """Below the lamp all but a little is straight from it; the tile moves, and its pin with it."""
     drawn, line = [], spot_card._line
     monkeypatch.setattr(spot_card, "_line", lambda text, *given: (drawn.append(text), line(text, *given)))
     tile = (1.4, 1.2, 0.01)
     hand.move(hand.at(tile))
-    hand.press(keys().i)
+    hand.press(keys().j)
     hand.wait(lambda: len(viewer.viewport.pins.shown) == 1)
     (pin,) = viewer.session.settings.pins
-    hand.ctx.mouse_click(0)
     hand.wait(lambda: viewer.session.light.snapshot.rest.asked is not None)
     assert viewer.session.settings.asked == pin and viewer.viewport.mobile_drag.grab is None
     hand.wait(lambda: viewer.session.light.all_done)

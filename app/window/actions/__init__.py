@@ -81,6 +81,10 @@ ACTIONS = {
     ),
     "cancel": Action(views.cancel, (K.escape,), "Esc", "cancel the drag", needs_scene=False),
     "pin": Action(lambda w: w.viewport.pin(), (K.i,), "I", "pin a read-out under the cursor", label="Pin a read-out"),
+    "ask": Action(
+        lambda w: w.viewport.pin(asks=True), (K.j,), "J", "show where the light under the cursor comes from",
+        label="Where light comes from",
+    ),
     "unpin": Action(
         lambda w: w.viewport.unpin(), (K.delete,), "Del", "remove the read-out under the cursor, or the last one",
         label="Remove read-out",

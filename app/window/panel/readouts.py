@@ -55,7 +55,9 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     about = "Write probes, pins, and all points of the surfaces into a table."
     has_numbers = bool(snapshot.probes or s.pins or snapshot.rest.surfaces)
     ui.buttons(actions, ui.Button("export", "Export as CSV...", about, has_numbers))
-    ui.wrapped("Point at a surface: the status line shows its light. Click a pin's dot: where its light comes from.")
+    ui.wrapped(
+        "Point at a surface: the status line shows its light. Key J, or a click on a pin's dot: where it comes from."
+    )
     return s
 
 
@@ -119,7 +121,8 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
                 _grid(surface, grids[surface].shape, edit)
                 _targets(surface, edit)
                 unknown = SurfaceLight(surface, grids[surface], np.zeros(0), np.zeros(0), 0.0, False)
-                _numbers(lights.get(surface, unknown), UNITS[session.scene.units], power_of)
+                kept = {} if session.kept is None else {x.surface: x for x in session.kept.surfaces}
+                _numbers(lights.get(surface, unknown), UNITS[session.scene.units], power_of, kept.get(surface))
             else:
                 ui.wrapped(f"{surface.on} is no longer there.")
             if imgui.button("Remove surface"):
@@ -238,14 +241,18 @@ def _targets(surface: CalculationSurface, edit: Callable) -> None:
             edit(surface._replace(targets=tuple((t, asked[t]) for t in TARGETS if asked.get(t))), first, last)
 
 
-def _numbers(light: SurfaceLight, units: Units, power_of: Power | None) -> None:
-    n = light.numbers
+def _numbers(light: SurfaceLight, units: Units, power_of: Power | None, before: SurfaceLight | None) -> None:
+    n, of_A = light.numbers, {} if before is None else {row[0]: row for row in before.rows()}
     imgui.begin_disabled(not light.is_current)
     for name, value, error, has_unit in light.rows():
         about = f"{ABOUT[name]} ± is one standard error."
         ui.number(
             f"   {LONG_NAMES[name]}", shown(value, error, unit_of(light.surface, units) if has_unit else ""), about
         )
+        if name in of_A:
+            _, value, error, _ = of_A[name]
+            text = shown(value, error, unit_of(light.surface, units) if has_unit else "")
+            ui.number("      in light A", text, "When Keep as A kept it.")
         if target := judged(light, name, units).strip():
             colour = {PASS: theme.GOOD, FAIL: theme.ERROR}.get(light.verdicts[name], theme.DIM_TEXT)
             ui.wrapped(f"      {target}", colour)
