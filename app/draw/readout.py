@@ -51,16 +51,21 @@ class Reading(NamedTuple):
         place, u = f"{self.object}, {self.material}", self.units
         if not self.is_lit:
             return f"{place}  ·  {UNLIT}"
-        E, L = (f"{value:.3g}" if value < 1000 else f"{value:.0f}" for value in (self.irradiance, self.radiance))
+        E, L = _digits(self.irradiance), _digits(self.radiance)
         if math.isnan(self.irradiance):
             return f"{u.on_surface} not yet known  ·  {place}"
-        E += f" ± {self.error:.2g}" if self.error > 0 else ""
+        E += f" ± {_digits(self.error, 2)}" if self.error > 0 else ""
         if self.before is not None:
             A, error = self.before
-            change = f"light A {A:.3g}, change {self.irradiance - A:+.3g} ± {error:.2g} {u.per_area}"
-            return f"{u.on_surface} {E} {u.per_area}  ·  {change}  ·  {place}"
+            change = f"change {_digits(self.irradiance - A, sign='+')} ± {_digits(error, 2)} {u.per_area}"
+            return f"{u.on_surface} {E} {u.per_area}  ·  light A {_digits(A)}, {change}  ·  {place}"
         L = f"{L} {u.per_solid_angle}" + " without its reflection" * self.is_sharp
         return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L}  ·  {place}"
+
+
+def _digits(value: float, digits: int = 3, sign: str = "") -> str:
+    """Return a number to so many digits, without an exponent where it is large."""
+    return f"{value:{sign}.0f}" if abs(value) >= 10**digits else f"{value:{sign}.{digits}g}"
 
 
 class Pinned(NamedTuple):

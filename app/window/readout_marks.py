@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from app.session.readouts import unit_of
 from app.window import label, legend
 from app.window.label import LabelPlaces
 from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
+from gi_core.lights.daylight import axes_of, sun_of
 from gi_core.scene.types import UNITS
 
 if TYPE_CHECKING:
@@ -23,9 +25,11 @@ if TYPE_CHECKING:
     from app.window.camera_control import View
     from app.window.label import Box
     from app.window.viewport import Viewport
-    from gi_core.scene.types import CalculationSurface
+    from gi_core.scene.types import CalculationSurface, Daylight
 
 OF_BEFORE = 0.4  # opacity of numbers of the light before
+COMPASS_EM, COMPASS_AT_EM = 1.8, (3.2, 6.0)  # radius of the compass; its middle from the lower left corner
+SUN_COLOUR = 1.0, 0.83, 0.3
 
 
 def draw(viewport: Viewport) -> None:
@@ -64,6 +68,8 @@ def marks(viewport: Viewport) -> Marks:
             _mean(viewport, surface, lights.get(surface), grid, places, shapes)
         elif (light := lights.get(surface)) is not None:
             _points(viewport, light, places, shapes)
+    if s.daylight is not None:
+        _compass(viewport, s.daylight, shapes)
     for at, text, box in pins:
         shapes.dots.append(Dot(at, LINE, 1.0))
         if box is not None:
@@ -72,6 +78,29 @@ def marks(viewport: Viewport) -> Marks:
                 shapes.lines.append((at, (min(max(at[0], left), right), top if top > at[1] else bottom)))
             shapes.labels.append(Label(text, box, 1.0 if s.is_current else OF_BEFORE))
     return shapes
+
+
+def _compass(viewport: Viewport, daylight: Daylight, shapes: Marks) -> None:
+    """Add a sun-path diagram: its rim is the horizon, its middle the zenith, and its top where the camera looks."""
+    scene, em = viewport.session.scene, shapes.em
+    east, north, up = axes_of(daylight, scene.up)
+    right = viewport.view.camera.basis()[0]
+    ahead = np.cross(up, right)
+    middle = COMPASS_AT_EM[0] * em, viewport.view.size[1] - COMPASS_AT_EM[1] * em
+
+    def place(direction: np.ndarray, radius: float) -> Point:
+        r = COMPASS_EM * em * radius / max(math.hypot(direction @ right, direction @ ahead), 1e-9)
+        return middle[0] + r * float(direction @ right), middle[1] - r * float(direction @ ahead)
+
+    turns = np.linspace(0, 2 * np.pi, 33)
+    shapes.lines.extend(itertools.pairwise(place(np.cos(t) * north + np.sin(t) * east, 1.0) for t in turns))
+    shapes.lines.append((place(north, 0.7), place(north, 1.0)))
+    (x, y), (w, h) = place(north, 1.45), imgui.calc_text_size("N")
+    shapes.labels.append(Label("N", (x - w / 2, y - h / 2, x + w / 2, y + h / 2), 1.0))
+    sun = sun_of(daylight)
+    if sun.altitude > 0:
+        a = math.radians(sun.azimuth)
+        shapes.dots.append(Dot(place(math.cos(a) * north + math.sin(a) * east, 1 - sun.altitude / 90), SUN_COLOUR, 1.0))
 
 
 def _names_of_colours(viewport: Viewport) -> Iterator[Label]:

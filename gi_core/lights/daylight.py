@@ -88,13 +88,18 @@ def clear_sky(sun: Sun, turbidity: float) -> tuple[float, float]:
     return max(0.0, beam * of_beam), diffuse * of_sky
 
 
-def lights_of(daylight: Daylight, up, units: str) -> tuple[DirectionalLight, SkyLight]:
-    """Return the lights "sun" and "sky" in the axes of a scene; units: as of Scene."""
-    sun = sun_of(daylight)
+def axes_of(daylight: Daylight, up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return east, north and up, unit vectors (3,), in the axes of a scene."""
     east, north, up = frame_of(up)
     if daylight.north is not None:
         east = unit(np.cross(daylight.north, up))
         north = np.cross(up, east)
+    return east, north, up
+
+
+def lights_of(daylight: Daylight, up, units: str) -> tuple[DirectionalLight, SkyLight]:
+    """Return the lights "sun" and "sky" in the axes of a scene; units: as of Scene."""
+    sun, (east, north, up) = sun_of(daylight), axes_of(daylight, up)
     h, a = math.radians(sun.altitude), math.radians(sun.azimuth)
     to_sun = math.cos(h) * (math.cos(a) * north + math.sin(a) * east) + math.sin(h) * up
     E, E_sky = (E / (1 if units == "photometric" else LUMENS_PER_WATT) for E in clear_sky(sun, daylight.turbidity))

@@ -1,6 +1,7 @@
 """The panel's daylight: date and hour change sun and sky, undone and saved as other edits."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from app.cli import saved_scene
 from app.session.cities import cities
 from app.session.lights import DAYLIGHT, NEW_DAYLIGHT, north_angle
 from app.settings import LampLevel
+from app.window import readout_marks
 from gi_core.files.edits import Darken, edited
 from gi_core.files.edits import Daylight as ChangeDaylight
 from gi_core.lights.daylight import daylit, sun_of
@@ -109,6 +111,14 @@ def test_an_architect_asks_for_the_sun_at_9_in_madrid(hand, viewer, folder):
     assert [sun_of(day).altitude, sun_of(day).azimuth] == pytest.approx(published, abs=0.03)
     change(hand, viewer, lambda: ctx.item_input_value("**/##Date", "2026-06-21"))
     assert viewer.session.scene.daylight.utc_offset == 2.0, "the clock of Madrid has summer time"
+    day = viewer.session.scene.daylight
+    right, _, forward = viewer.viewport.view.camera.basis()
+    shapes, to_sun = readout_marks.marks(viewer.viewport), -np.array(viewer.session.scene.lights[0].direction)
+    across, down = np.subtract(shapes.dots[0].at, np.mean([a for a, _ in shapes.lines[:32]], axis=0)) / shapes.em
+    ahead = to_sun @ (forward - (0, forward[1], 0)) / np.hypot(forward[0], forward[2])
+    assert math.atan2(across, -down) == pytest.approx(math.atan2(to_sun @ right, ahead), abs=1e-6)
+    radius = readout_marks.COMPASS_EM * (1 - sun_of(day).altitude / 90)
+    assert math.hypot(across, down) == pytest.approx(radius) and "N" in [label.text for label in shapes.labels]
     change(hand, viewer, lambda: ctx.item_input_value("**/##Clock", 5.5))
     change(hand, viewer, lambda: ctx.item_input_value("**/##North angle", 30.0))
     day = viewer.session.scene.daylight
