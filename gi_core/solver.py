@@ -106,8 +106,8 @@ class Solver:
 
         light: as for Solver; subset_only: frames of a photon subset take the static part's light from that subset too,
         not from all photons (for measuring); gloss: how rays at glossy receivers are kept, one of
-        `gi_core.gloss.source.WAYS`; changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
-        frames go on with the old settings. Raises SceneError for a bad value.
+        `gi_core.frames.light_setting.WAYS`; changes: fields of `setting`; None keeps a value. Until solve_steps() has
+        run, frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = checked("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
         self.frame_light.setting.choose(light, subset_only, gloss)

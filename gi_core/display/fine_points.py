@@ -22,7 +22,7 @@ from gi_core.geometry.error import luminance
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.tessellation import Faces, edge_ends, heights, join_faces, split_edges
 from gi_core.lights.lamps import mix
-from gi_core.lights.light_points import DELTA, FACE
+from gi_core.lights.next_event import DELTA, FACE
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 

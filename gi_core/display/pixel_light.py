@@ -24,8 +24,16 @@ from gi_core.gather.path_ends import InKnownLight, starts
 from gi_core.gather.path_tracer import BLOCK, PathTracer, add_unblocked
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import SAME_WAY
-from gi_core.lights.light_points import DELTA, FACE, LightPoints, light_points, strength_of, way_to
-from gi_core.lights.next_event import aim_ray, room_for_shadows
+from gi_core.lights.next_event import (
+    DELTA,
+    FACE,
+    LightPoints,
+    aim_ray,
+    light_points,
+    room_for_shadows,
+    strength_of,
+    way_to,
+)
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world

@@ -23,7 +23,7 @@ from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated, SubsetStore
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
 from gi_core.photons.trace import add_fates, no_flux
-from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for, same_grid
+from gi_core.retrace.cuts import Coarse, CoarseStore, grid_for, same_grid
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
 BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised

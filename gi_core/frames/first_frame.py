@@ -13,8 +13,8 @@ from gi_core.estimators.base import Setting
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
 from gi_core.frames.frame_light import FrameLight
+from gi_core.frames.light_setting import OPENED
 from gi_core.gather.static import ALL_PATHS
-from gi_core.gloss.source import OPENED
 from gi_core.lights.emission import FEW
 from gi_core.model import Model
 from gi_core.photons.flux_sums import is_level, next_level

@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.gloss.source import QUADTREE, WAYS
 from gi_core.scene.rules import FLAG, one_of
 
 LIGHTS = ("best", "photons")
+QUADTREE, LIST, ALL_RAYS = WAYS = ("quadtree", "list", "all_rays")
+OPENED = {QUADTREE: 0.0, LIST: -1.0, ALL_RAYS: 1 / 16}  # share of light above which rays are read, gloss-cells.md
 # Per receiver of a mobile, on average: an eighth to a third apart, so that little of a frame's time stays unused.
 PATHS = (4, 6, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256)
 PATHS_AT_REST = 64  # the default, with some 4 % of noise
@@ -39,7 +40,7 @@ class LightSetting:
 
     levels (G, 3): of the lamps; never written to; `asked` (G, 3): the same, or more where lamps hold targets.
     subset_only: frames of a photon subset start from the static light of that subset, as in the report. gloss: how rays
-    at glossy receivers are kept, one of `gi_core.gloss.source.WAYS`.
+    at glossy receivers are kept, one of WAYS.
     """
 
     levels: np.ndarray

@@ -24,7 +24,7 @@ from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import difference, largest, rotate_back, row
 from gi_core.gather.hit_cache import pose_bits
 from gi_core.lights.lamps import mix
-from gi_core.lights.light_points import (
+from gi_core.lights.next_event import (
     DELTA,
     FACE,
     LIGHT_POINTS,
@@ -100,7 +100,7 @@ class DirectLight:
     def __init__(
         self, model: Model, seed: int, kinds: Collection[int] = (FACE, DELTA, SKY), sun_points: int = LIGHT_POINTS
     ):
-        """kinds, sun_points: see `light_points.py`; delta lights always."""
+        """kinds, sun_points: see `next_event.py`; delta lights always."""
         of = model.lights, model.emitters.arriving
         self._model, self._points = model, light_points(*of, seed, kinds, sun_points=sun_points)
         self._places: Places | None = None

@@ -21,7 +21,7 @@ import numpy as np
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import cross, dot, row
 from gi_core.geometry.error import REC709
-from gi_core.lights.light_points import FACE, light_points, way_to
+from gi_core.lights.next_event import FACE, light_points, way_to
 from gi_core.lights.photometric import density
 from gi_core.model import Model
 from gi_core.rays.all_objects import nearest_in_world

@@ -26,8 +26,7 @@ from gi_core.gather.pose_gather import key_of
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, GRAZING, SIDE, SUMS, add_ray, axes_of, cell_towards, direction_of, weight_of
 from gi_core.lights.lamps import Lights
-from gi_core.lights.light_points import MOST_DELTA
-from gi_core.lights.next_event import join_area, join_delta, picks, points_on_lamps, room_for_shadows
+from gi_core.lights.next_event import MOST_DELTA, join_area, join_delta, picks, points_on_lamps, room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.all_objects import occluded_in_world

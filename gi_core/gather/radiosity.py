@@ -44,8 +44,7 @@ from gi_core.gather.path_ends import BLACK, BounceHits, Bright, KeptHits, arrive
 from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
 from gi_core.geometry.error import REC709, luminance, relative_noise, small_sample_bias
 from gi_core.lights.lamps import sum_of_lamps
-from gi_core.lights.light_points import DELTA
-from gi_core.lights.next_event import picks
+from gi_core.lights.next_event import DELTA, picks
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR
 from gi_core.rays.all_objects import PASSAGE, nearest_in_world, nearest_past_panes, occluded_in_world

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.threads import run_ranges
+from gi_core.frames.frame_gloss import RADII
+from gi_core.frames.light_setting import LIST, OPENED
 from gi_core.gather.path_ends import starts
 from gi_core.gather.path_tracer import BLOCK, PathTracer
 from gi_core.gloss.hemisphere import CELLS, GRAZING
@@ -19,7 +21,6 @@ from gi_core.gloss.light import LEAST_ALPHA, Directions, gloss_radiance, room_fo
 from gi_core.gloss.lobe_rays import LobeViews, arriving, draw_lobe, gloss_alone, highlights, without_surface
 from gi_core.gloss.rays import MOST_LISTED_PHOTONS
 from gi_core.gloss.sharp import is_sharp
-from gi_core.gloss.source import LIST, OPENED, RADII
 from gi_core.lights.lamps import Lights
 from gi_core.model import Model
 from gi_core.photons.paths import segments_of

@@ -16,7 +16,7 @@ from app.window.panel import widgets as ui
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
 from gi_core.estimators import ESTIMATORS
-from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
+from gi_core.frames.light_setting import ALL_RAYS, LIST, OPENED, QUADTREE
 from gi_core.instruments import compile_ahead
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, in_window, keys

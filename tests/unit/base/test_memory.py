@@ -14,7 +14,7 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.frames import background
 from gi_core.frames.background import Photons
 from gi_core.photons.paths import PathStore
-from gi_core.retrace.broad_phase import CoarseStore
+from gi_core.retrace.cuts import CoarseStore
 from gi_core.solver import Solver
 from tests.support.scene_builders import coloured_room, solve
 

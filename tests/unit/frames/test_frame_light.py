@@ -10,13 +10,12 @@ import pytest
 
 from gi_core.display.dilation import NONE_UNREACHED, UnreachedReceivers
 from gi_core.frames.frame_light import FrameLight
-from gi_core.frames.light_setting import LightSetting
+from gi_core.frames.light_setting import LIST, QUADTREE, LightSetting
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance
-from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from tests.support import viewer_support as support

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.reference_sample import gather_sample
-from gi_core.lights.light_points import MOST_DELTA
+from gi_core.lights.next_event import MOST_DELTA
 from gi_core.model import Model
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.base.random_numbers import basis
+from gi_core.frames.light_setting import LIST, QUADTREE
 from gi_core.gather import mobile
 from gi_core.gather.candidates import CANDIDATES, unoccluded
 from gi_core.gather.interleaved_mean import CHANCE, KINDS, average_neighbours
@@ -15,7 +16,6 @@ from gi_core.gather.mobile_gloss import DirectLight, PathLight
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, GRAZING, cell_of, even_light
 from gi_core.gloss.sharp import is_sharp
-from gi_core.gloss.source import LIST, QUADTREE
 from gi_core.model import Model
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene

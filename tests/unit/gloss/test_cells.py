@@ -9,13 +9,13 @@ from gi_core.bsdf import ggx
 from gi_core.bsdf.table import join
 from gi_core.bsdf.tabulate import tabulate
 from gi_core.files.edits import Duplicate, Finish, Remove, edited
+from gi_core.frames.light_setting import LIST, WAYS
 from gi_core.gather import static
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.hemisphere import CELLS, cell_of, even_light
 from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import is_sharp
-from gi_core.gloss.source import LIST, WAYS
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Pose

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from gi_core.bsdf.table import join
+from gi_core.frames.light_setting import ALL_RAYS, LIST, OPENED, QUADTREE
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RayTree
 from gi_core.gloss.sharp import is_sharp
-from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
@@ -94,23 +94,6 @@ def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
         assert np.array_equal(a, b) or np.array_equal(a, c)
         changed += np.array_equal(a, b)
     assert changed > 0
-
-
-@pytest.mark.slow
-def test_lists_equal_those_from_scratch_throughout_many_moves():
-    """Bit for bit, at each of 40 comparisons: nothing that frames insert and remove stays behind."""
-    solver = solve(GLOSSY_BLOCK, photons=64, radius=0.4, gloss=LIST, seed=5, threads=1)
-    source, rng = solver.frame_light.gloss.source, np.random.default_rng(2)
-    lists = source.lists(solver.setting.radius)
-    seen = []
-    for move in range(120):
-        solver.move("block", Pose(tuple(0.15 + 0.7 * rng.random(3)), axis_angle((0, 1, 1), 360 * rng.random())))
-        if move % 3 == 0:
-            change = solver.frame.change
-            segments, _ = current_segments(solver.model, change.at, solver.seed, 0, solver.photons)
-            assert same(solver.frame.gloss.tree, lists.from_scratch([segments], change.at)), move
-            seen.append(solver.frame.changes.photons_cut)
-    assert len(seen) == 40 and sum(n > 0 for n in seen) > 30
 
 
 def test_cells_are_the_sums_of_their_rays():

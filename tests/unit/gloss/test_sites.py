@@ -5,10 +5,11 @@ Directional light of a frame, of all receivers or of some.
 
 import numpy as np
 
+from gi_core.frames.frame_gloss import NORMAL_STEP, SPACING, GlossSource, sites
+from gi_core.frames.light_setting import LIST
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.light import FIELDS, GlossLight
-from gi_core.gloss.source import LIST, NORMAL_STEP, SPACING, GlossSource, sites
 from gi_core.model import Model
 from gi_core.scene.types import Gloss, Material, Mobile, Pose, Scene
 from tests.support.scene_builders import box, merge, quad, solve, sphere

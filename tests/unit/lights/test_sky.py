@@ -10,7 +10,7 @@ from app.rest.surface_grid import level_of
 from gi_core.files.load import load_scene
 from gi_core.gather.reference import reference_irradiance
 from gi_core.lights.emission import build_emitters, emit
-from gi_core.lights.light_points import light_points
+from gi_core.lights.next_event import light_points
 from gi_core.lights.sky import patches, relative_luminance, sky_of
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, Scene, SceneError, SkyLight

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.gather.reference import reference_irradiance
 from gi_core.lights.emission import build_emitters, emit
-from gi_core.lights.light_points import DELTA, light_points
+from gi_core.lights.next_event import DELTA, light_points
 from gi_core.model import Model
 from gi_core.scene import DirectionalLight, Scene
 from gi_core.scene.types import SUN_DEGREES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gi_core.retrace.broad_phase import PAD, find_near
+from gi_core.retrace.cuts import PAD, find_near
 from gi_core.scene.types import Pose
 from tests.support.scene_builders import box_mobile, coloured_room, solve
 
