@@ -133,6 +133,7 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     At 4 % noise the two ratios below are 0.80 and 0.89; at 3 % they are 0.89 and 0.99, for 3 s of CPU time more.
     """
     monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.04)
+    monkeypatch.setattr(module, "NOISE_OF_ERROR", 0.3)
     s = solve(replace(support.room(), mobiles=()), photons=20_000, radius=0.06, light="best")
     list(s.gather_steps())
     assert s.frame_light.is_gathered
@@ -200,8 +201,10 @@ def beside_a_face_without_area() -> Scene:
 
 
 @pytest.mark.filterwarnings("error")
-def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
+def test_map_reference_and_wipe_of_unknown_light_give_no_warning(monkeypatch):
     """The reference is nan where no path starts; numpy warned on the terminal as it was drawn."""
+    monkeypatch.setattr(module, "NOISE_OF_ERROR", 0.5)
+    monkeypatch.setattr(module, "PICTURE_NOISE", 0.1)
     solver = solve(beside_a_face_without_area(), photons=20_000, radius=0.06)
     live_error = LiveError(solver, time.perf_counter)
     finish(live_error, PICTURE)

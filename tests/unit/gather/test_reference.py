@@ -24,7 +24,7 @@ from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scen
 from tests.support import closed_form
 from tests.support import scene_builders as build
 from tests.support.scene_builders import ROOM_POINTS, coloured_room, plane_scene
-from tests.support.significance import seeds_test, z_test
+from tests.support.significance import z_test
 
 LIFT = 1e-4  # relative: a lifted point is some 1e-5 of the scene nearer to a delta light
 UP = np.array([0.0, 0.0, 1.0])
@@ -124,19 +124,6 @@ def test_furnace(reflectance):
     scene = build.furnace_scene(2.0, reflectance)
     E, error = reference_irradiance(scene, P, N, 10000, 6)
     z_test(E[:, 0], closed_form.furnace(2.0, reflectance), error[:, 0], "furnace")
-
-
-@pytest.mark.slow
-def test_standard_error_equals_the_scatter_of_seeds():
-    scene = build.coloured_room()
-    model = Model(scene)
-    runs = np.array([reference_irradiance(scene, *build.ROOM_POINTS, 100, s, model=model)[0] for s in range(60)])
-    _, error = reference_irradiance(scene, *build.ROOM_POINTS, 6000, 99, model=model)
-    scatter = runs.std(axis=0, ddof=1)
-    assert scatter == pytest.approx(error * math.sqrt(60), rel=0.4)
-    seeds_test(
-        runs, reference_irradiance(scene, *build.ROOM_POINTS, 100_000, 98, model=model)[0], "short runs against a long"
-    )
 
 
 def test_a_two_sided_sphere_is_black_inside_and_lit_outside():
