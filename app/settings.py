@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_setting
-GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.frames.frame_gloss
+GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.frames.light_setting
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("agx", "neutral", "aces", "reinhard", "clip")
 DEFAULT_TONE_MAP = "agx"
