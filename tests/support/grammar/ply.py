@@ -12,7 +12,6 @@ PLY_TYPES |= {
     "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f",
     "float64": "d",
 }  # fmt: skip
-WHOLE_TYPES = [name for name, code in PLY_TYPES.items() if code not in "fd"]
 REAL_TYPES = ["float", "double", "float32", "float64"]
 
 

@@ -10,7 +10,6 @@ from gi_core.bsdf import ggx
 
 TABLE = ggx.albedos()
 GOLD = (0.95, 0.6, 0.2)
-BELOW = 0.01  # cosine down to which quadrature leaves out directions
 
 
 @allocating

@@ -15,30 +15,11 @@ from gi_core.gloss.sharp import is_sharp
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mobile, Pose, Scene
+from gi_core.scene.types import Pose
 from gi_core.solver import Solver
-from tests.physics.test_gloss import GIVEN, ROOM, SURFACES
-from tests.support.quadtree_2003 import QuadTree2003
-from tests.support.scene_builders import box, merge, quad, solve
+from tests.physics.test_gloss import GIVEN, ROOM
+from tests.support.scene_builders import solve
 from tests.unit.gloss.test_cells import directions, of_cells
-
-# A room of large faces with a satin floor and a golden block as a mobile: frames of 3 ms.
-GLOSSY_BLOCK = Scene(
-    merge(
-        box((0, 0, 0), (1, 1, 1), 1, 0, inward=True),
-        quad((0.3, 0.3, 0.99), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1),
-        quad((0.01, 0.01, 0.01), (0.98, 0, 0), (0, 0.98, 0), (1, 1), 2),
-    ),
-    (
-        Material("wall", (0.6,) * 3),
-        Material("lamp", (0.0,) * 3, (3.0, 2.0, 1.0)),
-        SURFACES["satin"]._replace(name="satin"),
-        SURFACES["gold"]._replace(name="gold"),
-    ),
-    (Mobile("block", box((-0.15,) * 3, (0.15,) * 3, 1, 3), Pose((0.5, 0.5, 0.4))),),
-    up=(0, 0, 1),
-    name="glossy block",
-)
 
 
 def solved(**more) -> Solver:
@@ -151,23 +132,6 @@ def test_list_sums_the_lobe_over_all_rays_and_the_tree_comes_close(alpha):
             worst[ALL_RAYS] = max(worst[ALL_RAYS], np.abs(opened / every - 1).max())
             worst["cells"] = max(worst["cells"], np.abs(summed / every - 1).max())
     assert worst[ALL_RAYS] < 0.06 and worst["cells"] > 1.5 * worst[ALL_RAYS], worst
-
-
-def test_the_quadtree_of_2003_degrades_where_moments_do_not():
-    """Summaries of the report stay when their rays have gone, and their float means drift; integers do not."""
-    rng, literal, now, key = np.random.default_rng(4), QuadTree2003(), {}, 0
-    for _ in range(300):
-        away = [now.pop(k) for k in list(now) if rng.random() < 0.4]
-        fresh = []
-        for d in directions(4000)[rng.integers(0, 4000, rng.integers(0, 160))]:
-            fresh.append((key, cell_of(*d), rng.random(3).astype(np.float32) + 0.1, d.astype(np.float32)))
-            now[key], key = fresh[-1], key + 1
-        literal.update(away, fresh)
-    new = QuadTree2003()
-    new.update([], list(now.values()))
-    assert literal.needlessly_summarised > 5 and new.needlessly_summarised == 0
-    np.testing.assert_allclose(literal.rays()[:, :3].sum(axis=0), new.rays()[:, :3].sum(axis=0), rtol=1e-4)
-    assert len(literal.rays()) < len(new.rays())
 
 
 def test_an_unknown_way_is_refused():
