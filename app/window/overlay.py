@@ -74,9 +74,8 @@ def _draw_opening(session: Session, waiting: list[str], area: tuple[float, float
         label.write(f"Could not open the scene: {problem}", x + w / 2, y + h / 2, theme.ERROR, centred=True)
         return
     _draw_progress(*opening.progress, x + w / 2, y + h / 2, em)
-    hint = ""
-    if opening.look is not None:
-        hint = "Drag to orbit" + "; objects can be dragged when it is done" * (len(opening.look.models) > 1)
+    has_objects = opening.look is not None and len(opening.look.models) > 1
+    hint = "Objects can be dragged when it is done" if has_objects else ""
     if hint := f"Then opens: {utf8(Path(waiting[0]).name)}" if waiting else hint:
         label.write(hint, x + em, y + h - 2.6 * em, room=w - 2 * em)
 

@@ -362,8 +362,6 @@ class Viewer:
         self.painter.adopt(new)
         old, self.session = self.session, new
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
-        if old is new and self.painter.preview.camera is not None:
-            self.viewport.view.camera = self.painter.preview.camera
         if old is not new:
             old.close(0.0)
             window.rename(new.settings.document or new.settings.scene)
