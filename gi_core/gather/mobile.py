@@ -56,7 +56,7 @@ from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, ad
 from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
-from gi_core.lights.area import aimed, steady
+from gi_core.lights.area import aimed
 from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import add_lit, picks
 from gi_core.model import Model
@@ -78,6 +78,15 @@ class ReceiverBatch(NamedTuple):
     bounce: BounceRays
     shadow: ShadowRays
     to_bright: ShadowRays
+
+
+def steady(centre: np.ndarray, radius: float) -> np.ndarray:
+    """Return the centre of the grid cell, one radius wide, that contains a position (3,) [m].
+
+    Flicker is the difference of a frame from the mean of its two neighbours. With 8 paths per receiver it is 2.7 % in
+    gallery (6.3 % without the grid, 2.3 % with very many paths), and 4.4 % in living_room (5.6 %, 2.6 %).
+    """
+    return radius * np.round(centre / radius)
 
 
 class LampSamples(NamedTuple):

@@ -132,15 +132,6 @@ def gap_before(corners, start):
     return GAP * max(reach, largest(start))
 
 
-def steady(centre: np.ndarray, radius: float) -> np.ndarray:
-    """Return the centre of the grid cell, one radius wide, that contains a position (3,) [m].
-
-    Flicker is the difference of a frame from the mean of its two neighbours. With 8 paths per receiver it is 2.7 % in
-    gallery (6.3 % without the grid, 2.3 % with very many paths), and 4.4 % in living_room (5.6 %, 2.6 %).
-    """
-    return radius * np.round(centre / radius)
-
-
 def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
     """Return area lights with probabilities by importance for a sphere: centre (3,) [m] in the world, radius [m]."""
     share, area = np.empty_like(lights.cdf), np.empty_like(lights.cdf)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gi_core.gather import mobile
-from gi_core.gather.mobile import MobileGather
+from gi_core.gather.mobile import MobileGather, steady
 from gi_core.gather.reference import reference_irradiance
-from gi_core.lights.area import BY_FLUX, aimed, area_lights, steady
+from gi_core.lights.area import BY_FLUX, aimed, area_lights
 from gi_core.lights.lamps import at_levels
 from gi_core.lights.next_event import points_on_lamps
 from gi_core.lights.photometric import flux_of
