@@ -25,12 +25,16 @@ follows Laplace's rule, so one of one removed photon is no evidence of full shad
 proportion to this noise, changes are averaged over receivers around (`denoise.smooth`), so edges of shadows stay.
 The noise itself is averaged first, and counts where it is larger: where chance cut no photon, v is 0, which is no
 evidence of no change. Where it cut the only photon of a dark receiver, neighbours' noise is none of full shadow.
-Then a change d is shrunk by the variance v that is left, with the factor
+Then a change d is shrunk by the variance v that is left, as if receivers were independent, with the factor
 
-    1 - CORRELATED v / d^2, at least 0
+    1 - SHRINKAGE v / d^2, at least 0
 
 which is 0 for changes within noise and nearly 1 far above it (James-Stein). changes-by-mobiles.md has
 the measurements.
+
+Receivers are not independent: discs overlap and share photons. For the noise that is left, noise of the background's
+photons (`noise_field`), scaled to the mean of v, goes through the derivative of the averages (delta method). Its mean
+square over receivers around is the variance.
 
 Sums of a stale receiver are over another area than before, so they are no mean of neighbours. Its change is shrunk by
 the variance of F - B, whose photons are partly the same.
@@ -52,9 +56,9 @@ from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.lamps import mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated
 
+SHRINKAGE = 4.0  # by measurement: less than the share of variance that averaging leaves for shared photons
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
 REACH = 4.0  # standard deviations, see `denoise.smooth`
-CORRELATED = 4.0  # true variance over that of independent neighbours: discs share photons
 ALONE = -1e-300  # at most the variance of a stale receiver, negated: it is no mean of neighbours, and counts for none
 
 
@@ -63,7 +67,8 @@ class ControlledLight(NamedTuple):
 
     irradiance: np.ndarray  # (R, 3) float64 [W/m2], as shown
     unbiased: np.ndarray  # (>= n, 3) float64 [W/m2] of the static part: noisier, may be negative
-    deviation: np.ndarray  # (n,) float64 [W/m2], standard error that the change by mobiles brings to its luminance
+    # (n,) float64 [W/m2], standard error that the change by mobiles brings to its luminance; None: not measured
+    deviation: np.ndarray | None
 
 
 class Direct(NamedTuple):
@@ -179,7 +184,7 @@ def _measure(chunks, sums, own, better, direct, levels, mean_levels, flux_per_cu
 def _kept(change, r):
     """Return the share of receiver r's change that is kept, 0 .. 1."""
     d, variance = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE]
-    noise = CORRELATED * variance if variance > 0.0 else -variance  # of stale receivers: negative
+    noise = SHRINKAGE * variance if variance > 0.0 else -variance  # of stale receivers: negative
     # The variance of a sum of grey channels is three times the sum of their variances.
     return max(1.0 - 3.0 * noise / (d * d), 0.0) if d != 0.0 else 0.0
 
@@ -201,6 +206,16 @@ def _add(better, change, direct, first, last, out, unbiased):
                 taken = min(better[r, c], light) * min(blocked / light, 1.0) if blocked > 0.0 else 0.0
                 out[r, c] = max(better[r, c] + kept * change[r, c] - taken, 0.0)
                 unbiased[r, c] -= blocked
+
+
+def noise_field(whole: np.ndarray, part: np.ndarray, near: Neighbours, threads: int) -> np.ndarray:
+    """Return noise (n,) of mean square 1 around each receiver, correlated as photons are that receivers share.
+
+    whole, part: light (n,) of all photons, and that of some of them or another with the same mean around.
+    """
+    apart, every = part - whole, np.ones(len(whole), bool)
+    size = np.sqrt(averaged(near, apart * apart, every, threads))
+    return np.divide(apart, size, out=np.zeros(len(whole)), where=size > 0.0)
 
 
 def own_irradiance(frame: Evaluated, flux_unit: float, own: np.ndarray, levels: np.ndarray, threads: int) -> np.ndarray:
@@ -229,13 +244,15 @@ def frame_irradiance(
     direct: Direct,
     levels: np.ndarray,
     near: Neighbours,
+    field: np.ndarray | None,
     threads: int,
 ) -> ControlledLight:
     """Return light of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
     background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. own, better:
     irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. Only the latter has
-    direct light where that is known. near: static receivers within some AROUND radii of each.
+    direct light where that is known. near: static receivers within some AROUND radii of each. field (n,): that of
+    noise_field(), None: state no deviation.
     """
     out, static = np.empty((len(frame.sums), 3)), len(better)
     out[:static] = better
@@ -260,10 +277,16 @@ def frame_irradiance(
         _add(better, change, direct, first, last, out, unbiased)
 
     run_ranges(measure, len(chunks), threads, CHEAP)
-    is_mean = change[:, VARIANCE] >= 0.0
-    noise = change[:, VARIANCE]
-    noise[:] = np.where(is_mean, np.maximum(noise, averaged(near, noise, is_mean, threads)), noise)
-    smooth(change, REACH, near, threads)
+    noise, is_mean = change[:, VARIANCE], change[:, VARIANCE] >= 0.0
+    mean = averaged(near, noise, is_mean, threads)
+    noise[:] = np.where(is_mean, np.maximum(noise, mean), noise)
+    if field is not None:
+        change = np.concatenate([change, (np.sqrt(3.0 * mean) * field)[:, None]], axis=1)  # see _kept
+    smooth(change, REACH, near, threads, responds=field is not None)
     run_ranges(add, len(frame.changed), threads, CHEAP)
-    left = np.where(is_mean, CORRELATED, -1.0) * change[:, VARIANCE]
-    return ControlledLight(out, unbiased, np.sqrt(left / 3))  # of grey light, see _measure
+    if field is None:
+        return ControlledLight(out, unbiased, None)
+    noisy = change[:, VARIANCE] > 0.0
+    of_means = averaged(near, change[:, VARIANCE + 1] ** 2, noisy, threads) / 3.0
+    left = np.where(noisy, of_means, np.abs(change[:, VARIANCE]))
+    return ControlledLight(out, unbiased, np.sqrt(left / 3.0))  # of grey light, see _measure

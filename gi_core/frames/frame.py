@@ -56,7 +56,7 @@ class Frame(NamedTuple):
     control_facts: ControlFacts = ControlFacts(0.0, 0, 0)  # receivers under artifact control, in general and now
     held: HeldLevels | None = None  # None: lamps hold no targets
     timings: Mapping[str, float] = MappingProxyType({})  # stage -> seconds
-    deviation: np.ndarray | None = None  # (n,) [W/m2], that of ControlledLight; None before the first
+    deviation: np.ndarray | None = None  # (n,) [W/m2], that of ControlledLight; None of some photons alone
 
     @property
     def photons(self) -> int:
@@ -224,7 +224,8 @@ def _controlled(
     background, _ = b.estimate.background(photons, sums.direct)
     better, near = light.static_irradiance(b, photons), light.static.around(AROUND * b.setting.radius)
     weights = b.store.weights(levels)
-    return frame_irradiance(sums, unit, background, own, better, direct, weights, near, model.threads)
+    field = light.static.noise_field(b, sums.direct) if photons == b.estimate.photons else None  # else 1 to 3 ms
+    return frame_irradiance(sums, unit, background, own, better, direct, weights, near, field, model.threads)
 
 
 def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:

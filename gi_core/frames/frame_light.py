@@ -389,13 +389,13 @@ class FrameLight:
         return self.at_poses.replaced(E, lambda: self.static_irradiance(b, photons), at, self.setting.levels)
 
     def deviation(
-        self, at: Transforms, b: Background | None, of_frame: tuple[np.ndarray, np.ndarray] | None = None
+        self, at: Transforms, b: Background | None, of_frame: tuple[np.ndarray, np.ndarray | None] | None = None
     ) -> np.ndarray:
         """Return the standard error (R,) of the luminance [W/m2] at poses, without that of the change of photons.
 
         of_frame: the light (R, 3) [W/m2] of a frame there and its deviation by that change (n,), None: of any. With it
-        this change counts, and bias, as the static part's light has it on average; nan where paths of the frame light
-        mobiles, whose error is not known.
+        this change counts, and bias, as the static part's light has it on average; nan where that deviation is None,
+        and where paths of the frame light mobiles, whose error is not known.
         """
         receivers = len(self._model.object_receivers.areas)
         if not self.setting.takes_gathered:
@@ -408,7 +408,7 @@ class FrameLight:
             now, light = luminance(of_frame[0][:n]), luminance(self.static_irradiance(b, 0))
             kept = np.minimum(np.divide(now, light, out=np.ones(n), where=light > 0), 1.0)  # in shadow, of its error
             kept *= self.static.best.understated if self.static.best is not None else np.nan
-            out[:n] = np.hypot(kept * out[:n], of_frame[1])
+            out[:n] = np.nan if of_frame[1] is None else np.hypot(kept * out[:n], of_frame[1])
             out[n:] = np.nan
         return self.at_poses.deviation(at, levels, out)
 

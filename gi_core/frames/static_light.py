@@ -22,9 +22,9 @@ import numpy as np
 
 from gi_core.base.pause import pause, undivided
 from gi_core.frames.background import Background
-from gi_core.frames.control_variate import AROUND, REACH
+from gi_core.frames.control_variate import AROUND, REACH, noise_field
 from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
-from gi_core.gather.denoise import smoothed_by_subset
+from gi_core.gather.denoise import averaged, smoothed_by_subset
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.static import StaticGather
@@ -96,6 +96,7 @@ class StaticLight:
         # Light per lamp, levels, and their light: on show, and direct.
         self._mixed: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._error: tuple[Estimate, np.ndarray, float] | None = None  # of an estimate at levels
+        self._field: tuple[tuple[Background, int, bool], np.ndarray] | None = None
         self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
 
     def is_early(self, paths: int) -> bool:
@@ -210,6 +211,17 @@ class StaticLight:
             table = scattered_neighbours(model.adjacency, points, normals, distance, model.threads)
             self._around = dict([*self._around.items(), (distance, table)][-2:])
         return self._around[distance]
+
+    def noise_field(self, b: Background, direct: bool) -> np.ndarray:
+        """Return noise_field() of a background's photons; direct: with segments that leave lamps. The last is kept."""
+        key, near = (b, b.estimate.photons, direct), self.around(AROUND * b.setting.radius)
+        if self._field is None or self._field[0] != key:
+            threads, fewer = self._model.threads, subset_to_compare(b.estimate.subsets)
+            whole, part = (b.irradiance_per_lamp(n or b.estimate.photons, direct).sum(axis=1) for n in (None, fewer))
+            if fewer is None:  # too few photons: their noise hides all detail
+                part = averaged(near, whole, np.ones(len(whole), bool), threads)
+            self._field = key, noise_field(whole, part, near, threads)
+        return self._field[1]
 
     def gather(self, shown: Callable[[], Background | None], new: Callable[[], None], early: float = math.inf) -> None:
         """Gather, or go on (StaticGather).

@@ -175,11 +175,13 @@ def smoothed_by_subset(
     return E if per_lamp is None else smoothed_per_lamp, deviation
 
 
-def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> None:
+def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int, responds: bool = False) -> None:
     """Average light (n, 4 or more) with neighbours, in place.
 
     Columns: three channels that decide, the sum of their variances, more channels. Receivers of variance 0 stay, as do
     those of NO_WEIGHT, which do not count for neighbours. reach: standard deviations.
+    responds: column 4 is a small grey change of the sum of channels, and becomes that of their averages. Weights
+    change with it: it is the derivative in grey light, at constant variances.
     """
     for _ in range(2):
         rows = np.flatnonzero(light[:, VARIANCE] > 0)
@@ -189,7 +191,7 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
             part, to = rows[k : k + at_once], out[k : k + at_once]
 
             def work(_, first, last, part=part, to=to):
-                _pass(near, light, reach * reach, part, first, last, to)
+                _pass(near, light, reach * reach, responds, part, first, last, to)
 
             run_ranges(work, len(part), threads, COSTLY)
             pause()
@@ -198,18 +200,24 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
 
 
 @kernel
-def _pass(near, light, reach, rows, start, stop, out):
+def _pass(near, light, reach, responds, rows, start, stop, out):
     for row in range(start, stop):
         i, total = rows[row], 1.0
         x, y, z, v = light[i, 0], light[i, 1], light[i, 2], light[i, 3]
+        more = of_weights = 0.0  # than column 4 in proportion to weights; sum of small changes of weights
         for c in range(4, light.shape[1]):
             out[row, c] = light[i, c]
         for k in range(near.first[i], near.first[i + 1]):
             j = near.of[k]
             variance = light[j, 3]
             dx, dy, dz = light[i, 0] - light[j, 0], light[i, 1] - light[j, 1], light[i, 2] - light[j, 2]
-            w = max(1.0 - (dx * dx + dy * dy + dz * dz) / (reach * (light[i, 3] + abs(variance))), 0.0)
-            w = w * w if variance >= 0.0 else 0.0
+            span = reach * (light[i, 3] + abs(variance))
+            w = max(1.0 - (dx * dx + dy * dy + dz * dz) / span, 0.0) if variance >= 0.0 else 0.0
+            if responds:
+                grey = dx + dy + dz
+                of_weight = 4.0 / 3.0 * w * grey * (light[j, 4] - light[i, 4]) / span
+                more, of_weights = more - of_weight * grey, of_weights + of_weight
+            w *= w
             total += w
             v += w * w * variance
             x, y, z = x + w * light[j, 0], y + w * light[j, 1], z + w * light[j, 2]
@@ -218,3 +226,6 @@ def _pass(near, light, reach, rows, start, stop, out):
         out[row, 0], out[row, 1], out[row, 2], out[row, 3] = x / total, y / total, z / total, v / (total * total)
         for c in range(4, light.shape[1]):
             out[row, c] /= total
+        if responds:
+            moved = (x + y + z) / total - (light[i, 0] + light[i, 1] + light[i, 2])
+            out[row, 4] += (more - moved * of_weights) / total

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gi_core.gather.denoise import denoise
+from gi_core.gather.denoise import denoise, smooth
 from gi_core.geometry.mesh_neighbours import neighbours
 from tests.support.scene_builders import quad
 
@@ -132,3 +132,23 @@ def test_each_place_takes_its_own_reach():
     inner = np.abs(P[:, 0] - 0.5) > 0.1
     left, right = (rms(s.irradiance[k], light[k]) / rms(E[k], light[k]) for k in (detailed & inner, ~detailed & inner))
     assert left < 1.05 and right < 0.4
+
+
+def test_a_small_change_is_carried_as_the_derivative():
+    """Against central differences: weights change too. Variances count as constant."""
+    rng, step = np.random.default_rng(2), 1e-5
+    grey, variance = np.repeat(rng.standard_normal((len(P), 1)), 3, axis=1), rng.uniform(0.1, 1.0, (len(P), 1))
+    start = np.concatenate([grey, variance], axis=1)
+    change = rng.standard_normal(len(P))
+    moved = []
+    for sign in (1, -1):
+        light = start.copy()
+        light[:, :3] += sign * step / 3 * change[:, None]
+        smooth(light, 4.0, NEAR, 1)
+        moved.append(light[:, :3].sum(axis=1))
+    carried, fixed = (np.concatenate([start, change[:, None]], axis=1) for _ in range(2))
+    smooth(carried, 4.0, NEAR, 1, responds=True)
+    smooth(fixed, 4.0, NEAR, 1)
+    expected = (moved[0] - moved[1]) / (2 * step)
+    off_carried, off_fixed = (np.sqrt(np.mean((light[:, 4] - expected) ** 2)) for light in (carried, fixed))
+    assert np.array_equal(carried[:, :4], fixed[:, :4]) and off_carried < 0.2 * off_fixed
