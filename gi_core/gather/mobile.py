@@ -52,8 +52,8 @@ from gi_core.gather.interleaved_mean import (
     near_receivers,
     shared_directions,
 )
-from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, add_exchanged, direct_light, for_cells
-from gi_core.gather.path_ends import Bright, Exchange, OneBounce, reached_corners, reflected, starts
+from gi_core.gather.mobile_gloss import BouncedLight, DirectLight, PathLight, direct_light, for_cells
+from gi_core.gather.path_ends import Bright, Exchange, OneBounce, add_exchanged, reached_corners, reflected, starts
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import is_sharp
 from gi_core.lights.area import aimed
@@ -94,7 +94,6 @@ class LampSamples(NamedTuple):
 
     lights: Lights
     candidates: Candidates  # on area lights
-    in_cells: Candidates  # fewer of them, see for_cells()
     picks: np.ndarray  # of delta lights, see `next_event.picks`
     bright: BrightFaces
     on_bright: Candidates  # a set per kind of bounces
@@ -227,7 +226,7 @@ class MobileGather:
         corners, albedo = self._model.surfaces.corner_front, world.bsdfs.albedo
         relative = relative_light(bright.face, bright.lights.radiance, corners, albedo, static)
         pick = picks(self._seed, m, 0, every, lights.delta)
-        return LampSamples(lights, on_lamps, for_cells(on_lamps), pick, bright, on_bright, relative)
+        return LampSamples(lights, on_lamps, pick, bright, on_bright, relative)
 
     def _places(self, paths: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch, of the mobiles in turn."""
@@ -308,7 +307,7 @@ class MobileGather:
         places (2, n, 3): their positions and normals in the world. Of a glossy mobile, write `bounced`, as in
         PathLight, and return the direct light too.
         """
-        s, (lights, every, in_cells, pick, bright, on_bright, relative) = self._model.surfaces, lamps
+        s, (lights, every, pick, bright, on_bright, relative) = self._model.surfaces, lamps
         (positions, normals), n, R = places, places.shape[1], at.rotation[batch.mobile]
         far = float(np.float32(FAR * world.size))
 
@@ -339,7 +338,7 @@ class MobileGather:
         hits = Exchange(*(a[:met].copy() for a in exchange))
         if not glossy:
             return hits, None
-        return hits, direct_light(batch.rows, R, positions, lights.area, in_cells, rays, blocked)
+        return hits, direct_light(batch.rows, R, positions, lights.area, for_cells(every), rays, blocked)
 
 
 def _exchanged(direct: np.ndarray, single: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:

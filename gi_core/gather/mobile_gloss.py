@@ -18,7 +18,6 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.candidates import CANDIDATES, Candidates, thinned, unoccluded
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
-from gi_core.gather.path_ends import reflected
 from gi_core.gloss.hemisphere import CELLS, GRAZING, SUMS, add_ray, axes_of, cell_of, weight_of
 from gi_core.lights.area import AreaLights
 from gi_core.lights.next_event import Shadows
@@ -129,17 +128,6 @@ def _order(rows, blocked, first, ray):
         if not blocked[j]:
             first[rows[j]] -= 1
             ray[first[rows[j]]] = j
-
-
-@kernel
-def add_exchanged(exchange, E, bounced):
-    """Add the light of mobiles that bounces (m, 3, P) hit; E (m, 3) of their receivers."""
-    for k in range(len(exchange.row)):
-        path = exchange.path[k]
-        if path >= 0:
-            light = reflected(exchange, k, E)
-            for c in range(3):
-                bounced[exchange.row[k], c, path] += light[c]
 
 
 @kernel

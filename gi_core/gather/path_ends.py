@@ -388,3 +388,14 @@ def reflected(exchange, k, E):
         rho[1] * (a * E[u, 1] + b * E[v, 1] + c * E[w, 1]),
         rho[2] * (a * E[u, 2] + b * E[v, 2] + c * E[w, 2]),
     )
+
+
+@kernel
+def add_exchanged(exchange, E, bounced):
+    """Add the light of mobiles that bounces (m, 3, P) hit; E (m, 3) of their receivers."""
+    for k in range(len(exchange.row)):
+        path = exchange.path[k]
+        if path >= 0:
+            light = reflected(exchange, k, E)
+            for c in range(3):
+                bounced[exchange.row[k], c, path] += light[c]

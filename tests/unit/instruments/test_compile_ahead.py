@@ -78,7 +78,7 @@ from tests.unit.gather.test_gloss_gather import gathered
 from tests.window.test_highlights import LIGHTS, scene, shot_of
 
 kernels = [gloss_gather._aim, gloss_gather._deposit, path_ends.arrive, path_tracer.scatter]
-kernels += [mobile_gloss._order, mobile_gloss._write, mobile_gloss.add_exchanged]
+kernels += [mobile_gloss._order, mobile_gloss._write, path_ends.add_exchanged]
 kernels += [lobe_rays._aim_at_lights, lobe_rays._add]
 for surfaces in (compile_ahead.TABLES, compile_ahead.GLOSS):  # of the room, and of the plate under lights
     compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(surfaces), None))
