@@ -31,6 +31,7 @@ from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene.types import Camera
 from scenes.glb import Part, glb_bytes, material
+from studies.mitsuba_stills import described, drawn_rays, rgb, theirs
 from tests.support.scene_builders import box, quad, sphere
 
 METALLIC, ROUGHNESS = (0.0, 0.25, 0.5, 0.75, 1.0), (0.1, 0.4, 0.55, 0.7, 0.85, 1.0)
@@ -89,25 +90,21 @@ def cells_of(file: Path) -> list[Cell]:
 
 def principled(metallic: float, roughness: float) -> dict[str, Any]:
     """Return Mitsuba's model of these parameters; `specular` 0.5 is an index of 1.5."""
-    return {"type": "principled", "base_color": _rgb(BASE), "metallic": metallic, "roughness": roughness,
+    return {"type": "principled", "base_color": rgb(BASE), "metallic": metallic, "roughness": roughness,
             "specular": 0.5}  # fmt: skip
 
 
 def blend(metallic: float, roughness: float) -> dict[str, Any]:
     """Return a metal and a plastic of Mitsuba, mixed by metallic."""
     f0, alpha = np.sqrt(np.array(BASE)), max(roughness**2, 1e-3)
-    metal = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha, "eta": _rgb((1 + f0) / (1 - f0)),
-             "k": _rgb((0.0, 0.0, 0.0))}  # fmt: skip
+    metal = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha, "eta": rgb((1 + f0) / (1 - f0)),
+             "k": rgb((0.0, 0.0, 0.0))}  # fmt: skip
     plastic = {"type": "roughplastic", "distribution": "ggx", "alpha": alpha, "int_ior": GLTF_IOR,
-               "diffuse_reflectance": _rgb(BASE), "nonlinear": False}  # fmt: skip
+               "diffuse_reflectance": rgb(BASE), "nonlinear": False}  # fmt: skip
     return {"type": "blendbsdf", "weight": metallic, "plastic": plastic, "metal": metal}
 
 
 MODELS = {"principled": principled, "blendbsdf": blend}
-
-
-def _rgb(colour) -> dict[str, Any]:
-    return {"type": "rgb", "value": [float(c) for c in colour]}
 
 
 def directions(cell: Cell, angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -148,7 +145,7 @@ def _base(table, lobe, rho, i, o) -> np.ndarray:
     return rho * (ggx.passed(table, lobe, i[2]) * ggx.passed(table, lobe, o[2]) / (np.pi * max(mean, 1e-9) ** 2))
 
 
-def theirs(bsdf, i: np.ndarray, o: np.ndarray) -> np.ndarray:
+def law_of(bsdf, i: np.ndarray, o: np.ndarray) -> np.ndarray:
     """Return Mitsuba's f (n, 3) [1/sr]; its eval() carries the cosine of o."""
     interaction, context = mi.SurfaceInteraction3f(), mi.BSDFContext()
     interaction.wi = mi.Vector3f(*i)
@@ -170,7 +167,7 @@ def law(cell: Cell, model: str) -> Law:
     for angle in ANGLES:
         i, o, share = directions(cell, angle)
         weight = (share * o[:, 2])[:, None]
-        given, found, alike = theirs(bsdf, i, o), ours(cell, i, o), ours(cell, i, o, True)
+        given, found, alike = law_of(bsdf, i, o), ours(cell, i, o), ours(cell, i, o, True)
         sums += [(weight * part).sum() for part in (given, found, np.abs(found - given), np.abs(alike - given))]
     return Law(sums[2] / sums[0], sums[1] / sums[0], sums[3] / sums[0])
 
@@ -187,50 +184,6 @@ def laws(file: Path) -> None:
             print(f"| {r:g} | {text} |", flush=True)
 
 
-def their_scene() -> dict[str, Any]:
-    """Return the room of grid() for Mitsuba, of analytic shapes."""
-    (x, z), (X, Z) = LAMP
-    T = mi.ScalarTransform4f
-    low, high = np.array(LOW), np.array(HIGH)
-    middle, half = (low + high) / 2, (high - low) / 2
-    ceiling = T().translate([(x + X) / 2, HIGH[1] - 1e-3, (z + Z) / 2]) @ T().rotate([1, 0, 0], 90)
-    described: dict[str, Any] = {
-        "type": "scene",
-        "integrator": {"type": "path", "max_depth": 16},
-        "room": {"type": "cube", "flip_normals": True, "to_world": T().translate(list(middle)) @ T().scale(list(half)),
-                 "bsdf": {"type": "diffuse", "reflectance": _rgb((WALL,) * 3)}},
-        "lamp": {"type": "rectangle", "to_world": ceiling @ T().scale([(X - x) / 2, (Z - z) / 2, 1]),
-                 "bsdf": {"type": "diffuse", "reflectance": _rgb((0, 0, 0))},
-                 "emitter": {"type": "area", "radiance": _rgb((RADIANCE,) * 3)}},
-        "sensor": {"type": "perspective", "fov": CAMERA.vertical_fov_degrees, "fov_axis": "y",
-                   "to_world": T().look_at(list(CAMERA.position), list(CAMERA.target), [0, 1, 0]),
-                   "film": {"type": "hdrfilm", "width": SIZE[0], "height": SIZE[1], "rfilter": {"type": "box"},
-                            "pixel_format": "rgb"}},
-    }  # fmt: skip
-    for i, m in enumerate(METALLIC):
-        for j, r in enumerate(ROUGHNESS):
-            described[f"ball{i}{j}"] = {"type": "sphere", "center": list(centre_of(i, j)), "radius": RADIUS,
-                                        "bsdf": principled(m, r)}  # fmt: skip
-    return described
-
-
-def inside(i: int, j: int) -> np.ndarray:
-    """Return the pixels (h, w) bool that show a sphere, without its rim."""
-    eye = np.array(CAMERA.position)
-    ahead = np.array(CAMERA.target) - eye
-    ahead /= np.linalg.norm(ahead)
-    right = np.cross(ahead, (0, 1, 0))
-    right /= np.linalg.norm(right)
-    up, width = np.cross(right, ahead), SIZE[0] / SIZE[1]
-    tall = np.tan(np.radians(CAMERA.vertical_fov_degrees) / 2)
-    y, x = np.meshgrid(*(1 - 2 * (np.arange(n) + 0.5) / n for n in SIZE[::-1]), indexing="ij")
-    d = ahead + tall * (y[..., None] * up - width * x[..., None] * right)
-    d /= np.linalg.norm(d, axis=2)[..., None]
-    to = np.array(centre_of(i, j)) - eye
-    near = np.linalg.norm(np.cross(d, to), axis=2)
-    return near < 0.93 * RADIUS
-
-
 def pictures(file: Path, photons: int, seconds: float, samples: int, out: Path) -> None:
     """Render both; print the mean radiance of each sphere over Mitsuba's, and write the pictures side by side."""
     settings = Settings(scene=str(file), photons=photons, size=SIZE)
@@ -239,14 +192,22 @@ def pictures(file: Path, photons: int, seconds: float, samples: int, out: Path) 
     gather(solver, seconds, lambda *progress: None)
     shot = Shot(solver, settings)
     shot.camera = from_camera(CAMERA, solver.scene.up, shot.camera.bounds)
-    found = np.asarray(layers(shot).colour, np.float64)
-    given = np.array(mi.render(mi.load_dict(their_scene()), spp=samples), np.float64)
+    found, at = np.asarray(layers(shot).colour, np.float64), solver.model.transforms(solver.poses)
+    *rays, faces = drawn_rays(shot, at)
+    models = {name_of(m, r): principled(m, r) for m in METALLIC for r in ROUGHNESS}
+    mi.set_variant("llvm_ad_rgb")
+    with tempfile.TemporaryDirectory() as folder:
+        scene = mi.load_dict(described(solver.scene, solver.model, at, Path(folder), models))
+    given = theirs(scene, shot, rays, samples // 4, 0)
+    shown = solver.scene.static.face_material[faces].reshape(*SIZE[::-1], -1)
+    names = [m.name for m in solver.scene.materials]
     exposure = meter(given.reshape(-1, 3))
     print("mean radiance of spheres over Mitsuba's principled, l1 over pixels [%]")
-    for j, r in enumerate(ROUGHNESS):
+    for r in ROUGHNESS:
         row = []
-        for i in range(len(METALLIC)):
-            a, b = found[inside(i, j)], given[inside(i, j)]
+        for m in METALLIC:
+            inside = (shown == names.index(name_of(m, r))).all(axis=2)
+            a, b = found[inside], given[inside]
             row.append(f"{a.sum() / b.sum():.2f}, {100 * np.abs(a - b).sum() / b.sum():.0f}")
         print(f"| {r:g} | {' | '.join(row)} |")
     both = [to_display(p, exposure) for p in (found, given)]
