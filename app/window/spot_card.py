@@ -10,12 +10,14 @@ from app.draw.legend import PLATE, ROUND_EM, TEXT
 from app.session.readouts import percent, shown
 from app.window import theme
 from app.window.panel.widgets import shortened
-from gi_core.gather.origins import GROUPS, Share
+from gi_core.gather.origins import GROUPS, Share, Way
 from gi_core.scene.types import UNITS
 
 if TYPE_CHECKING:
+    from app.window.camera_control import View
     from app.window.viewport import Viewport
 
+WAY_OPACITY = 0.8, 0.5, 0.3  # of the last leg, of the one before, and of earlier ones
 MOST_BARS = 5  # of a group; the last one is of all others
 BAR_STEP_EM, COLUMNS_EM = 1.25, (9.2, 4.4, 5.6)  # height of a line; widths of names, bars and numbers
 
@@ -39,10 +41,24 @@ def draw(viewport: Viewport) -> None:
     left = at[0] + em if at[0] + em + width <= x + w else at[0] - em - width
     left, top = max(left, x), min(max(at[1] - height / 2, y), max(y + h - height, y))
     drawing = imgui.get_window_draw_list()
+    if answer is not None and answer.is_current:
+        drawing.push_clip_rect((x, y), (x + w, y + h), True)
+        for way in answer.origins.ways:
+            _way(way, view, drawing)
+        drawing.pop_clip_rect()
     plate = imgui.get_color_u32((*PLATE, 0.9))
     drawing.add_rect_filled((left, top), (left + width, top + height), plate, ROUND_EM * em)
     for k, line in enumerate(lines):
         _line(line, left + 0.6 * em, top + (0.3 + k * BAR_STEP_EM) * em, opacity)
+
+
+def _way(way: Way, view: View, drawing: imgui.ImDrawList) -> None:
+    """Draw a way of light from the lamp on, brighter towards the pin."""
+    colour = [c ** (1 / 2.2) for c in way.colour]
+    places = view.on_screen(way.places)
+    for k, (a, b) in enumerate(zip(places, places[1:], strict=False)):
+        if a is not None and b is not None:
+            drawing.add_line(a, b, imgui.get_color_u32((*colour, WAY_OPACITY[min(k, 2)])), 0.09 * imgui.get_font_size())
 
 
 def _line(line: str | Share, x: float, y: float, opacity: float) -> None:

@@ -42,10 +42,12 @@ class ByBounce(NamedTuple):
 
     light: np.ndarray  # (B, rows, 3 G) float64 [W/m2]: straight from lamps, bounced once, ..., B - 1 times or more
     face: np.ndarray  # (rows,) int32, global; -1: none
+    # Takes rows (n,) and positions (n, 3) [m] of the paths that go on, per vertex; None: not asked for
+    places: list[tuple[np.ndarray, np.ndarray]] | None = None
 
     def part(self, rows: slice) -> ByBounce:
         """Return a view of some rows."""
-        return ByBounce(self.light[:, rows], self.face[rows])
+        return ByBounce(self.light[:, rows], self.face[rows], self.places)
 
 
 class PathTracer(NamedTuple):
@@ -70,6 +72,8 @@ class PathTracer(NamedTuple):
         model, vertex, n = self.model, 0, len(ends.path)
         rays = room_for_shadows(n * (1 + self.lights.delta.suns))
         while n:
+            if apart is not None and apart.places is not None:
+                apart.places.append((ends.row.copy(), ends.position.copy()))
             if apart is not None:
                 total = apart.light[min(vertex, len(apart.light) - 1)]
             origin, direction = rays.origin[:n], rays.direction[:n]

@@ -11,6 +11,7 @@ from gi_core.gather.origins import BOUNCES, COUNTS, GROUPS, LAMPS, STRAIGHT, SUR
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
 from gi_core.model import Model
+from gi_core.rays.all_objects import occluded_in_world
 from gi_core.scene.types import PointLight
 from tests.support.scene_builders import furnace_scene
 
@@ -123,3 +124,26 @@ def test_the_dark_has_no_shares(cornell):
     model = Model(cornell)
     origins = last(cornell, SPOT, UP, np.zeros_like(model.emitters.lamps.full()), model=model)
     assert origins.total == (0.0, 0.0) and all(origins.shares(group) == () for group in GROUPS)
+
+
+def test_ways_lead_past_nothing_to_the_lamps_of_their_shares(cornell):
+    """Each leg is free, and the last one ends on a lamp; straight ways are as frequent as their share of the light."""
+    model, straight, of_bulb, ways = Model(cornell), 0, 0, []
+    for seed in range(8):
+        origins = last(cornell, SPOT, UP, seed=seed, model=model)
+        ways += origins.ways
+    panel = cornell.static.vertices[cornell.static.faces][:, :, 1].max()
+    for way in ways:
+        places = way.places - model.origins[0]
+        assert way.places[0] == pytest.approx(SPOT) and 2 <= len(places) <= 5 and max(way.colour) == 1.0
+        on_bulb, on_panel = math.dist(way.places[-1], BULB) < 1e-9, abs(way.places[-1][1] - panel) < 0.01
+        assert on_bulb or on_panel
+        straight, of_bulb = straight + (len(places) == 2), of_bulb + on_bulb
+        for a, b in zip(places, places[1:], strict=False):
+            away = (b - a) / math.dist(a, b)
+            line = (a + 1e-4 * away)[None], away[None], np.array([math.dist(a, b) - 2e-4])
+            assert not occluded_in_world(model.accelerator, model.transforms(model.start_poses()), *line)[0]
+    shares, lamps, n = by_name(origins.shares(BOUNCES)), by_name(origins.shares(LAMPS)), len(ways)
+    few = sum(shares[name].share for name in COUNTS[:-1])
+    for count, share in ((straight, shares["0"].share / few), (of_bulb, lamps["bulb"].share)):
+        assert count / n == pytest.approx(share, abs=4 * math.sqrt(share * (1 - share) / n) + 0.02)
