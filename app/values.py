@@ -11,9 +11,12 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gi_core.scene.types import CalculationSurface, LampLevel
+
+if TYPE_CHECKING:
+    from gi_core.files.edits import Daylight
 
 LONGEST_SIDE = 16384  # per side of a picture
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -193,6 +196,27 @@ def surface(text: str) -> CalculationSurface:
     except tomllib.TOMLDecodeError:
         _require(False, """keys of [[surface]] such as 'name = "desk", height = 0.75'""", text)
         raise
+
+
+def daylight(text: str) -> Daylight:
+    """Return the edit that keys of the table [daylight], with commas between them, make."""
+    import tomllib
+
+    from gi_core.files.edits import Daylight
+    from gi_core.files.formats.toml_fields import Table
+    from gi_core.files.formats.toml_file import DAYLIGHT
+    from gi_core.scene.errors import SceneError
+
+    try:
+        keys = tomllib.loads(f"keys = {{{text}}}")["keys"]
+        _require(keys.keys() <= DAYLIGHT.keys(), f"keys of [daylight], {', '.join(DAYLIGHT)}", text)
+        Table(keys, "daylight", {key: DAYLIGHT[key] for key in keys}).fields()
+    except SceneError as problem:
+        raise argparse.ArgumentTypeError(str(problem).removeprefix("daylight: ")) from None
+    except tomllib.TOMLDecodeError:
+        _require(False, "keys of [daylight] such as 'date = 2026-03-21, hour = 9'", text)
+        raise
+    return Daylight(tuple((key, tuple(v) if isinstance(v, list) else v) for key, v in keys.items()))
 
 
 def plane(text: str) -> CalculationSurface:

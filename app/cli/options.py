@@ -33,6 +33,11 @@ def scene(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("scene").add_argument
     add("scene", nargs="?", default="cornell", metavar="SCENE", help="shipped name, .toml or mesh file (cornell)")
     _add(add, *named(Source))
+    add(
+        "--daylight", dest="edits", action="append", type=values.daylight, default=argparse.SUPPRESS, metavar="KEYS",
+        help="sun and sky: keys of [daylight], such as 'place = [40.4, -3.7], date = 2026-03-21, hour = 9, "
+        "utc_offset = 1'; those of the scene stay otherwise",
+    )  # fmt: skip
 
 
 def light(parser: argparse.ArgumentParser, *fields: str) -> None:
@@ -91,7 +96,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """
     chosen = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
     settings = opened(Settings(scene=chosen.pop("scene")), chosen.get("allow_outside", False))
-    for name in ("mobiles", "poses", "lamps", "watts", "surfaces"):
+    for name in ("mobiles", "poses", "lamps", "watts", "surfaces", "edits"):
         if name in chosen:
             before = () if name in ("mobiles", "surfaces") else getattr(settings, name)
             chosen[name] = (*before, *chosen[name])

@@ -88,6 +88,22 @@ def test_info_says_where_the_sun_stands(room, capsys):
     assert "2026-03-21 9 h, UTC+1, at (40.4, -3.7): sun 18.65 degrees above the horizon, 106.2" in text
 
 
+def test_an_option_asks_for_another_sun(room, tmp_path, capsys):
+    """Over the scene's own daylight, and as all of it in a scene without."""
+    assert cli.main(["info", str(room), "--photons", "2000", "--daylight", "hour = 12.5"]) == 0
+    noon = sun_of(load_scene(room).daylight._replace(hour=12.5)).altitude
+    assert f"2026-03-21 12.5 h, UTC+1, at (40.4, -3.7): sun {noon:.2f} degrees" in capsys.readouterr().out
+    assert 40 < noon < 50
+    keys = "place = [40.4, -3.7], date = 2026-03-21, hour = 9, utc_offset = 1"
+    assert cli.main(["info", "gallery", "--photons", "2000", "--daylight", keys]) == 0
+    assert "sun 18.65 degrees above the horizon, 106.2" in capsys.readouterr().out
+    assert cli.main(["info", "gallery", "--photons", "2000", "--daylight", "hour = 9"]) == 3
+    assert "[daylight]: place is missing" in capsys.readouterr().err
+    for keys, sentence in (("hour = 25", "hour must be"), ("height = 1", "keys of [daylight]"), ("9", "such as")):
+        assert cli.main(["info", str(room), "--daylight", keys]) == 2
+        assert sentence in capsys.readouterr().err
+
+
 def test_other_units_change_the_numbers_of_daylight(room):
     lux, watts = (open_scene(Settings(scene=str(room), units=units)).lights for units in (None, "radiometric"))
     assert lux[0].irradiance[0] == pytest.approx(179 * watts[0].irradiance[0])
