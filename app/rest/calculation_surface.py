@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.rest.surface_grid import Grid, Level, grid_of, reached_steps, stands
-from gi_core.gather.glare import glare
+from gi_core.gather.glare import Glare, glare
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.lights.power import is_electric
@@ -145,30 +145,46 @@ def surface_steps(
     grid = grid_of(surface, model, level, poses)
     normals = np.broadcast_to(grid.sides[2], grid.positions.shape)
     values, errors = np.full(len(grid.positions), np.nan), np.full(len(grid.positions), np.nan)
-    free, view = np.arange(len(grid.positions)), normals
-    if surface.quantity == UGR:
-        view = np.broadcast_to(grid.sides[0], grid.positions.shape)
+    free, views = np.arange(len(grid.positions)), views_of(surface, grid, level.axes.up)
     standing = stands(model, model.transforms(poses), grid.positions, normals, level.axes.up)
     free = free[standing] if standing.any() else free
     lit = free
-    for reached in reached_steps(model, grid.positions[free], view[free], poses):
+    for reached in reached_steps(model, grid.positions[free], np.tile(views[0], (len(free), 1)), poses):
         lit = free[reached]
         yield SurfaceLight(surface, grid, values, errors, 0.0)
     free = lit if len(lit) else free
-    lights, factor, of_eyes = None, 1.0, None
+    lights, factor, eyes = None, 1.0, grid.positions[free]
     if surface.quantity == DAYLIGHT_FACTOR:  # alone, a sky that brings 1 to a horizontal plane in the open
         lights = model.lights_at(np.zeros_like(levels))._replace(sky=overcast(level.axes.up))
         factor = 100.0  # percent
     if surface.quantity == UGR:
-        of_eyes = glare(model, levels, grid.positions[free], grid.sides[0], level.axes.up, poses, seed)
+        each = [glare(model, levels, eyes, view, level.axes.up, poses, seed) for view in views]
+        of_eyes = Glare(*map(np.concatenate, zip(*each, strict=True)))
     about = level.axes.up if surface.quantity == CYLINDRICAL else None
-    rounds = point_rounds(model, grid.positions[free], view[free], poses, levels, seed, lights, about)
+    points, sides = np.tile(eyes, (len(views), 1)), np.repeat(views, len(free), axis=0)
+    rounds = point_rounds(model, points, sides, poses, levels, seed, lights, about)
     for E, error, fraction in light_steps(rounds, noise):
         values, errors = values.copy(), errors.copy()
-        values[free], errors[free] = factor * E, factor * error
-        if of_eyes is not None:
-            values[free], errors[free] = of_eyes.rating(E), of_eyes.deviation(E, error)
+        if surface.quantity == UGR:
+            E, error = of_eyes.rating(E), of_eyes.deviation(E, error)
+        values[free], errors[free] = worst(factor * E, factor * error, len(free))
         yield SurfaceLight(surface, grid, values, errors, fraction)
+
+
+def views_of(surface: CalculationSurface, grid: Grid, up: np.ndarray) -> np.ndarray:
+    """Return the directions (V, 3) in which the points of a surface look: its normal, or those of the eyes of UGR."""
+    if surface.quantity != UGR:
+        return grid.sides[2:]
+    first, turn = grid.sides[0], 2 * math.pi * np.arange(surface.views)[:, None] / surface.views
+    upright = (first @ up) * up
+    return upright + np.cos(turn) * (first - upright) + np.sin(turn) * np.cross(up, first)
+
+
+def worst(values: np.ndarray, errors: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest of the values (V n,) of each of n points in V views, and its standard error."""
+    values, errors = values.reshape(-1, n), errors.reshape(-1, n)
+    k = np.where(np.isnan(values), -np.inf, values).argmax(axis=0), np.arange(n)
+    return values[k], errors[k]
 
 
 def all_steps(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.rest.calculation_surface import AT_MOST, NOISE, SurfaceLight, light_steps, surfaces_of
+from app.rest.calculation_surface import AT_MOST, NOISE, SurfaceLight, light_steps, surfaces_of, views_of, worst
 from app.rest.surface_grid import grid_of, level_of, stands
 from gi_core.frames.held_light import Held, HeldLevels, HeldSurface
 from gi_core.gather.glare import glare
@@ -89,19 +89,22 @@ def measured_steps(
     level, lamps, surfaces = level_of(model), model.emitters.lamps.count, []
     grids, each = [grid_of(s, model, level, poses or {}) for s in of.surfaces], np.eye(lamps)[:, :, None] * np.ones(3)
     for k, (surface, grid) in enumerate(zip(of.surfaces, grids, strict=True)):
-        is_ugr, n = surface.quantity == UGR, len(grid.positions)
-        view = np.broadcast_to(grid.sides[0 if is_ugr else 2], (n, 3))
-        rounds = ReferenceRounds(model.scene, grid.positions, view, seed, np.ones(n), poses, model=model,
+        is_ugr, views = surface.quantity == UGR, views_of(surface, grid, level.axes.up)
+        positions, view = np.tile(grid.positions, (len(views), 1)), np.repeat(views, len(grid.positions), axis=0)
+        n = len(positions)
+        rounds = ReferenceRounds(model.scene, positions, view, seed, np.ones(n), poses, model=model,
                                  mobiles=poses is not None, per_lamp=True)  # fmt: skip
         for *_, fraction in light_steps(rounds, noise):
             yield (k + fraction) / (len(grids) + 1), None
         light, errors = (a[:, -3 * lamps :] for a in (rounds.state.mean, rounds.state.standard_error))
         of_eyes = np.zeros((2, n, lamps))
         for g in range(lamps if is_ugr else 0):
-            of_eyes[:, :, g] = glare(model, each[g], grid.positions, grid.sides[0], level.axes.up, poses, seed)
-        surfaces.append(HeldSurface(surface, grid.positions, view, light, errors, *of_eyes))
-    points = np.concatenate([grid.positions for grid in grids])
-    normals = np.repeat([grid.sides[2] for grid in grids], [len(grid.positions) for grid in grids], axis=0)
+            of_eyes[:, :, g] = np.concatenate(
+                [glare(model, each[g], grid.positions, v, level.axes.up, poses, seed) for v in views], axis=1
+            )
+        surfaces.append(HeldSurface(surface, positions, view, light, errors, *of_eyes))
+    points = np.concatenate([s.positions for s in surfaces])
+    normals = np.repeat([grid.sides[2] for grid in grids], [len(s.positions) for s in surfaces], axis=0)
     lit = np.concatenate([s.light.any(axis=1) for s in surfaces])
 
     def counts(at: Transforms) -> np.ndarray:
@@ -130,7 +133,10 @@ def hold_now(solver: Solver, settings: Settings, noise: float, bar: Callable[[st
 def result_of(held: Held, grids: Sequence[Grid], unit: str, answer: HeldLevels) -> HeldResult:
     """Return what holds at levels."""
     rows = zip(held.surfaces, grids, held.rows, strict=True)
-    lights = tuple(SurfaceLight(s.surface, grid, answer.values[k], answer.errors[k], 1.0) for s, grid, k in rows)
+    lights = tuple(
+        SurfaceLight(s.surface, grid, *worst(answer.values[k], answer.errors[k], len(grid.positions)), 1.0)
+        for s, grid, k in rows
+    )
     names, power = held.model.emitters.lamps.names, f"{answer.of.power:.4g} {unit}"
     targets = [(light, *target) for s, light in zip(held.surfaces, lights, strict=True) for target in s.targets]
     missing = tuple(

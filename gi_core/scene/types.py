@@ -272,6 +272,7 @@ class CalculationSurface(NamedTuple):
     points: tuple[int, int] | None = None  # along the two sides; None: by EN 12464-1
     targets: tuple[tuple[str, float], ...] = ()  # by name of TARGETS, in their order
     quantity: str = "illuminance"  # one of QUANTITIES
+    views: int = 1  # of UGR: directions that eyes look in, evenly round the vertical, the first along the first side
 
 
 MOST_GRID_POINTS = 100  # along a side of a surface

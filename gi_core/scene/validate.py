@@ -136,6 +136,11 @@ def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None
             f'{where}: surface "{surface.name}": a target of UGR is its maximum, got {shown(unfit[0])}; '
             "write targets = { maximum = 19 }"
         )
+    if surface.quantity != UGR and surface.views != 1:
+        raise SceneError(
+            f'{where}: surface "{surface.name}": views are those of UGR, got quantity = "{surface.quantity}"; '
+            "leave out views"
+        )
     parts = parts_of(scene)
     if surface.on and surface.on not in parts:
         nearest = [f"did you mean {shown(part)}?" for part in get_close_matches(surface.on, parts, 1)]

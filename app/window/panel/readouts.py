@@ -182,7 +182,7 @@ def _place(surface: CalculationSurface, session: Session, edit: Callable) -> Non
     names = {quantity: (quantity, "") for quantity in QUANTITIES if photometric or quantity != UGR}
     ui.label("measures")
     if (quantity := ui.one_of("quantity", surface.quantity, names, surface.quantity)) is not None:
-        edit(surface._replace(quantity=quantity))
+        edit(surface._replace(quantity=quantity, views=1))
     ui.tip(
         "Cylindrical illuminance: mean over all vertical planes. "
         "Daylight factor: share of the light that the CIE's overcast sky brings to open ground [%]. "
@@ -222,6 +222,11 @@ def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -
     if changed:
         a, b = (min(max(n, 1), MOST_GRID_POINTS) for n in (a, b))
         edit(surface._replace(points=(a, b)))
+    if surface.quantity == UGR:
+        moved, views = ui.slider("   views", surface.views, 1, 36, str(surface.views))
+        ui.tip("Directions that eyes look in at each point, evenly round the vertical; the worst counts.")
+        if moved:
+            edit(surface._replace(views=views), imgui.is_item_activated(), False)
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + ui.LABEL_EM * imgui.get_font_size())
     changed, norm = imgui.checkbox("EN 12464 grid", surface.points is None)
     ui.tip("The grid of EN 12464-1: cells of 0.2 · 5^log10(d) m for a side of d m.")

@@ -166,7 +166,7 @@ SURFACE = {
     "tilt": of("number", default=0.0, least=0, below=math.nextafter(180, 181)), "turn": of("number", default=0.0),
     "margin": of("number", default=None, least=0),
     "points": of("counts", n=2, most=MOST_GRID_POINTS), "targets": of("numbers_by", keys=TARGETS),
-    "quantity": of("text", default="illuminance", choices=QUANTITIES),
+    "quantity": of("text", default="illuminance", choices=QUANTITIES), "views": of("count", default=1, most=36),
 }  # fmt: skip
 CAMERA = {"position": PLACE, "target": PLACE, "fov": of("number", default=45.0, above=0, below=180)}
 DAYLIGHT = {

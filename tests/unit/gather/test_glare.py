@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.rest.calculation_surface import surface_steps
+from app.rest.hold import Inputs, measured_steps, result_of
 from app.rest.surface_grid import level_of
 from gi_core.files.load import load_scene
 from gi_core.gather.glare import glare
@@ -63,8 +64,8 @@ def test_a_surface_rates_glare_where_eyes_are(tmp_path):
     model = room(tmp_path, "face")
     level = level_of(model)
 
-    def measured(turn: float):
-        s = CalculationSurface("seat", "", (-1.0, 0.0), (0.2, 0.2), turn=turn, points=(1, 1), quantity=UGR)
+    def measured(turn: float, views: int = 1):
+        s = CalculationSurface("seat", "", (-1.0, 0.0), (0.2, 0.2), turn=turn, points=(1, 1), quantity=UGR, views=views)
         *_, light = surface_steps(model, s, level, {}, model.emitters.lamps.full(), 0, 0.02)
         return light
 
@@ -72,6 +73,28 @@ def test_a_surface_rates_glare_where_eyes_are(tmp_path):
     assert ahead.grid.positions[0] == pytest.approx([-1.0, 0.0, 1.2], abs=0.01)
     assert ahead.values[0] > 10 and 0 < ahead.errors[0] < 0.5 and behind.values[0] == 0
     assert [row[0] for row in ahead.rows()] == ["mean", "minimum", "maximum"]
+    worst, aside = measured(180.0, 2), measured(90.0, 2)
+    assert (
+        worst.values == pytest.approx(ahead.values, abs=4 * ahead.errors[0]) and aside.values[0] < worst.values[0] - 1
+    )
+    assert np.array_equal(worst.grid.positions, behind.grid.positions) and worst.errors[0] < 0.5
+
+
+def test_lamps_hold_the_worst_view(tmp_path):
+    """Eyes that look to both sides, the first away from the panel, have the glare of eyes that look at it."""
+    model = room(tmp_path, "face")
+    full, light = model.emitters.lamps.full(), {}
+    desk = CalculationSurface("desk", "", (1.0, 0.0), (0.2, 0.2), points=(1, 1), targets=(("mean", 3.0),))
+    for turn, views, most in ((0.0, 1, 28.0), (180.0, 2, 28.0), (180.0, 2, 5.0), (180.0, 1, 5.0)):
+        place = {"position": (-1.0, 0.0), "size": (0.2, 0.2), "points": (1, 1), "targets": (("maximum", most),)}
+        seat = CalculationSurface("seat", turn=turn, quantity=UGR, views=views, **place)
+        *_, (_, (held, grids, unit)) = measured_steps(model, Inputs((seat, desk), 1.0, ()), 0, noise=0.02)
+        answer = held.answer(full, held.counts(model.static))
+        result = result_of(held, grids, unit, answer)
+        light[turn, views, most] = result.lights[0].values
+        assert bool(result.missing) == (views == 2 and most == 5.0), (turn, views, most, result.missing)
+    ahead, both = light[0.0, 1, 28.0], light[180.0, 2, 28.0]
+    assert both.shape == (1,) and both == pytest.approx(ahead, abs=0.3) and ahead[0] > 8
 
 
 @pytest.mark.parametrize(
@@ -84,3 +107,9 @@ def test_glare_that_has_no_meaning_is_refused(tmp_path, units, targets, message)
     with pytest.raises(SceneError) as refused:
         load_scene(room_file(tmp_path, (8, 6, 3), surface, units=units))
     assert message in str(refused.value)
+
+
+def test_views_are_those_of_eyes(tmp_path):
+    for keys, message in (({"views": 4}, "views are those of UGR"), ({"views": 0, "quantity": "UGR"}, "views must be")):
+        with pytest.raises(SceneError, match=message):
+            load_scene(room_file(tmp_path, (8, 6, 3), table("surface", name="s", **keys)))
