@@ -122,14 +122,14 @@ def unit_of(surface: CalculationSurface, units: Units) -> str:
 
 
 def described(light: SurfaceLight, level: Level) -> str:
-    """Return size, place and points of a surface."""
+    """Return size, place, points and views of a surface."""
     from app.rest.surface_grid import points_of
 
     s, (a, b), left_out = light.surface, light.grid.shape, light.numbers.left_out
     width, depth = light.grid.size.tolist()
     height = float(light.grid.corners.mean(axis=0) @ level.axes.up) - level.low[2]
     place = f"on {s.on}" if s.on else f"{height:.4g} m above the floor"
-    text = f"{width:.4g} x {depth:.4g} m, {place}, {a} x {b} points"
+    text = f"{width:.4g} x {depth:.4g} m, {place}, {a} x {b} points" + f", the worst of {s.views} views" * (s.views > 1)
     text += f", {left_out} of them {LEFT_OUT}" if left_out else ""
     note = "" if s.points else points_of((width, depth))[1]
     return f"{text}; {note}" if note else text

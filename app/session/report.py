@@ -176,9 +176,10 @@ def _plan(light: SurfaceLight, unit: str) -> str:
             text = f"{value:.0f}" if value >= 100 else f"{value:.3g}"
             at = f"x='{x + w / 2:.1f}' y='{y + h / 2 + 3:.1f}' text-anchor='middle'"
             cells.append(f"<text {at} fill='{'#fff' if luminance(np.asarray(rgb)) < 0.4 else '#000'}'>{text}</text>")
+    values = f"; values in {escape(unit)}" if unit else ""
     return (
         f"<svg viewBox='0 0 {scale * width:.0f} {scale * depth:.0f}' width='{scale * width:.0f}'>{''.join(cells)}</svg>"
-        f"<p class='dim'>{width:.4g} m across, {depth:.4g} m up the page; values in {escape(unit)}.</p>"
+        f"<p class='dim'>{width:.4g} m across, {depth:.4g} m up the page{values}.</p>"
     )
 
 

@@ -144,8 +144,8 @@ class PoseGather:
             # In gallery the mean of the mobile is good, but five vertices at feet are 16 to 24 % off. For them the
             # class is taken once it is as good: earlier, a partition went from 1.1 to 2.3 %.
             far_off = off > np.maximum(0.15 * luminance(denoised.irradiance), 5.0 * deviation)
-            some_are = (far_off & of & self._paths.mobile).any()
-            used |= of & (own > (math.sqrt(2.0) if some_are else CLEARLY) * left)
+            least = math.sqrt(2.0) if (far_off & of & self._paths.mobile).any() else CLEARLY
+            used |= of & (own > least * left)
             most = max(most, left)
         self.mean, self.deviation, self.used, self.left = denoised.irradiance, deviation, used, most
         self._least = min(self._least, most)

@@ -8,6 +8,8 @@ import pytest
 from app.rest.calculation_surface import surface_steps
 from app.rest.hold import Inputs, measured_steps, result_of
 from app.rest.surface_grid import level_of
+from app.session.readouts import described
+from app.session.report import _plan
 from gi_core.files.load import load_scene
 from gi_core.gather.glare import glare
 from gi_core.model import Model
@@ -78,6 +80,8 @@ def test_a_surface_rates_glare_where_eyes_are(tmp_path):
         worst.values == pytest.approx(ahead.values, abs=4 * ahead.errors[0]) and aside.values[0] < worst.values[0] - 1
     )
     assert np.array_equal(worst.grid.positions, behind.grid.positions) and worst.errors[0] < 0.5
+    assert described(worst, level).endswith("1 x 1 points, the worst of 2 views")
+    assert _plan(worst, "").endswith("up the page.</p>"), "UGR has no unit"
 
 
 def test_lamps_hold_the_worst_view(tmp_path):
