@@ -213,8 +213,8 @@ def test_nothing_is_measured_again_while_false_colours_rest(hand, viewer, monkey
     viewer.clock.awake_until = 0.0  # of earlier input
     hand.wait_for_light()
     hand.wait(lambda: viewer.session.light.all_done)
+    hand.wait(lambda: viewer._is_still)
     hand.ctx.yield_(30)
-    assert calls
     calls.clear()
     hand.ctx.yield_(30)
     assert not calls and viewer._is_still
