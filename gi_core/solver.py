@@ -17,6 +17,7 @@ from gi_core.display.dilation import Drawn
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.base import Setting, checked
 from gi_core.frames.background import Background, Photons
+from gi_core.frames.control_variate import changed
 from gi_core.frames.edited_light import LightBefore
 from gi_core.frames.first_frame import FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
@@ -328,9 +329,10 @@ class Solver:
         """Return irradiance (R, 3) [W/m2] at other poses and levels (G, 3) of the lamps, by the same photons and paths,
         and the standard error (R,) [W/m2] of the change of luminance from there to here; nan where it is not known.
 
-        At other poses both errors count as independent, as how the noise of two frames goes together is not known.
+        Light gathered at the poses on show is compared with that gathered at the others. Where there is none, it is
+        changed as frames say.
         """
-        twin = self.twin()
+        twin, here = self.twin(), self.frame
         twin.frame_light.held = None
 
         def dim(to: np.ndarray) -> None:
@@ -338,12 +340,21 @@ class Solver:
 
         dim(levels)
         twin.move_all(poses)
-        irradiance, apart = twin.irradiance, np.hypot(self.deviation, twin.deviation)
-        if twin.poses != self.poses:
+        earlier, apart = twin.frame, np.hypot(self.deviation, twin.deviation)
+        moved, own = twin.poses != self.poses, (here.own, here.deviation)
+        rested, both = (here.irradiance != here.own).any(axis=1), np.zeros(len(apart), bool)
+        if moved:
+            both = rested & (earlier.irradiance != earlier.own).any(axis=1)
+        by_frames = np.where(rested[:, None], changed(here.irradiance, here.own, earlier.own), earlier.own)
+        irradiance = np.where(both[:, None], earlier.irradiance, by_frames)
+        if (b := here.background) is None or not b.estimate.photons or not self.frame_light.setting.takes_gathered:
             return irradiance, apart
-        dim(np.abs(self.levels - levels))  # light is linear, and lamps are independent
-        deviation = twin.deviation
-        return irradiance, np.where(np.isnan(deviation), apart, deviation)
+        if moved:
+            deviation = self.frame_light.own_deviation(b, own, (twin.frame_light, (earlier.own, earlier.deviation)))
+        else:
+            dim(np.abs(self.levels - levels))  # light is linear, and lamps are independent
+            deviation = twin.frame_light.own_deviation(b, (twin.frame.own, twin.frame.deviation))
+        return irradiance, np.where(both, apart, deviation)
 
     @property
     def error(self) -> float:

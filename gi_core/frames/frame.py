@@ -21,6 +21,7 @@ from gi_core.frames.control_variate import AROUND, ControlledLight, frame_irradi
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.held_light import HeldLevels
 from gi_core.frames.light_setting import FrameSize
+from gi_core.geometry.error import luminance
 from gi_core.gloss.light import GlossLight
 from gi_core.lights.lamps import irradiance_at
 from gi_core.model import Model
@@ -225,7 +226,11 @@ def _controlled(
     better, near = light.static_irradiance(b, photons), light.static.around(AROUND * b.setting.radius)
     weights = b.store.weights(levels)
     field = light.static.noise_field(b, sums.direct) if photons == b.estimate.photons else None  # else 1 to 3 ms
-    return frame_irradiance(sums, unit, background, own, better, direct, weights, near, field, model.threads)
+    lit = frame_irradiance(sums, unit, background, own, better, direct, weights, near, field, model.threads)
+    if lit.deviation is None or not light.knows_direct(b):
+        return lit
+    of_points = np.minimum(luminance(better), luminance(direct.light)) * light.direct.share_error(levels)
+    return lit._replace(deviation=np.hypot(lit.deviation, of_points))
 
 
 def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:

@@ -97,6 +97,11 @@ class AtRest(NamedTuple):
 NOTHING_KNOWN = AtRest(None, None)
 
 
+# The light (R, 3) [W/m2] of a frame without light gathered at its poses, and the standard error (n,) that the change by
+# mobiles brings to its luminance; None: unknown.
+Lit = tuple[np.ndarray, np.ndarray | None]
+
+
 class MobileLight:
     """`rays_traced` tells whether the last frame traced rays: mobiles had moved."""
 
@@ -388,29 +393,49 @@ class FrameLight:
             return E
         return self.at_poses.replaced(E, lambda: self.static_irradiance(b, photons), at, self.setting.levels)
 
-    def deviation(
-        self, at: Transforms, b: Background | None, of_frame: tuple[np.ndarray, np.ndarray | None] | None = None
-    ) -> np.ndarray:
+    def deviation(self, at: Transforms, b: Background | None, of_frame: Lit | None = None) -> np.ndarray:
         """Return the standard error (R,) of the luminance [W/m2] at poses, without that of the change of photons.
 
-        of_frame: the light (R, 3) [W/m2] of a frame there and its deviation by that change (n,), None: of any. With it
-        this change counts, and bias, as the static part's light has it on average; nan where that deviation is None,
-        and where paths of the frame light mobiles, whose error is not known.
+        of_frame: a frame there, None: any. With it the change by mobiles counts, and bias, as the static part's light
+        has it on average; nan where one of these is not known, and where paths of the frame light mobiles.
         """
-        receivers = len(self._model.object_receivers.areas)
+        out = np.full(len(self._model.object_receivers.areas), 0.0 if of_frame is None else np.nan)
         if not self.setting.takes_gathered:
-            return np.full(receivers, 0.0 if of_frame is None else np.nan)
-        levels, out = self.setting.levels, np.zeros(receivers)
-        static = self.static.deviation(b, levels)
-        out[: len(static)] = static
-        if of_frame is not None:
-            n = self._model.surfaces.receiver_range(0).stop
-            now, light = luminance(of_frame[0][:n]), luminance(self.static_irradiance(b, 0))
-            kept = np.minimum(np.divide(now, light, out=np.ones(n), where=light > 0), 1.0)  # in shadow, of its error
-            kept *= self.static.best.understated if self.static.best is not None else np.nan
-            out[:n] = np.nan if of_frame[1] is None else np.hypot(kept * out[:n], of_frame[1])
-            out[n:] = np.nan
-        return self.at_poses.deviation(at, levels, out)
+            return out
+        if of_frame is None:
+            static = self.static.deviation(b, self.setting.levels)
+            out[: len(static)] = static
+        else:
+            out = self.own_deviation(b, of_frame)
+        return self.at_poses.deviation(at, self.setting.levels, out)
+
+    def own_deviation(self, b: Background | None, now: Lit, since: tuple[FrameLight, Lit] | None = None) -> np.ndarray:
+        """Return the standard error (R,) [W/m2] of the luminance of a frame, or of its change since another one.
+
+        Errors of the same static light cancel where mobiles keep the same share of it and lamps have the same levels.
+        Photons of the two changes by mobiles count as independent. They are partly the same, and most of these change
+        both frames in the same direction. What is unknown is so as for deviation().
+        """
+        out, n = np.full(len(now[0]), np.nan), self._model.surfaces.receiver_range(0).stop
+        levels, kept = self.setting.levels, self._kept(b, now[0])
+        if since is None:
+            static, changes = kept * self.static.deviation(b, levels), [now[1]]
+        else:
+            earlier, before = since
+            dimmed, kept_before = np.abs(levels - earlier.setting.levels), earlier._kept(b, before[0])
+            static = kept * self.static.deviation(b, dimmed)
+            static += np.abs(kept - kept_before) * self.static.deviation(b, earlier.setting.levels)
+            changes = [now[1], before[1]]
+        if all(change is not None for change in changes):
+            out[:n] = np.sqrt(static**2 + np.square(changes).sum(axis=0))
+        return out
+
+    def _kept(self, b: Background | None, irradiance: np.ndarray) -> np.ndarray:
+        """Return the error (n,) of the static part's light that a frame (R, 3) [W/m2] keeps, over its noise."""
+        n = self._model.surfaces.receiver_range(0).stop
+        now, light = luminance(irradiance[:n]), luminance(self.static_irradiance(b, 0))
+        kept = np.minimum(np.divide(now, light, out=np.ones(n), where=light > 0), 1.0)  # in shadow, of its error
+        return kept * (self.static.best.understated if self.static.best is not None else np.nan)
 
     def before_edit(
         self, b: Background, photons: int, irradiance: np.ndarray, own: np.ndarray, at: Transforms

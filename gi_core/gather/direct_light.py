@@ -22,7 +22,9 @@ from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.pause import STEP, Pace, pause
 from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import difference, largest, rotate_back, row
+from gi_core.gather.denoise import averaged
 from gi_core.gather.hit_cache import pose_bits
+from gi_core.geometry.error import luminance
 from gi_core.lights.lamps import mix
 from gi_core.lights.next_event import (
     DELTA,
@@ -214,6 +216,23 @@ class DirectLight:
         run_ranges(lambda _, a, b: _add(groups, *parts, value, a, b, out), n, m.threads, COSTLY)
         return out
 
+    def share_error(self, levels: np.ndarray) -> np.ndarray:
+        """Return the standard error (n,) of the share of direct light that mobiles block, as last asked of blocked().
+
+        It comes from the difference between two halves of the points at levels (G, 3) of the lamps, squared and
+        averaged over neighbours. An edge cuts the root of the number of strata: errors of N points fall as N^-3/4
+        (Mitchell 1996), so that of all is 2^-1/4 of half the difference.
+        """
+        p, groups, out = self._points, self._groups, np.zeros(len(self.per_lamp))
+        value, parts = luminance(p.value * levels[p.lamp])[:, None] * p.halves, self._blocked[1:]
+
+        def compare(_, first, last):
+            _compare_halves(groups, *parts, value, first, last, out)
+
+        run_ranges(compare, len(groups.radius), self._model.threads, COSTLY)
+        mean = averaged(self._model.adjacency, out * out, np.ones(len(out), bool), self._model.threads)
+        return 0.5**0.25 * np.sqrt(mean)
+
     def _find_blocked(self, at: Transforms, moved: list[int], blocked: Blocked) -> None:
         """Write what the moved mobiles block."""
         m, p, groups = self._model, self._points, self._groups
@@ -387,6 +406,31 @@ def _add(groups, rays, shaded, glass, passed, value, first, last, out):
                             out[groups.receiver[g, k], c] -= light * _left(rays, shaded, glass, passed, g, i, k, c)
                 hidden >>= 1
                 k += 1
+
+
+@allocating
+def _compare_halves(groups, rays, shaded, glass, passed, value, first, last, out):
+    """Write half the differences of shares in groups first .. last - 1; value (P, 2): of the points, by halves."""
+    light, lost = np.empty((GROUP, 2)), np.empty((GROUP, 2))
+    for g in range(first, last):
+        if not shaded[:, g].any():
+            continue
+        light[:], lost[:] = 0.0, 0.0
+        for i in range(groups.first[g], groups.first[g + 1]):
+            hidden, j = 0, groups.point[i]
+            for o in range(len(shaded)):
+                if shaded[o, g]:
+                    hidden |= rays[o, i]
+            for k, h in np.ndindex(GROUP, 2):
+                brought = groups.strength[i, k, 0] * value[j, h]
+                light[k, h] += brought
+                if hidden >> k & 1:
+                    left = _left(rays, shaded, glass, passed, g, i, k, 0) if len(passed) > 0 else 0.0
+                    lost[k, h] += brought * (1.0 - left)
+        for k in range(GROUP):
+            a = lost[k, 0] / light[k, 0] if light[k, 0] > 0.0 else 0.0
+            b = lost[k, 1] / light[k, 1] if light[k, 1] > 0.0 else 0.0
+            out[groups.receiver[g, k]] = 0.5 * abs(a - b)
 
 
 @kernel

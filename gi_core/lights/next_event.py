@@ -308,6 +308,7 @@ class LightPoints(NamedTuple):
     value: np.ndarray  # (P, 3) float64: irradiance over that of strength_of()
     lamp: np.ndarray  # (P,) int64
     spread: np.ndarray  # (P,) float64 [m2], squared radius of a disc of the area that a point on a face stands for
+    halves: np.ndarray  # (P, 2) float64, weight in the light by each half of the points; 1 in both where one is exact
 
     @property
     def distant(self) -> np.ndarray:
@@ -329,13 +330,14 @@ def light_points(
     area, delta, sky = lights.area, lights.delta, lights.sky
     near, suns = np.flatnonzero(~delta.distant), np.flatnonzero(delta.distant)
     reach = np.abs(delta.place[near]).max(axis=1, initial=0.0)
-    parts = [(DELTA, near, delta.place[near], reach, delta.value[near], delta.lamp[near], np.zeros(len(near)))]
+    of_near = delta.value[near], delta.lamp[near], np.zeros(len(near)), np.ones((len(near), 2))
+    parts = [(DELTA, near, delta.place[near], reach, *of_near)]
     for e in suns:
         turn = random_numbers.independent(seed, int(e), 0, LIGHT_U)
         place = sun.points(delta.parameters[e], sun_points if delta.parameters[e, 7] < 1.0 else 1, turn)
         n = len(place)
         each, lamp_of = np.tile(delta.value[e] / n, (n, 1)), np.full(n, delta.lamp[e])
-        parts.append((DELTA, np.full(n, e), place, np.full(n, np.inf), each, lamp_of, np.zeros(n)))
+        parts.append((DELTA, np.full(n, e), place, np.full(n, np.inf), each, lamp_of, np.zeros(n), _halves(n)))
     share = np.diff(area.cdf, prepend=0.0)
     lamps = np.unique(area.lamp[share > 0]) if FACE in kinds else ()
     count = max(LIGHT_POINTS // max(len(lamps), 1), 8)  # 8 points per lamp with area lights at least
@@ -343,14 +345,23 @@ def light_points(
         rows = np.flatnonzero((area.lamp == lamp) & (share > 0))
         face, place, each = _on_faces(seed ^ int(lamp), count, area, rows, share[rows])
         reach, lamp_of = np.abs(area.corners[face]).max(axis=1), np.full(count, lamp)
-        parts.append((FACE, face, place, reach, area.radiance[face] * each[:, None], lamp_of, each / math.pi))
+        value, halves = area.radiance[face] * each[:, None], _halves(count)
+        parts.append((FACE, face, place, reach, value, lamp_of, each / math.pi, halves))
     if SKY in kinds and sky.radiance.any():
         count = SKY_DIRECTIONS if arriving[sky.lamp] < 1.0 else LIGHT_POINTS
         lamp_of, reach = np.full(count, sky.lamp), np.full(count, np.inf)
         towards, value = directions(sky, _pairs(seed, count))
-        parts.append((SKY, np.zeros(count, np.int64), towards, reach, value, lamp_of, np.zeros(count)))
+        index, spread = np.zeros(count, np.int64), np.zeros(count)
+        parts.append((SKY, index, towards, reach, value, lamp_of, spread, _halves(count)))
     kind = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
     return LightPoints(kind, *(np.concatenate(a) for a in list(zip(*parts, strict=True))[1:]))
+
+
+def _halves(count: int) -> np.ndarray:
+    """Return the weights (count, 2) of points in halves of a stratified set: fours of points in turn."""
+    first = np.arange(count) >> 2 & 1 == 0
+    of_each = np.stack([first, ~first], axis=1).astype(float)
+    return of_each * (count / of_each.sum(axis=0)) if count > 4 else np.ones((count, 2))
 
 
 def _on_faces(seed: int, count: int, area: AreaLights, rows: np.ndarray, share: np.ndarray):

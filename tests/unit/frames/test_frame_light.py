@@ -18,6 +18,7 @@ from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Pose
 from tests.support import viewer_support as support
 from tests.support.scene_builders import box_mobile, coloured_room, solve
 
@@ -176,6 +177,43 @@ def test_a_change_of_lamps_has_little_noise(monkeypatch):
         apart.append(np.sqrt(2) * solver.deviation[:n])
     scatter, stated = np.std(changes, axis=0, ddof=1), np.mean(stated, axis=0)
     assert 0.2 * stated.sum() < scatter.sum() < 1.1 * stated.sum() and stated.sum() < 0.5 * np.mean(apart, axis=0).sum()
+
+
+def test_a_change_of_poses_has_the_noise_of_what_mobiles_change(monkeypatch):
+    """Errors of the same static light cancel: stated error is near the scatter, and far below both lights' own."""
+    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.03)
+    changes, stated, apart = [], [], []
+    for seed in range(4):
+        solver = solve(coloured_room((box_mobile(),), grid=16), photons=50_000, light="best", seed=seed)
+        solver.move("box", Pose((0.5, 0.5, 0.3)))
+        for _ in solver.gather_steps():
+            pass
+        poses, n = solver.poses, len(solver.static_irradiance)
+        solver.move("box", Pose((0.3, 0.3, 0.2)))
+        before, deviation = solver.since(poses, solver.levels)
+        changes.append(luminance(solver.irradiance - before)[:n])
+        stated.append(deviation[:n])
+        apart.append(np.sqrt(2) * solver.deviation[:n])
+    assert np.isfinite(stated).all()
+    scatter = np.sqrt(np.var(changes, axis=0, ddof=1).mean())
+    assert 0.6 < np.sqrt(np.square(stated).mean()) / scatter < 2.0
+    assert np.mean(stated) < 0.6 * np.mean(apart)
+
+
+def test_light_gathered_here_is_changed_as_frames_say():
+    """Where light was gathered at the poses on show alone, a change has the share that frames find."""
+    solver = solve(coloured_room((box_mobile(size=0.3),)), photons=5_000, light="best")
+    poses = solver.poses
+    before = solver.irradiance.copy()
+    solver.move("box", Pose((0.3, 0.3, 0.3)))
+    frame = solver.frame
+    better = frame.irradiance.copy()
+    better[:20] *= 1.5
+    solver.frame = frame._replace(irradiance=better)
+    E, _ = solver.since(poses, solver.levels)
+    fell = before[:20] < frame.own[:20]
+    assert fell.any() and E[:20][fell] == pytest.approx(1.5 * before[:20][fell])
+    assert np.array_equal(E[20:], before[20:])
 
 
 def test_light_of_an_earlier_state_is_that_of_a_solver_there():

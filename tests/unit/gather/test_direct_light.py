@@ -41,8 +41,8 @@ def scene(*names: str, mobiles: bool = True) -> Scene:
     return Scene(merge(*parts), (BLACK, lamp(8.0)), things if mobiles else (), lights, up=(0.0, 0.0, 1.0), name="stage")
 
 
-def measured(model: Model) -> DirectLight:
-    direct = DirectLight(model, seed=5)
+def measured(model: Model, seed: int = 5) -> DirectLight:
+    direct = DirectLight(model, seed)
     direct.measure()
     return direct
 
@@ -149,3 +149,22 @@ def test_a_shadow_of_few_photons_has_no_noise():
     share = np.divide(blocked, light, out=np.zeros_like(light), where=light > 0)
     G = solver.static_irradiance
     assert few == pytest.approx(np.maximum(G - np.minimum(G, light) * np.minimum(share, 1.0), 0.0))
+
+
+@pytest.mark.parametrize(
+    "names", [("lamp",), ("lamp", "bulb"), ("sky",), ("clear sky",), ("panel", "sun"), ("bulb", "spot", "downlight")]
+)
+def test_halves_of_the_points_tell_the_error_of_shadows(names):
+    """It is near the scatter of shares between seeds; that of light from points is exact."""
+    model, shares, errors = Model(scene(*names)), [], []
+    at, levels = model.transforms(POSES), model.emitters.lamps.full()
+    for seed in range(12):
+        direct = measured(model, seed)
+        blocked, light = (E.sum(axis=1) for E in (direct.blocked(at, levels), direct.at(at, levels)))
+        shares.append(np.divide(blocked, blocked + light, out=np.zeros_like(light), where=blocked > 0))
+        errors.append(direct.share_error(levels))
+    scatter, stated = np.std(shares, axis=0, ddof=1), np.sqrt(np.mean(np.square(errors), axis=0))
+    if "bulb" in names and "lamp" not in names:
+        assert np.max(shares) > 0.8 and scatter.max() < 1e-12 and not stated.any()
+    else:
+        assert 0.8 < np.sqrt(np.mean(stated**2) / np.mean(scatter**2)) < 2.5
