@@ -360,9 +360,9 @@ class ChangeJob(Job):
 
     @property
     def result(self) -> Change | None:
-        """The change to the present state."""
+        """The change to the present state, which may be newer than the key."""
         of = self._result
-        return None if of is None or self._key is None or of[1] != self._key[:-1] else of[0]
+        return None if of is None or self._key is None or of[1] != (self._key[0], *state_of(self._solver)) else of[0]
 
     def key(self, settings: Settings) -> tuple | None:
         a, s = settings.since, self._solver

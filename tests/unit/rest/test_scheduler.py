@@ -1,5 +1,6 @@
 """Work at rest on a machine with nothing stored: it ends, it is stored, and a failed job ends nothing else."""
 
+import weakref
 from dataclasses import replace
 from functools import partial
 
@@ -7,14 +8,14 @@ import numpy as np
 import pytest
 
 from app.rest import hold, live_error
-from app.rest.jobs import FineJob, Job, SurfacesJob, first_task
+from app.rest.jobs import ChangeJob, FineJob, Job, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.rest.scheduler import RestWork
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
 from app.session.solver_jobs import Refine
-from app.settings import Settings
+from app.settings import CHANGE, Settings, State
 from app.window import view_content
 from gi_core.gather import static
 from gi_core.gather.reference import ReferenceState
@@ -227,3 +228,18 @@ def test_a_step_that_raises_lets_the_job_begin_again():
         first_task((job,), settings).run()
     assert first_task((job,), settings).run() is False and begun == [1000, 1000]
     assert first_task((job,), replace(settings, photons=2000)).run() is False and begun == [1000, 1000, 2000]
+
+
+def test_a_change_since_a_is_that_of_the_state_on_show():
+    """It had the errors of the state before, "+-0 lx" after a lamp was dimmed, until the next task was chosen."""
+    solver = solve(SCENE, photons=3000, radius=0.06, light="best")
+    of_A = State(weakref.ref(solver.model), tuple(solver.poses.items()), tuple(map(tuple, solver.levels.tolist())))
+    job, settings = ChangeJob(solver), Settings(show=CHANGE, since=of_A)
+    job.want(settings)
+    job.step()
+    assert job.result is not None
+    solver.set_lamps({solver.lamps.names[0]: 0.5})
+    assert job.result is None
+    job.want(settings)
+    job.step()
+    assert job.result is not None and job.result.now is solver.irradiance
