@@ -373,6 +373,25 @@ def test_points_beyond_their_range_are_cut_to_it(hand, viewer):
 
 
 @in_window(scene=lamp_over_floor, light="photons")
+def test_glare_has_a_target_of_its_own(hand, viewer):
+    """A mean of UGR was asked for in its place, or kept from illuminance; then the surface was "no longer there"."""
+    session = viewer.session
+    session.edit(surfaces=(HELD,))
+    hand.ctx.set_ref("Panel")
+    for section in ("Scene", "Objects", "Lamps", "Picture"):
+        hand.ctx.item_close(section)
+    hand.ctx.yield_(2)
+    hand.ctx.item_click("surface 0/###surface/##quantity")
+    hand.ctx.item_click("//$FOCUSED/UGR")
+    hand.ctx.yield_(2)
+    assert session.settings.surfaces[0].targets == () and session.grids
+    hand.ctx.item_input_value("**/##   UGR <= t", 19.0)
+    hand.ctx.yield_(2)
+    assert session.settings.surfaces[0].targets == (("maximum", 19.0),) and session.grids
+    assert not hand.ctx.item_exists("**/##   mean >= t")
+
+
+@in_window(scene=lamp_over_floor, light="photons")
 def test_without_read_outs_nothing_is_exported(hand, viewer):
     """The menu wrote a file with a header alone; the panel's button is grey."""
     hand.ctx.set_ref("##MainMenuBar")

@@ -182,7 +182,7 @@ def _place(surface: CalculationSurface, session: Session, edit: Callable) -> Non
     names = {quantity: (quantity, "") for quantity in QUANTITIES if photometric or quantity != UGR}
     ui.label("measures")
     if (quantity := ui.one_of("quantity", surface.quantity, names, surface.quantity)) is not None:
-        edit(surface._replace(quantity=quantity, views=1))
+        edit(surface._replace(quantity=quantity, views=1, targets=()))
     ui.tip(
         "Cylindrical illuminance: mean over all vertical planes. "
         "Daylight factor: share of the light that the CIE's overcast sky brings to open ground [%]. "
@@ -222,24 +222,23 @@ def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -
     if changed:
         a, b = (min(max(n, 1), MOST_GRID_POINTS) for n in (a, b))
         edit(surface._replace(points=(a, b)))
-    if surface.quantity == UGR:
-        moved, views = ui.slider("   views", surface.views, 1, 36, str(surface.views))
-        ui.tip("Directions that eyes look in at each point, evenly round the vertical; the worst counts.")
-        if moved:
-            edit(surface._replace(views=views), imgui.is_item_activated(), False)
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + ui.LABEL_EM * imgui.get_font_size())
     changed, norm = imgui.checkbox("EN 12464 grid", surface.points is None)
     ui.tip("The grid of EN 12464-1: cells of 0.2 · 5^log10(d) m for a side of d m.")
     if changed:
         edit(surface._replace(points=None if norm else shape))
+    if surface.quantity == UGR:
+        moved, views = ui.slider("   views", surface.views, 1, 36, str(surface.views))
+        ui.tip("Directions that eyes look in at each point, evenly round the vertical; the worst counts.")
+        if moved:
+            edit(surface._replace(views=views), imgui.is_item_activated(), False)
 
 
 def _targets(surface: CalculationSurface, edit: Callable) -> None:
-    """Draw the targets of mean and U0; a scene file may have others."""
-    targets = dict(surface.targets)
-    for name, speed, digits in (("mean", 1.0, "%g"), ("U0", 0.005, "%.2f")):
-        label, value = f"   {name} >=", targets.get(name, 0.0)
-        (value,), edited, first, last = ui.fields(label, (value,), speed, digits, "t")
+    """Draw the targets of mean and U0, or of UGR; a scene file may have others."""
+    targets, rows = dict(surface.targets), (("mean", "mean >=", 1.0, "%g"), ("U0", "U0 >=", 0.005, "%.2f"))
+    for name, label, speed, digits in (("maximum", "UGR <=", 0.1, "%g"),) if surface.quantity == UGR else rows:
+        (value,), edited, first, last = ui.fields(f"   {label}", (targets.get(name, 0.0),), speed, digits, "t")
         ui.tip("Target; 0: none. A target holds, or not, where that is certain by two standard errors.")
         if edited or first or last:
             asked = targets | {name: max(value, 0.0)}
