@@ -6,6 +6,7 @@ A lamp gets at most the level asked for; sun, sky and lamps of no watts stay.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import compress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -139,9 +140,8 @@ def result_of(held: Held, grids: Sequence[Grid], unit: str, answer: HeldLevels) 
     )
     names, power = held.model.emitters.lamps.names, f"{answer.of.power:.4g} {unit}"
     targets = [(light, *target) for s, light in zip(held.surfaces, lights, strict=True) for target in s.targets]
-    missing = tuple(
-        _missing(held.model.scene, *t) for t, share in zip(targets, answer.of.missing, strict=True) if share > 0
-    )
+    short = compress(targets, (answer.of.missing > 0) | [not np.isfinite(of[0].values).any() for of in targets])
+    missing = tuple(dict.fromkeys(_missing(held.model.scene, *target) for target in short))
     lines = ["targets cannot be held", *missing] if missing else [f"targets held with {power}"]
     for (light, name, value), price in zip(targets, answer.of.prices, strict=True):
         if not missing:

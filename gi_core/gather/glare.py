@@ -37,12 +37,12 @@ class Glare(NamedTuple):
     def rating(self, illuminance: np.ndarray) -> np.ndarray:
         """Return the UGR (n,), at least 0, from the whole illuminance (n,) [lx] across the line of sight.
 
-        nan where noise leaves no background.
+        nan where noise leaves no background to what glares.
         """
         background = (illuminance - self.direct) / math.pi
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(background > 0.0, 0.25 * self.sources / background, np.nan)
-            return np.maximum(8.0 * np.log10(ratio), 0.0)
+            return np.where(self.sources > 0.0, np.maximum(8.0 * np.log10(ratio), 0.0), 0.0)
 
     def deviation(self, illuminance: np.ndarray, errors: np.ndarray) -> np.ndarray:
         """Return the standard errors (n,) of the UGR from those of the illuminance (n,) [lx]."""

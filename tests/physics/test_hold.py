@@ -78,6 +78,12 @@ def test_a_lamp_that_is_off_stays_off_and_what_is_missing_is_said(measured):
     assert "targets" not in measured(18, 15)
 
 
+def test_a_surface_without_points_is_not_held(measured):
+    far = 'name = "far", position = [9, 0], size = [0.1, 0.1], targets = { mean = 18, U0 = 0.6 }'
+    text = measured(18, 15, "--hold", "--surface", far)
+    assert text.startswith("targets cannot be held\nfar: no point of it counts\nlevels: all off\n")
+
+
 def test_a_scene_without_targets_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "room.toml").write_text(ROOM)

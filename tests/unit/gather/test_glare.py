@@ -52,7 +52,8 @@ def test_glare_is_that_of_a_calculation_by_hand(tmp_path, kind):
     assert np.isnan(found.rating(found.direct)).all(), "no background"
     for away in (-VIEW, np.array([0.0, 0.0, -1.0])):
         assert not glare(model, levels, EYE, away, UP, {}, 1).sources.any(), "behind the eye"
-    assert not glare(model, 0 * levels, EYE, VIEW, UP, {}, 1).sources.any(), "switched off"
+    off = glare(model, 0 * levels, EYE, VIEW, UP, {}, 1)
+    assert not off.sources.any() and not off.rating(np.zeros(1)).any(), "switched off: nothing glares in the dark"
 
 
 def test_a_point_of_light_has_no_luminance(tmp_path):
