@@ -10,12 +10,14 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from app.cli.saved_scene import command_line
 from app.draw.colour_map import sequential_colours
 from app.rest.calculation_surface import FAIL, PASS, SurfaceLight
 from app.session.readouts import LONG_NAMES, described, judged, per_100_lux, shown, unit_of
@@ -37,15 +39,16 @@ h3 { font-size: 11pt; margin: 5mm 0 1mm; } p { margin: 1mm 0; } .dim { color: #6
 table { border-collapse: collapse; margin: 2mm 0; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 0.6mm 3mm 0.6mm 0; border-bottom: 0.1mm solid #ccc; vertical-align: top; }
 th { font-weight: 600; } .pass { color: #176b2c; } .fail { color: #b3261e; } .uncertain { color: #8a5a00; }
-img { width: 100%; } figure { margin: 2mm 0; } svg text { font: 9px system-ui, sans-serif; }
+img { max-width: 100%; max-height: 95mm; } figure { margin: 2mm 0; } svg text { font: 9px system-ui, sans-serif; }
 section, figure, tr, .lamp { break-inside: avoid; } .lamps { display: flex; flex-wrap: wrap; gap: 5mm; }
+h2, h3, .lamps { break-after: avoid; }
 @page { size: A4; margin: 12mm; } @media print { body { margin: 0; } }
 """
 LIMITS = (
     "Numbers are path traced and have one standard error; equal inputs give equal bits. A target passes or fails where "
     "that is certain by two standard errors. The calculation knows no spectra, no dirt or ageing beyond the "
     "maintenance factor, and no flicker. It certifies nothing. Norms: EN 12464-1 (grid, maintained illuminance), "
-    "EN 12665 (uniformity), ISO 15469 (skies); their texts were not at hand."
+    "EN 12665 (uniformity), CIE 117 (UGR), ISO 15469 (skies); their texts were not at hand."
 )
 
 
@@ -163,7 +166,7 @@ def _surface(c: Content, light: SurfaceLight) -> str:
 def _plan(light: SurfaceLight, unit: str) -> str:
     """Return the points of a surface as coloured cells with their values, as SVG; the first side goes right."""
     (a, b), (width, depth) = light.grid.shape, light.grid.size.tolist()
-    scale = min(640 / width, 420 / depth)
+    scale = min(640 / width, 420 / depth, 80 * a / width)
     w, h = scale * width / a, scale * depth / b
     most = float(np.nanmax(light.values, initial=0.0))
     cells = []
@@ -274,10 +277,13 @@ def _materials(c: Content) -> str:
 
 
 def _settings(c: Content) -> list[tuple[str, str]]:
-    """Return what a second run needs: files with their hashes, seed, errors, levels."""
+    """Return what a second run needs: files with their hashes, command with poses and levels, seed, errors."""
     scene, s = c.model.scene, c.settings
     watts = full_watts(scene, s.watts)
-    rows = [("scene", Path(s.scene).name), ("program", f"gi-viewer {c.version}"), ("seed", str(s.seed)),
+    named = replace(s, scene=Path(s.scene).name, mobiles=tuple(Path(file).name for file in s.mobiles))
+    edits = f", and {len(s.edits)} edits that a saved scene keeps" if s.edits else ""
+    rows = [("scene", named.scene), ("program", f"gi-viewer {c.version}"), ("seed", str(s.seed)),
+            ("command", command_line(named) + edits),
             ("relative noise asked for", f"{100 * c.error:g} %"),
             ("maintenance factor", f"{s.maintenance_factor or scene.maintenance_factor:g}"),
             ("watts at 100 %", ", ".join(f"{name} {w:g} W" for name, w in watts.items()) or "none")]  # fmt: skip

@@ -114,6 +114,8 @@ def test_bad_files_are_refused_before_the_work(folder, capsys):
 
 @in_window()
 def test_the_window_writes_a_report(hand, viewer, folder):
+    viewer.session.move({"block": viewer.session.poses["block"]._replace(position=(0.3, 0.0, 0.3))})
+    hand.wait_for_light()
     hand.ctx.set_ref("##MainMenuBar")
     hand.ctx.menu_click("File/Report...")
     hand.ctx.yield_(3)
@@ -121,6 +123,7 @@ def test_the_window_writes_a_report(hand, viewer, folder):
     hand.wait((folder / "r.html").exists)
     page = (folder / "r.html").read_text(encoding="utf-8")
     assert "Luminaires and lamps" in page and page.count("data:image/png") == 1
+    assert "--pose block=0.3,0.0,0.3" in page, "what a second run needs"
 
 
 def test_the_reflectance_of_a_texture_is_its_mean(tmp_path):

@@ -162,8 +162,8 @@ def report(window: Window) -> None:
         s = window.session
         rest = s.light.snapshot.rest.surfaces
         return page(Content(
-            s.model, s.settings, s.light.snapshot.levels, s.level, [x for x in rest if x.is_current], s.power,
-            [("Picture", png(_picture(window)))], version(), NOISE,
+            s.model, window.files.settings_now(s, window.viewport), s.light.snapshot.levels, s.level,
+            [x for x in rest if x.is_current], s.power, [("Picture", png(_picture(window)))], version(), NOISE,
         ))  # fmt: skip
 
     suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".html"))
