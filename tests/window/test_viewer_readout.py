@@ -389,6 +389,14 @@ def test_glare_has_a_target_of_its_own(hand, viewer):
     hand.ctx.yield_(2)
     assert session.settings.surfaces[0].targets == (("maximum", 19.0),) and session.grids
     assert not hand.ctx.item_exists("**/##   mean >= t")
+    hand.ctx.item_input_value("**/##   views", 4)
+    hand.ctx.item_input_value("**/##Maintenance", "0.8")
+    hand.ctx.yield_(2)
+    assert session.settings.surfaces[0].views == 4 and session.settings.maintenance_factor == 0.8
+    for _ in range(2):
+        hand.press(int(keys().mod_ctrl) | int(keys().z))
+    assert session.settings.surfaces[0].views == 1 and session.settings.maintenance_factor != 0.8
+    assert session.settings.surfaces[0].targets == (("maximum", 19.0),)
 
 
 @in_window(scene=lamp_over_floor, light="photons")

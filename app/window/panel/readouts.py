@@ -99,8 +99,9 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
         factor = s.maintenance_factor or session.scene.maintenance_factor
         moved, factor = ui.slider("Maintenance", factor, 0.3, 1.0, f"{factor:.2f}", read=maintenance)
         ui.tip("Maintenance factor of EN 12464-1: share of the light of lamps, not of sun and sky, that counts here.")
-        if moved:
-            actions.add(("edit", "maintenance_factor", round(factor, 2), imgui.is_item_activated(), False))
+        first, last = imgui.is_item_activated(), imgui.is_item_deactivated()
+        if moved or first or last:
+            actions.add(("edit", "maintenance_factor", round(factor, 2), first, last))
     if any(surface.targets for surface in surfaces):
         _hold(s, session, actions)
     for k, surface in enumerate(surfaces):
@@ -230,8 +231,9 @@ def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -
     if surface.quantity == UGR:
         moved, views = ui.slider("   views", surface.views, 1, 36, str(surface.views))
         ui.tip("Directions that eyes look in at each point, evenly round the vertical; the worst counts.")
-        if moved:
-            edit(surface._replace(views=views), imgui.is_item_activated(), False)
+        first, last = imgui.is_item_activated(), imgui.is_item_deactivated()
+        if moved or first or last:
+            edit(surface._replace(views=views), first, last)
 
 
 def _targets(surface: CalculationSurface, edit: Callable) -> None:
