@@ -57,7 +57,8 @@ class Reading(NamedTuple):
         E += f" ± {_digits(self.error, 2)}" if self.error > 0 else ""
         if self.before is not None:
             A, error = self.before
-            change = f"change {_digits(self.irradiance - A, sign='+')} ± {_digits(error, 2)} {u.per_area}"
+            noise = "" if math.isnan(error) else f" ± {_digits(error, 2)}"
+            change = f"change {_digits(self.irradiance - A, sign='+')}{noise} {u.per_area}"
             return f"{u.on_surface} {E} {u.per_area}  ·  light A {_digits(A)}, {change}  ·  {place}"
         L = f"{L} {u.per_solid_angle}" + " without its reflection" * self.is_sharp
         return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L}  ·  {place}"

@@ -142,7 +142,7 @@ def judged(light: SurfaceLight, number: str, units: Units) -> str:
     targets = dict(light.surface.targets)
     if number not in targets:
         return ""
-    unit = "" if number in ("U0", "Ud") else f" {unit_of(light.surface, units)}"
+    unit = "" if number in ("U0", "Ud") else f" {unit_of(light.surface, units)}".rstrip()
     bound = "at most" if number in AT_MOST else "at least"
     return f"   {bound} {targets[number]:g}{unit}: {light.verdicts[number]}"
 

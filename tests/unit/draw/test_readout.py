@@ -71,7 +71,9 @@ def test_a_point_lamp_over_a_floor_reads_as_its_closed_form(units, expected):
         assert reading.irradiance == pytest.approx(E, rel=2e-3)
         assert reading.radiance == pytest.approx(0.5 * E / math.pi, rel=2e-3)
         assert (reading.object, reading.material, reading.units) == (STATIC, "oak", expected)
-    text = reading_at(shot, (0.0, 0.0, 0.0)).text()
+    reading = reading_at(shot, (0.0, 0.0, 0.0))
+    text, unknown = reading.text(), reading._replace(before=(100.0, math.nan)).text()
+    assert f"light A 100, change +25 {expected.per_area}  ·" in unknown, "its error is not known yet"
     shown = {
         "photometric": "Illuminance 125 lx  ·  luminance 19.9 cd/m²  ·  static part, oak",
         "radiometric": "Irradiance 125 W/m²  ·  radiance 19.9 W/m²/sr  ·  static part, oak",

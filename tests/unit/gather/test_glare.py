@@ -8,13 +8,13 @@ import pytest
 from app.rest.calculation_surface import surface_steps
 from app.rest.hold import Inputs, measured_steps, result_of
 from app.rest.surface_grid import level_of
-from app.session.readouts import described
+from app.session.readouts import described, judged
 from app.session.report import _plan
 from gi_core.files.load import load_scene
 from gi_core.gather.glare import glare
 from gi_core.model import Model
 from gi_core.scene import CalculationSurface, SceneError
-from gi_core.scene.types import UGR
+from gi_core.scene.types import UGR, UNITS
 from tests.support.photometry import write_ies
 from tests.support.toml_rooms import room_file, table
 
@@ -83,6 +83,8 @@ def test_a_surface_rates_glare_where_eyes_are(tmp_path):
     assert np.array_equal(worst.grid.positions, behind.grid.positions) and worst.errors[0] < 0.5
     assert described(worst, level).endswith("1 x 1 points, the worst of 2 views")
     assert _plan(worst, "").endswith("up the page.</p>"), "UGR has no unit"
+    asked = worst._replace(surface=worst.surface._replace(targets=(("maximum", 28.0),)))
+    assert judged(asked, "maximum", UNITS["photometric"]) == "   at most 28: pass"
 
 
 def test_lamps_hold_the_worst_view(tmp_path):
