@@ -33,7 +33,7 @@ class Pointer:
     def update(self, session: Session, view: View, shown: Shown | None, side: Side | None) -> None:
         """Find surface and light; side: of the picture under the cursor, None before the first light, as `shown`."""
         mouse = imgui.get_io().mouse_pos
-        asked = (tuple(mouse), view.camera, session.version, session.settings.cull, side is None)
+        asked = (tuple(mouse), view.camera, session.version, session.settings.cull, id(shown))  # drawn later
         if asked == self._asked:
             return
         self._asked = asked

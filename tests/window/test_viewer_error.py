@@ -196,6 +196,10 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     A, error = reading.before
     assert reading.irradiance == pytest.approx(0.5 * A, rel=0.02) and 0 < error < 0.1 * A
     assert f"light A {A:.3g}, change {reading.irradiance - A:+.3g} ± " in viewer.viewport.readout()
+    pointer, drawn, side = viewer.viewport.pointer, viewer.viewport.shown, viewer.viewport.shown.sides[0]
+    for content, has_A in ((drawn, True), (drawn._replace(errors=None), False)):  # the mouse rests
+        pointer.update(viewer.session, viewer.viewport.view, content, side)
+        assert (pointer.reading.before is not None) == has_A, "light is drawn after its version is known"
     (now,), (of_A,) = viewer.session.light.snapshot.rest.surfaces, viewer.session.kept.surfaces
     assert now.numbers.mean[0] == pytest.approx(0.5 * of_A.numbers.mean[0], rel=0.02)
 
