@@ -390,9 +390,10 @@ def as_asked(scene: Scene, settings: Settings) -> Scene:
     from gi_core.scene import Camera
     from gi_core.scene.validate import check_lamp
 
-    for name in settings.levels(()):  # before kernels compile
+    asked = [*(("lamps", name) for name in settings.levels(())), *(("watts", name) for name, _ in settings.watts)]
+    for table, name in asked:  # before kernels compile
         if name != OTHERS and name not in removed_lamps(settings.edits):
-            check_lamp(_place_of(settings, "lamps", name, scene.name), name, scene)
+            check_lamp(_place_of(settings, table, name, scene.name), name, scene)
     poses = start_poses(settings, scene)
     if (c := settings.camera) is not None:
         scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))

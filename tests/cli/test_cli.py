@@ -208,6 +208,11 @@ def test_a_mistyped_lamp_is_refused_before_kernels_compile(capsys, monkeypatch, 
     assert "no lamp is called 'lmap'; did you mean 'lamp'?" in one_line(capsys.readouterr().err)
 
 
+def test_watts_of_a_mistyped_lamp_are_refused(capsys):
+    assert cli.main(["measure", "cornell", "--watts", "lmap=5"]) == 3
+    assert "no lamp is called 'lmap'; did you mean 'lamp'?" in one_line(capsys.readouterr().err)
+
+
 def test_unknown_mobile_and_non_rigid_pose_exit_with_3(capsys):
     assert cli.main(["info", *FEW, "--pose", "nobody=0,0,0"]) == 3
     assert '"nobody"' in one_line(capsys.readouterr().err)
