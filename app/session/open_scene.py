@@ -129,7 +129,8 @@ class OpenScene:
         """The light on show, once its errors are known: best light has them after seconds at rest."""
         light = self.light.snapshot
         at_poses = light.rest.at_poses
-        in_place = not light.poses or (at_poses is not None and at_poses.used)  # else those near objects are unknown
+        ended = at_poses is not None and (at_poses.used or at_poses.fraction == 1)
+        in_place = not light.poses or ended  # else errors near objects are unknown, and may be soon
         if light.deviation is None or not in_place or np.isnan(light.deviation).all():
             return None
         levels = tuple(map(tuple, light.levels.tolist()))

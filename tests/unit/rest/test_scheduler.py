@@ -243,3 +243,14 @@ def test_a_change_since_a_is_that_of_the_state_on_show():
     job.want(settings)
     job.step()
     assert job.result is not None and job.result.now is solver.irradiance
+
+
+def test_light_is_kept_as_a_where_paths_at_the_poses_never_show():
+    """In furnace they equal the frame's light, are never used, and the light could not be kept at all."""
+    session = opened()
+    rest(session)
+    snapshot = session.light.snapshot
+    for fraction, keeps in ((0.5, False), (1.0, True)):
+        at_poses = snapshot.rest.at_poses._replace(fraction=fraction, used=False)
+        session.light.snapshot = snapshot._replace(rest=snapshot.rest._replace(at_poses=at_poses))
+        assert (session.light_to_keep is not None) == keeps
