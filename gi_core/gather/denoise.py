@@ -26,6 +26,7 @@ from gi_core.base.pause import pause
 from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
+from gi_core.lights.lamps import sum_of_lamps
 
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
@@ -67,18 +68,17 @@ def denoise(
     sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(mean))  # Hutchinson 1990: the least variance
     more = mean + LITTLE * sign[:, None] * standard_error
     saved = np.zeros((len(mean), 1 + len(reaches)))  # squared error less than without smoothing, by reach
-    lights = [mean]
+    lights = [mean if per_lamp is None else per_lamp]
     pause()
 
-    def at_reach(E: np.ndarray, reach: float) -> np.ndarray:
-        columns = (E, mean[:, :0]) if guide is None else (guide, E)
-        light = smoothed(*columns, variance, reach, near, threads)
-        return light[:, :VARIANCE] if guide is None else light[:, VARIANCE + 1 :]
+    def at_reach(E: np.ndarray, carried: np.ndarray, reach: float) -> np.ndarray:
+        return smoothed(E if guide is None else guide, carried, variance, reach, near, threads)[:, VARIANCE + 1 :]
 
     for k, reach in enumerate(reaches, 1):
-        lights.append(at_reach(mean, reach))
-        answer = luminance(at_reach(more, reach) - lights[k]) / LITTLE
-        saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
+        lights.append(at_reach(mean, lights[0], reach))
+        E = sum_of_lamps(lights[k])
+        answer = luminance(at_reach(more, more, reach) - E) / LITTLE
+        saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(E - mean) ** 2
 
     def pooled(values: np.ndarray) -> np.ndarray:
         # 40 means over neighbours: one receiver's estimate is as large as the risk itself
@@ -94,14 +94,7 @@ def denoise(
     saved = pooled(np.divide(saved, around, out=np.zeros_like(around), where=around > 0)[:, None])[:, 0]
     # two passes average a receiver with two rings, some 19; a risk may be negative
     left = np.sqrt(np.clip(1 - saved, 1 / 19, 1.0))
-    if per_lamp is not None:
-        lights = [per_lamp]
-        for reach in reaches:
-            light = smoothed(mean if guide is None else guide, per_lamp, variance, reach, near, threads)
-            lights.append(light[:, VARIANCE + 1 :])
-            pause()
-    out = _chosen(lights, best)
-    return Denoised(out, sigma, left)
+    return Denoised(_chosen(lights, best), sigma, left)
 
 
 def _chosen(lights: list[np.ndarray], best: np.ndarray) -> np.ndarray:
