@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gi_core.scene.types import CalculationSurface, LampLevel
 
@@ -61,6 +61,14 @@ def exposure(text: str) -> float:
     value = finite(text)
     _require(abs(value) <= 64, "-64 .. 64 stops", text)  # beyond, every picture is black or white
     return value
+
+
+def _numbers(text: str, read: Callable[[str], float] = finite) -> tuple[float, ...]:
+    """Return numbers with commas between them; () if one is none, or out of range."""
+    try:
+        return tuple(read(part) for part in text.split(","))
+    except argparse.ArgumentTypeError:
+        return ()
 
 
 def positive(text: str) -> float:
@@ -127,22 +135,16 @@ def size(text: str) -> tuple[int, int]:
 
 
 def value_range(text: str) -> tuple[float, float]:
-    low, comma, high = text.partition(",")
-    values = (finite(low), finite(high)) if comma else (0.0, 0.0)
-    fits = (values[0] == 0 or values[0] >= TINIEST) and values[0] < values[1] >= TINIEST
-    _require(fits, f"LOW,HIGH with 0 <= LOW < HIGH, 0 or from {TINIEST:g}", text)
-    return values
+    values = _numbers(text, not_negative)
+    _require(len(values) == 2 and values[0] < values[1], f"LOW,HIGH with 0 <= LOW < HIGH, 0 or from {TINIEST:g}", text)
+    return values[0], values[1]
 
 
 def isolines(text: str) -> tuple[float, ...]:
     """Return values of isolines; (): the program chooses them."""
     if text in ("auto", ""):
         return ()
-    parts = text.split(",")
-    try:
-        values = tuple(positive(part) for part in parts)
-    except argparse.ArgumentTypeError:
-        values = ()
+    values = _numbers(text, positive)
     _require(0 < len(values) <= MOST_ISOLINES, f"auto, or up to {MOST_ISOLINES} numbers over 0: E1,E2,...", text)
     return values
 
@@ -150,10 +152,7 @@ def isolines(text: str) -> tuple[float, ...]:
 def lamp(text: str) -> LampLevel:
     most_level = 1000.0  # level of a lamp, as in `gi_core.lights.lamps`
     name, equals, numbers = text.rpartition("=")
-    try:
-        values = tuple(not_negative(n) for n in numbers.split(","))
-    except argparse.ArgumentTypeError:
-        values = ()
+    values = _numbers(numbers, not_negative)
     fits = name and equals and len(values) in (1, 3) and max(values) <= most_level
     _require(fits, f"NAME=LEVEL or NAME=r,g,b, numbers from 0 to {most_level:g}", text)
     return LampLevel(name, values[0]) if len(values) == 1 else LampLevel(name, 1.0, values)  # type: ignore[arg-type]
@@ -174,57 +173,49 @@ def maintenance(text: str) -> float:
 
 def pose(text: str) -> tuple[str, tuple[float, ...]]:
     name, equals, numbers = text.rpartition("=")
-    try:
-        values = tuple(finite(n) for n in numbers.split(","))
-    except argparse.ArgumentTypeError:
-        values = ()
+    values = _numbers(numbers)
     _require(name and equals and len(values) in (3, 7), "NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz", text)
     return name, values
 
 
-def surface(text: str) -> CalculationSurface:
-    """Return the calculation surface of keys of a table [[surface]], with commas between them."""
+def _keys(text: str, table: str, example: str, read: Callable[[dict], Any]) -> Any:
+    """Return what `read` makes of the keys of a table of a scene file, with commas between them."""
     import tomllib
 
-    from gi_core.files.formats.toml_file import read_surface
     from gi_core.scene.errors import SceneError
 
     try:
-        return read_surface(tomllib.loads(f"keys = {{{text}}}")["keys"], "surface")
+        return read(tomllib.loads(f"keys = {{{text}}}")["keys"])
     except SceneError as problem:
-        raise argparse.ArgumentTypeError(str(problem).removeprefix("surface: ")) from None
+        raise argparse.ArgumentTypeError(str(problem).removeprefix(f"{table.strip('[]')}: ")) from None
     except tomllib.TOMLDecodeError:
-        _require(False, """keys of [[surface]] such as 'name = "desk", height = 0.75'""", text)
-        raise
+        raise argparse.ArgumentTypeError(f"must be keys of {table} such as '{example}', got {text}") from None
+
+
+def surface(text: str) -> CalculationSurface:
+    """Return the calculation surface of keys of a table [[surface]]."""
+    from gi_core.files.formats.toml_file import read_surface
+
+    return _keys(text, "[[surface]]", 'name = "desk", height = 0.75', lambda keys: read_surface(keys, "surface"))
 
 
 def daylight(text: str) -> Daylight:
-    """Return the edit that keys of the table [daylight], with commas between them, make."""
-    import tomllib
-
+    """Return the edit that keys of the table [daylight] make."""
     from gi_core.files.edits import Daylight
     from gi_core.files.formats.toml_fields import Table
     from gi_core.files.formats.toml_file import DAYLIGHT
-    from gi_core.scene.errors import SceneError
 
-    try:
-        keys = tomllib.loads(f"keys = {{{text}}}")["keys"]
+    def read(keys: dict) -> Daylight:
         _require(keys.keys() <= DAYLIGHT.keys(), f"keys of [daylight], {', '.join(DAYLIGHT)}", text)
         Table(keys, "daylight", {key: DAYLIGHT[key] for key in keys}).fields()
-    except SceneError as problem:
-        raise argparse.ArgumentTypeError(str(problem).removeprefix("daylight: ")) from None
-    except tomllib.TOMLDecodeError:
-        _require(False, "keys of [daylight] such as 'date = 2026-03-21, hour = 9'", text)
-        raise
-    return Daylight(tuple((key, tuple(v) if isinstance(v, list) else v) for key, v in keys.items()))
+        return Daylight(tuple((key, tuple(v) if isinstance(v, list) else v) for key, v in keys.items()))
+
+    return _keys(text, "[daylight]", "date = 2026-03-21, hour = 9", read)
 
 
 def plane(text: str) -> CalculationSurface:
     """Return the horizontal surface between two corners at a height, from five numbers; seven give its points too."""
-    try:
-        n = [finite(part) for part in text.split(",")]
-    except argparse.ArgumentTypeError:
-        n = []
+    n = _numbers(text)
     fits = len(n) in (5, 7) and n[0] < n[2] and n[1] < n[3]
     _require(fits, "A0,B0,A1,B1,HEIGHT[,M,N]: A0 < A1, B0 < B1, M and N points", text)
     points = f", points = [{n[5]:g}, {n[6]:g}]" if len(n) > 5 else ""
@@ -233,10 +224,7 @@ def plane(text: str) -> CalculationSurface:
 
 
 def camera(text: str) -> tuple[float, ...]:
-    try:
-        eye_target_fov = tuple(finite(n) for n in text.split(","))
-    except argparse.ArgumentTypeError:
-        eye_target_fov = ()
+    eye_target_fov = _numbers(text)
     fits = len(eye_target_fov) == 7 and eye_target_fov[:3] != eye_target_fov[3:6] and 0 < eye_target_fov[6] < 180
     _require(fits, "x,y,z,tx,ty,tz,fov: eye, another point as target, 0 < fov < 180", text)
     return eye_target_fov
