@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = (*dict.fromkeys(row.kept for row in TABLE.values() if row.kept), "measuring_plane")
+KEYS = tuple(dict.fromkeys(row.kept for row in TABLE.values() if row.kept))
 SAVED = tuple(name for name, row in TABLE.items() if row.kept == TOGETHER)
 VALUES = "material", "light", "shape"  # fields of edits that are tables of a scene file
 
@@ -104,7 +104,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     """Return the settings of the tables of a saved scene. Raises SceneError."""
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import Table, of
-    from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes, read_watts
+    from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes, read_surfaces, read_watts
 
     file = Path(os.path.realpath(path))  # of a link: files are named relative to what it leads to
     boundary = Boundary(file.parent, allow_outside)
@@ -136,7 +136,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
         light_scenes=scenes,
         pins=pins,
         cameras=cameras,
-        surfaces=_surfaces(root),
+        surfaces=read_surfaces(root) if "surface" in root else None,
         **values,
     )
 
@@ -147,29 +147,6 @@ def _camera(table: Table) -> tuple[float, ...]:
 
     camera = read_camera(table)
     return *camera.position, *camera.target, camera.vertical_fov_degrees
-
-
-def _surfaces(root: Table) -> tuple[CalculationSurface, ...] | None:
-    """Return the surfaces of a saved scene; a table [measuring_plane] of earlier versions becomes one."""
-    from gi_core.files.formats.toml_fields import Table
-    from gi_core.files.formats.toml_file import SURFACE, read_surfaces
-    from gi_core.scene.errors import SceneError
-
-    if "measuring_plane" not in root:
-        return read_surfaces(root) if "surface" in root else None
-    values = root.section("measuring_plane", ("low", "high", "height", "points"))
-    low, high, height = values.vector("low", 2), values.vector("high", 2), values.number("height")
-    sides = list(zip(low, high, strict=True))
-    if not all(a < b for a, b in sides):
-        above = [b if a < b else a + 1 for a, b in sides]
-        raise SceneError(
-            f"{values.where}: high must be above low on both axes, got low {list(low)}, high {list(high)}; "
-            f"write high = {above}"
-        )
-    keys = {"name": "measuring plane", "position": [(a + b) / 2 for a, b in sides], "size": [b - a for a, b in sides]}
-    keys["height"] = height
-    points = {"points": values.values["points"]} if "points" in values else {}
-    return (CalculationSurface(**Table(keys | points, values.where, SURFACE).fields()),)
 
 
 def _inline(value: Any) -> str:

@@ -54,7 +54,7 @@ def test_measure_prints_a_surface_and_writes_it(capsys, tmp_path, monkeypatch):
 
 def test_measure_reads_the_pins_and_the_plane_of_a_saved_scene(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    plane = "[measuring_plane]\nlow = [0.4, 0.4]\nhigh = [0.6, 0.6]\nheight = 0.5\npoints = [1, 1]\n"
+    plane = '[[surface]]\nname = "desk"\nposition = [0.5, 0.5]\nsize = [0.2, 0.2]\nheight = 0.5\npoints = [1, 1]\n'
     pin = '[[pins]]\nname = "lid"\nobject = "cube"\nposition = [0, 0.1, 0]\nnormal = [0, 1, 0]\n'
     (tmp_path / "a.toml").write_text(f'scene = "furnace"\n{plane}{pin}')
     assert cli.main(["measure", "a.toml", "--error", "5"]) == 0

@@ -135,17 +135,6 @@ def test_isolines_and_read_outs_are_saved(changes, tmp_path):
     "text, message",
     [
         (
-            "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 0]\nheight = 0.75",
-            "a.toml: [measuring_plane]: high must be above low on both axes, got low [0.0, 0.0], high [1.0, 0.0]; "
-            "write high = [1.0, 1.0]",
-        ),
-        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]", "[measuring_plane]: height is missing; write height = 1.0"),
-        (
-            "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]\nheight = 1\npoints = [0, 2.5]",
-            "a.toml: [measuring_plane]: points must be 2 whole numbers from 1 to 100, got [0, 2.5]",
-        ),
-        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]\nheight = 1\npoints = [101, 4]", "got [101, 4]"),
-        (
             "[camera]\nposition = [0, 1]\ntarget = [0, 0, 0]",
             "[camera]: position must be three finite numbers, got [0, 1",
         ),
