@@ -8,6 +8,7 @@ from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import numpy as np
+from trimesh.creation import revolve
 
 from gi_core.geometry.mesh_parts import join
 from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Scene
@@ -60,14 +61,12 @@ class AtlasRow(NamedTuple):
     title: str = ""  # of the section of this row and its neighbours; "": `where`
 
 
-def solved(scene: Scene, photons: int, seed: int = 0, poses=None, **setting) -> Solver:
-    """Return a solver that has traced its photons, with mobiles at poses."""
+def solved(scene: Scene, photons: int, seed: int = 0, **setting) -> Solver:
+    """Return a solver that has traced its photons."""
     solver = Solver(
         scene, photons=photons, seed=seed, **{"neighbours": 50, "radius": 0.1, "rays": RAYS.get(), **setting}
     )
     solver.solve()
-    if poses:
-        solver.move_all(poses)
     return solver
 
 
@@ -163,20 +162,10 @@ def box(low, high, divisions: int = 1, material: int = 0, inward: bool = False) 
 
 def ball(radius: float, rings: int = 24, inward: bool = False) -> Mesh:
     """Return a sphere about the origin from rings of latitude, its front outside or inside."""
-    theta = np.pi * np.arange(1, rings) / rings
-    phi = np.pi * np.arange(2 * rings) / rings
-    t, p = np.meshgrid(theta, phi, indexing="ij")
-    grid = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
-    points = radius * np.concatenate([grid.reshape(-1, 3), [[0.0, 0, 1], [0, 0, -1]]])
-    at = np.arange((rings - 1) * 2 * rings).reshape(rings - 1, -1)
-    a, b, c, d = at[:-1], at[1:], np.roll(at[1:], -1, axis=1), np.roll(at[:-1], -1, axis=1)
-    middle = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    first, last, pole = at[0], at[-1], len(points) - 2
-    caps = [np.stack([0 * first + pole, first, np.roll(first, -1)], 1)]
-    caps.append(np.stack([0 * last + pole + 1, np.roll(last, -1), last], 1))
-    faces = np.concatenate([middle, *caps])
-    faces = faces[:, ::-1] if inward else faces
-    return Mesh(points, np.ascontiguousarray(faces, np.int32), np.zeros(len(faces), np.int32))
+    angle = np.linspace(0, np.pi, rings + 1)
+    turned = revolve(radius * np.stack([np.sin(angle), -np.cos(angle)], axis=1), sections=2 * rings)
+    faces = np.ascontiguousarray(turned.faces[:, ::-1] if inward else turned.faces, np.int32)
+    return Mesh(np.array(turned.vertices, np.float64), faces, np.zeros(len(faces), np.int32))
 
 
 def joined(*meshes: Mesh) -> Mesh:
