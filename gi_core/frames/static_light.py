@@ -101,7 +101,7 @@ class StaticLight:
 
     def is_early(self, paths: int) -> bool:
         """Whether there is no light but that of photons and of fewer than so many paths per receiver."""
-        return self._edited is None and (self.gathered is None or self.gathered.is_early(paths))
+        return self.gathered is None or self.gathered.is_early(paths)
 
     def irradiance(self, b: Background, levels: np.ndarray) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] at levels of the lamps; the same array for the same light.

@@ -42,7 +42,7 @@ from gi_core.rays.panes import transmitted
 from gi_core.rays.structures import new_ray
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
-SEE_GRAIN = 16  # groups per thread
+SEE_AT_ONCE = 16  # groups: their strengths before those of 0 are left out
 
 
 class Groups(NamedTuple):
@@ -124,7 +124,8 @@ class DirectLight:
         if positions is None:
             positions = Places.of_receivers(self._model).positions
         out = np.ones(len(positions), bool)
-        for place, spread in zip(self._points.place, self._points.spread, strict=True):
+        on_faces = self._points.spread > 0.0
+        for place, spread in zip(self._points.place[on_faces], self._points.spread[on_faces], strict=True):
             away = positions - place
             out &= (away * away).sum(axis=1) >= 9.0 * spread  # three radii of the disc
         return out
@@ -186,9 +187,9 @@ class DirectLight:
             return lit.sum(axis=1), np.nonzero(lit)[1], strength[lit]
 
         def work(_, first, last):
-            return [see(at + k, at + min(k + SEE_GRAIN, last)) for k in range(first, last, SEE_GRAIN)]
+            return [see(at + k, at + min(k + SEE_AT_ONCE, last)) for k in range(first, last, SEE_AT_ONCE)]
 
-        return list(itertools.chain.from_iterable(run_ranges(work, count, m.threads, SEE_GRAIN)))
+        return list(itertools.chain.from_iterable(run_ranges(work, count, m.threads, 1)))
 
     def at(self, at: Transforms, levels: np.ndarray) -> np.ndarray:
         """Return the direct light (n, 3) [W/m2] that passes mobiles at their poses, at levels (G, 3) of the lamps."""

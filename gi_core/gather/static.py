@@ -225,7 +225,8 @@ class StaticGather:
     def is_early(self, paths: int) -> bool:
         """Whether there is no light but that of fewer than so many paths per receiver of phase 1."""
         r = self._radiosity
-        of_phase_1 = self.state is None and (self.estimate is None or r.paths > 0)
+        gathered = self.estimate is not None and self.estimate.source is not Source.EDITED
+        of_phase_1 = self.state is None and (not gathered or r.paths > 0)
         return not self.enough and of_phase_1 and r.paths < paths and not r.is_complete
 
     @property

@@ -137,6 +137,22 @@ def test_lamps_that_stay_keep_their_light(before):
     assert without.frame_light.static.best.error <= g.error
 
 
+def test_light_that_an_edit_changes_much_is_gathered_before_more_photons(before):
+    """As at a launch. In classroom, another hour of the sun showed 12 % of error until the million photons had come."""
+    darker = tuple(Darken(name) for name in ("lamp", "spot"))
+    moved = edited(before.scene, (*darker, Light("bulb", (("position", (0.7, 0.3, 0.5)),))))
+    for kept in (None, Estimate(Source.EDITED, np.ones((1, 3)), np.ones((1, 1)), 0.1, 0.1)):
+        solver = Solver(moved, **GIVEN | {"photons": 200_000}, results=before.keep_results())
+        for progress in solver.solve_steps():
+            if kept is not None and solver.frame_light.static.gathered is None:  # as another session has stored it
+                g, n = StaticGather(solver.model, solver.seed), len(solver.static_irradiance)
+                g.estimate = kept._replace(light=np.ones((n, 3)), variance=np.ones((n, 1)))
+                solver.frame_light.static.gathered = g
+            if progress.picture and solver.frame_light.source is Source.RADIOSITY:
+                break
+        assert solver.frame.photons < first_frame.DRAGGED and solver.frame_light.source is Source.RADIOSITY
+
+
 def test_a_moved_light_leaves_unreached_receivers_dark():
     """Smoothing lit those in the ceiling a little, so that they were not filled: a lamp's side turned black."""
     plain = room()
