@@ -49,23 +49,28 @@ class RestWork:
     def next_task(self, settings: Settings) -> Task | None:
         """Return a task of a kind not given up, None at the end: gathering and measurements take turns.
 
-        Until gathering has a first result it has most turns: a better picture matters more than its error. Fine points
-        come before all else: they take 2 s once, and sunlight has teeth without them.
+        Until gathering has a first result it has most turns: a better picture matters more than its error.
         """
         self._settings, static = settings, self.gathering
         unknown = math.isinf(static.progress.error) and static.name not in self.given_up
         # Static light has three turns per turn of measuring errors, until it has a first result.
         gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
         # Surfaces have two turns: the user waits for their numbers.
-        jobs = *gathering, self.surfaces, self.change, self.live_error, self.surfaces
-        # Levels change all other light at rest: they come first. An asked pin takes a second, and the user waits.
+        jobs = *gathering, self.surfaces, self.live_error, self.surfaces
         self._turn += 1
         turn = self._turn % len(jobs)
-        return first_task((self.hold, self.asked, self.fine, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
+        return first_task((*self._first, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
+
+    @property
+    def _first(self) -> tuple[Job, ...]:
+        """Jobs before all others: levels change all light at rest. An asked pin and the change since light A take a
+        second, and the user waits. Fine points take 2 s once, and sunlight has teeth without them.
+        """
+        return self.hold, self.asked, self.change, self.fine
 
     def next_urgent(self, settings: Settings) -> Task | None:
-        """Return the next task of levels, an asked pin or fine points: no photons matter; None where none is due."""
-        return first_task((self.hold, self.asked, self.fine), settings, self.given_up)
+        """Return the next task that need not wait for all photons; None where none is due."""
+        return first_task((*self._first, self.surfaces), settings, self.given_up)
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""

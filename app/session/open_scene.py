@@ -126,12 +126,9 @@ class OpenScene:
 
     @property
     def light_to_keep(self) -> KeptLight | None:
-        """The light on show, once its errors are known: best light has them after seconds at rest."""
+        """The light on show, once its errors are known: those of best light are from its first pictures on."""
         light = self.light.snapshot
-        at_poses = light.rest.at_poses
-        ended = at_poses is not None and (at_poses.used or at_poses.fraction == 1)
-        in_place = not light.poses or ended  # else errors near objects are unknown, and may be soon
-        if light.deviation is None or not in_place or np.isnan(light.deviation).all():
+        if light.deviation is None or np.isnan(light.deviation).all():
             return None
         levels = tuple(map(tuple, light.levels.tolist()))
         state = State(weakref.ref(self.model), tuple(sorted(light.poses.items())), levels)

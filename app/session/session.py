@@ -370,6 +370,7 @@ class Session(OpenScene):
         super().keep_light()
         if self.kept is not None:
             self.want(replace(self.settings, since=self.kept.state))
+            self.log("light A is kept: Show / Change since A compares with it")
 
     def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
         """Change fields of the settings; the changes from a `first` to a `last` are one step of undo."""

@@ -100,7 +100,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Refine:
-    """Run the next step of the first frame, and of levels or fine points as long: sunlight has teeth without them."""
+    """Run the next step of the first frame, and urgent work as long."""
 
     steps: Iterator[Progress]
     rest: Settings | None  # None: no work at rest

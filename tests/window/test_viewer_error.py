@@ -209,10 +209,13 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     viewer.session.move({"block": viewer.session.poses["block"]._replace(position=(0.3, 0.0, 0.3))})
     hand.wait(lambda: viewer.session.light.all_done and shown(viewer).errors is not None)
     hand.ctx.yield_(3)
-    values, both = shown(viewer).errors.values, np.hypot(deviation, viewer.session.light.snapshot.deviation)
-    certain, known = (np.abs(E() - before) >= 2 * both) & (E() != before), np.isfinite(both)
+    values, (A, now, error) = shown(viewer).errors.values, viewer.session.light.snapshot.rest.change
+    change_now, known = luminance(now) - luminance(A), np.isfinite(error)
+    certain = (np.abs(change_now) >= 2 * error) & (change_now != 0)
     assert np.array_equal(values[known] != 0, certain[known]) and 0 < certain[known].mean() < 0.9
-    assert np.isnan(values[~known]).all() and values[known & certain] == pytest.approx((E() - before)[known & certain])
+    assert np.isnan(values[~known]).all() and values[known & certain] == pytest.approx(change_now[known & certain])
+    both = np.hypot(deviation, viewer.session.light.snapshot.deviation)
+    assert (error < both)[known].mean() > 0.6, "static light is the same in both"
 
     # A material keeps the surfaces, a further object does not.
     change(hand, viewer, lambda: viewer.session.change_scene(Finish("white", (("reflectance", RED),))))
