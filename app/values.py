@@ -188,8 +188,9 @@ def _keys(text: str, table: str, example: str, read: Callable[[dict], Any]) -> A
         return read(tomllib.loads(f"keys = {{{text}}}")["keys"])
     except SceneError as problem:
         raise argparse.ArgumentTypeError(str(problem).removeprefix(f"{table.strip('[]')}: ")) from None
-    except tomllib.TOMLDecodeError:
-        raise argparse.ArgumentTypeError(f"must be keys of {table} such as '{example}', got {text}") from None
+    except tomllib.TOMLDecodeError as problem:
+        where = str(problem).partition(" (at ")[0]
+        raise argparse.ArgumentTypeError(f"must be keys of {table} such as '{example}', got {text}: {where}") from None
 
 
 def surface(text: str) -> CalculationSurface:

@@ -201,7 +201,7 @@ class DirectionalLight(NamedTuple):
     disc_degrees: float = SUN_DEGREES  # angular diameter of the disc; 0: parallel light
 
 
-UNIFORM_SKY, OVERCAST_SKY = 5, 16
+UNIFORM_SKY, CLEAR_SKY, OVERCAST_SKY = 5, 12, 16
 SUNLESS_SKIES = 1, 3, UNIFORM_SKY, OVERCAST_SKY  # types that do not depend on the sun
 
 
@@ -223,7 +223,7 @@ class Daylight(NamedTuple):
     utc_offset: float  # hours that the clock is ahead of UTC
     turbidity: float = 3.0  # of Linke
     north: tuple[float, float, float] | None = None  # not along `up`; None: that of gi_core.base.vectors.frame_of
-    sky: int = UNIFORM_SKY  # type by ISO 15469, as of SkyLight
+    sky: int = CLEAR_SKY  # type by ISO 15469, as of SkyLight
 
 
 PlacedLight = PointLight | SpotLight | PhotometricLight

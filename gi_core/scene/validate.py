@@ -121,7 +121,7 @@ def _is_surface(value) -> bool:
 def parts_of(scene: Scene) -> list[str]:
     """Return what a surface may lie on: the names of mobiles, and of materials of the static part."""
     used = np.unique(scene.static.face_material).tolist()
-    return [*(m.name for m in scene.mobiles), *(scene.materials[k].name for k in used)]
+    return list(dict.fromkeys([*(m.name for m in scene.mobiles), *(scene.materials[k].name for k in used)]))
 
 
 def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None:

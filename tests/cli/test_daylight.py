@@ -79,7 +79,7 @@ def test_the_picture_shows_the_patch(room, tmp_path, capsys):
         ]
         for s in (0.6, 1.4)
     )
-    assert min(inside) > 240 and max(outside) < 180
+    assert min(inside) > 230 and max(outside) < 180
 
 
 def test_info_says_where_the_sun_stands(room, capsys):

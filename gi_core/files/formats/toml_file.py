@@ -20,6 +20,7 @@ from gi_core.scene.errors import SceneError, utf8
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
 from gi_core.scene.rules import is_number
 from gi_core.scene.types import (
+    CLEAR_SKY,
     MOST_GRID_POINTS,
     OVERCAST_SKY,
     QUANTITIES,
@@ -173,7 +174,7 @@ DAYLIGHT = {
     "place": of("place"), "date": of("date"), "hour": of("number", least=0, below=24),
     "utc_offset": of("number", least=-12, below=math.nextafter(15, 16)),
     "turbidity": of("number", default=3.0, least=1, below=math.nextafter(10, 11)),
-    "north": of("direction", default=None), "sky": SKY_TYPE,
+    "north": of("direction", default=None), "sky": of("count", default=CLEAR_SKY, most=OVERCAST_SKY),
 }  # fmt: skip
 DEFAULTS = {
     "photons": of("count"), "radius": LENGTH, "neighbours": of("count"), "estimator": of("text", default=None),
