@@ -47,13 +47,13 @@ h2, h3, .lamps { break-after: avoid; }
 LIMITS = (
     "Numbers are path traced and have one standard error; equal inputs give equal bits. A target passes or fails where "
     "that is certain by two standard errors. The calculation knows no spectra, no dirt or ageing beyond the "
-    "maintenance factor, and no flicker. It certifies nothing. Norms: EN 12464-1 (grid, maintained illuminance), "
-    "EN 12665 (uniformity), CIE 117 (UGR), ISO 15469 (skies); their texts were not at hand."
+    "maintenance factor, and no flicker. Light of points and spots counts as background of UGR. It certifies nothing. "
+    "Norms, whose texts were not at hand: EN 12464-1 (grid), EN 12665 (uniformity), CIE 117 (UGR), ISO 15469 (skies)."
 )
 
 
 class Content(NamedTuple):
-    """What a report tells."""
+    """Contents of a report."""
 
     model: Model
     settings: Settings
