@@ -263,6 +263,19 @@ void main() {
     colour = vec4(sum / float(SAMPLES), 1.0);
 }
 #else
+#ifdef TEXTURED
+// Return the mean of the image over a pixel: samples along the longer side of its footprint, as wide as the shorter.
+vec3 filtered(vec2 at) {
+    vec2 a = dFdx(at), b = dFdy(at), texels = vec2(textureSize(image, 0));
+    float of_a = length(a * texels), of_b = length(b * texels), wide = max(of_a, of_b);
+    float samples = clamp(ceil(wide / max(min(of_a, of_b), 1e-6)), 1.0, wide > 1.0 ? 8.0 : 1.0);
+    vec2 along = (of_a > of_b ? a : b) / samples;
+    float level = log2(max(wide / samples, 1e-6));
+    vec3 sum = vec3(0.0);
+    for (float k = 0.5 - 0.5 * samples; k < 0.5 * samples; k += 1.0) sum += textureLod(image, at + k * along, level).rgb;
+    return sum / samples;
+}
+#endif
 void main() {
     vec4 seen = gl_FrontFacing ? front_radiance : back_radiance;
     vec3 radiance = seen.rgb / seen.a;
@@ -274,7 +287,7 @@ void main() {
     // As sharp from afar as near by: the smaller copies would thin leaves out.
     if (textureLod(image, at, 0.0).a < 0.5) discard;
 #endif
-    vec3 paint = mix(vec3(1.0), min(texture(image, at).rgb, brightest), painted);
+    vec3 paint = mix(vec3(1.0), min(filtered(at), brightest), painted);
     if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? painted * emission : vec3(0.0));
 #endif
 #ifdef SHARP

@@ -28,8 +28,6 @@ class GLTextures:
         self._ctx = ctx
         self._loaded: dict[Texture, moderngl.Texture] = {}
         self._largest = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-        # 8 samples at a grazing angle, as in texture_filter.py; software takes 1.5 times as long, and Mesa's blurs.
-        self._anisotropy = 1.0 if is_software(ctx) else min(8.0, ctx.max_anisotropy)
 
     def keep(self, textures: Iterable[Texture]) -> None:
         """Upload missing textures and release all others."""
@@ -58,7 +56,6 @@ class GLTextures:
         made.build_mipmaps()
         made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.NEAREST if texture.nearest else moderngl.LINEAR)
         made.repeat_x, made.repeat_y = (way == "repeat" for way in texture.wrap)  # surface.frag mirrors by itself
-        made.anisotropy = self._anisotropy
         return made
 
 

@@ -85,6 +85,20 @@ def test_distant_texture_shows_its_mean(draw):
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize("turned", [False, True])
+def test_stripes_stay_sharp_in_long_footprints(draw, turned):
+    """As at grazing angles: planks and a carpet's border were grey in living_room, as footprints counted as squares."""
+    stripes = np.repeat(np.where(np.arange(64) // 8 % 2, 255, 0)[None, :, None], 64, axis=0).repeat(3, axis=2)
+    texture = Texture((stripes.swapaxes(0, 1) if turned else stripes).astype(np.uint8))
+    scale = (1, 8)[:: -1 if turned else 1]  # texels per pixel: 0.5 across the stripes, 4 along them
+    uv = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float) * scale
+    pixels, at = inside(draw([poster(texture, uv)], tone_map="clip"))
+    phase = (at[:, 1 if turned else 0] * 8) % 1
+    middle = np.abs(phase - 0.5) < 0.2
+    assert np.abs(pixels[middle] - 255 * (exact(texture, at * scale)[middle] > 0.5)).max() < 60
+
+
+@pytest.mark.gl
 def test_textures_and_plain_faces_side_by_side(draw):
     """Two textures, a plain square and a one-sided textured one, in one object and in several."""
     red, blue = (Texture(np.full((2, 2, 3), c, np.uint8)) for c in ((255, 0, 0), (0, 0, 255)))
