@@ -220,17 +220,16 @@ def _controlled(
     if light.is_own(b, photons):
         E = own_irradiance(sums, unit, own, b.store.weights(levels), model.threads)
         return ControlledLight(E, E, np.zeros(len(own)))
-    direct = light.direct_at(at, b)
+    direct, every = light.direct_at(at, b), photons == b.estimate.photons
+    of_shadows = light.direct.share_error(levels) if every and light.knows_direct(b) else 0.0
     clock("direct")
     background, _ = b.estimate.background(photons, sums.direct)
     better, near = light.static_irradiance(b, photons), light.static.around(AROUND * b.setting.radius)
     weights = b.store.weights(levels)
-    field = light.static.noise_field(b, sums.direct) if photons == b.estimate.photons else None  # else 1 to 3 ms
+    field = light.static.noise_field(b, sums.direct) if every else None  # else 1 to 3 ms
     lit = frame_irradiance(sums, unit, background, own, better, direct, weights, near, field, model.threads)
-    if lit.deviation is None or not light.knows_direct(b):
-        return lit
-    of_points = np.minimum(luminance(better), luminance(direct.light)) * light.direct.share_error(levels)
-    return lit._replace(deviation=np.hypot(lit.deviation, of_points))
+    of_points = np.minimum(luminance(better), luminance(direct.light)) * of_shadows
+    return lit if lit.deviation is None else lit._replace(deviation=np.hypot(lit.deviation, of_points))
 
 
 def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:
