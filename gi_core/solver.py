@@ -343,9 +343,12 @@ class Solver:
         earlier, apart = twin.frame, np.hypot(self.deviation, twin.deviation)
         moved, own = twin.poses != self.poses, (here.own, here.deviation)
         rested, both = (here.irradiance != here.own).any(axis=1), np.zeros(len(apart), bool)
+        by_frames = changed(here.irradiance, here.own, earlier.own)
         if moved:
             both = rested & (earlier.irradiance != earlier.own).any(axis=1)
-        by_frames = np.where(rested[:, None], changed(here.irradiance, here.own, earlier.own), earlier.own)
+        else:  # levels are factors
+            np.divide(here.irradiance * earlier.own, here.own, out=by_frames, where=here.own > 0)
+        by_frames = np.where(rested[:, None], by_frames, earlier.own)
         irradiance = np.where(both[:, None], earlier.irradiance, by_frames)
         if (b := here.background) is None or not b.estimate.photons or not self.frame_light.setting.takes_gathered:
             return irradiance, apart

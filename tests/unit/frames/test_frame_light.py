@@ -214,6 +214,8 @@ def test_light_gathered_here_is_changed_as_frames_say():
     fell = before[:20] < frame.own[:20]
     assert fell.any() and E[:20][fell] == pytest.approx(1.5 * before[:20][fell])
     assert np.array_equal(E[20:], before[20:])
+    E, _ = solver.since(solver.poses, 3.0 * solver.levels)  # brighter lamps: by the same factor, too
+    assert E[:20] == pytest.approx(3.0 * better[:20])
 
 
 def test_light_of_an_earlier_state_is_that_of_a_solver_there():
