@@ -347,7 +347,8 @@ class Solver:
         if moved:
             both = rested & (earlier.irradiance != earlier.own).any(axis=1)
         else:  # levels are factors
-            np.divide(here.irradiance * earlier.own, here.own, out=by_frames, where=here.own > 0)
+            factors = np.divide(earlier.own, here.own, out=np.ones_like(here.own), where=here.own > 0)
+            by_frames = np.where(here.own > 0, here.irradiance * factors, by_frames)  # the same bits by a factor of 1
         by_frames = np.where(rested[:, None], by_frames, earlier.own)
         irradiance = np.where(both[:, None], earlier.irradiance, by_frames)
         if (b := here.background) is None or not b.estimate.photons or not self.frame_light.setting.takes_gathered:
