@@ -231,7 +231,9 @@ class DirectLight:
             _compare_halves(groups, *parts, value, first, last, out)
 
         run_ranges(compare, len(groups.radius), self._model.threads, COSTLY)
-        mean = averaged(self._model.adjacency, out * out, np.ones(len(out), bool), self._model.threads)
+        counts = np.zeros(len(out), bool)  # the others have none, nor have most of their neighbours
+        counts[groups.receiver[self._blocked.any.any(axis=0)]] = True
+        mean = averaged(self._model.adjacency, out * out, counts, self._model.threads)
         return 0.5**0.25 * np.sqrt(mean)
 
     def _find_blocked(self, at: Transforms, moved: list[int], blocked: Blocked) -> None:

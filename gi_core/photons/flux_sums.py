@@ -197,9 +197,8 @@ def _move(chunks, touched, flux, total, new_flux):
     for chunk in chunks:
         if touched[chunk]:
             touched[chunk] = False
-            begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))
-            for g in range(flux.shape[1] // 3):
-                for r in range(begin, end):
+            for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
+                for g in range(flux.shape[1] // 3):
                     if len(new_flux):
                         new_flux[r, g] += flux[r, 3 * g] + flux[r, 3 * g + 1] + flux[r, 3 * g + 2]
                     for c in range(3):
@@ -250,9 +249,8 @@ class FrameSums:
 def _start(chunks, background, sums, new_flux):
     """Begin the sums of chunks with the background's, 0 on mobiles, and those of new suffixes with 0."""
     for chunk in chunks:
-        begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(sums))
-        for g in range(new_flux.shape[1]):
-            for r in range(begin, end):
+        for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(sums))):
+            for g in range(new_flux.shape[1]):
                 new_flux[r, g] = 0
                 for c in range(3):
                     sums[r, 3 * g + c] = background[r, 3 * g + c] if r < len(background) else 0
