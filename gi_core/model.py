@@ -22,6 +22,7 @@ from gi_core.lights.lamps import Lights, at_levels, lights_of
 from gi_core.photons.pilot import LitPart, Pilot, lit_part, pilot
 from gi_core.rays.accelerator import FAR, LIFT, Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.all_objects import build_world, enclosing_sphere, nearest_in_world
+from gi_core.rays.holes import holed_faces
 from gi_core.rays.structures import checked
 from gi_core.scene.errors import SceneError
 from gi_core.scene.origin import origin_of, translated
@@ -102,7 +103,7 @@ class Model:
             return None
         check_scene(scene)
         other = copy.copy(self)
-        for name in ("lights", "lamp_of_face", "static_key", "pilot", "lit_part"):
+        for name in ("lights", "lamp_of_face", "static_rays_key", "static_key", "pilot", "lit_part"):
             other.__dict__.pop(name, None)
         other.given, other.scene = scene, self._shifted(scene)
         other._light()
@@ -178,17 +179,27 @@ class Model:
         return [s.vertices[o], s.faces[o], s.two_sided[faces], *numbers, *receivers]
 
     @cached_property
+    def static_rays_key(self) -> str:
+        """Digest of all that rays from the receivers of the static part depend on, bit for bit."""
+        s, rows, faces, holed = self.surfaces, self.surfaces.receiver_range(0), self.surfaces.face_range(0), []
+        paint, of_holes = s.paint[0], holed_faces(s)[0]
+        if paint is not None and len(of_holes):
+            textures = [(t.wrap, t.nearest, None if t.cover is None else digest(t.cover)) for t in paint.textures]
+            holed = [of_holes, paint.face_texture[of_holes], paint.corner_uv[of_holes], textures]
+        points = (a[rows] for a in self.evaluation_points)
+        panes = s.panes[s.pane[faces]] if (s.pane[faces] >= 0).any() else s.panes[:0]
+        places = self.world.size, self.origins[0], self.shape_keys[0], *points
+        return digest(*places, panes, s.pane[faces] >= 0, *holed)
+
+    @cached_property
     def static_key(self) -> str:
         """Digest of all that the light of the static part without mobiles depends on, bit for bit, but for a seed."""
-        s, e, rows, faces = self.surfaces, self.emitters, self.surfaces.receiver_range(0), self.surfaces.face_range(0)
+        s, e, faces = self.surfaces, self.emitters, self.surfaces.face_range(0)
         lobe, (used, of_face) = s.lobe[faces].copy(), np.unique(self.scene.static.face_material, return_inverse=True)
         lobe[:, 4:][lobe[:, 4:] < 0] = -1.0  # numbers of tables: mobiles have some too
         models = [(m.brdf, m.scaled, m.grain) for m in (self.scene.materials[k] for k in used)]
         lights = e.kind, e.parameters, e.flux, e.cdf, e.units, e.lamp, e.tables, e.guides, e.lamps.names
-        points = (a[rows] for a in self.evaluation_points)
-        places = self.world.size, self.origins[0], self.shape_keys[0], *points
-        panes = s.panes[s.pane[faces]] if (s.pane[faces] >= 0).any() else s.panes[:0]
-        return digest(*places, s.reflectance[faces], lobe, models, of_face, panes, s.pane[faces] >= 0, *lights)
+        return digest(self.static_rays_key, s.reflectance[faces], lobe, models, of_face, *lights)
 
     @cached_property
     def pilot(self) -> Pilot:

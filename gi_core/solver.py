@@ -279,14 +279,18 @@ class Solver:
     def _static_key(self) -> str:
         return f"{self.model.static_key} {self.seed}"
 
+    @property
+    def _rays_key(self) -> str:
+        return f"{self.model.static_rays_key} {self.seed}"
+
     def _begin(self) -> None:
         """Begin with the results of the scene before an edit: what has the same inputs goes on.
 
         Elsewhere the static part's light begins as that before the edit, changed as photons say.
         """
         light, key, results = self.frame_light, self._static_key, self.results
-        if (direct := results.get("direct light", key)) is not None:
-            light.static.direct = direct.copied(self.model)
+        if (direct := results.get("direct light", self._rays_key)) is not None:
+            light.static.direct.begin_with(direct)
         sums: Background | None = results.take("sums", key)
         if sums is not None and sums.added <= photons_of(self).count:
             light.gloss.begin_with(results.take("gloss", key), self._first_frame.begin_with(sums))
@@ -307,7 +311,7 @@ class Solver:
             results.keep("gloss", key, light.gloss.kept(b, light.setting), 1)
             results.keep("light at poses", key, light.before_edit(b, f.photons, f.irradiance, f.own, at), 1)
         if light.direct.is_known:
-            results.keep("direct light", key, light.direct.copied(None), KEPT)
+            results.keep("direct light", self._rays_key, light.direct.kept(), 1)
         if gathered is not None:
             results.keep("static light", key, gathered.copied(None), KEPT)
         stands = (has_sums or light.is_gathered) and not light.static.shows_earlier

@@ -33,6 +33,7 @@ from gi_core.lights.next_event import (
     SKY,
     LightPoints,
     light_points,
+    point_keys,
     strength_of,
     way_to,
 )
@@ -59,6 +60,9 @@ class Groups(NamedTuple):
     # (n, GROUP, S) float32: irradiance over the value of the point; 0: the static part hides it. S: 3 channels where
     # panes of the static part have a colour, else 1.
     strength: np.ndarray
+
+
+Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # group (n,), point (n,) int64, strength as of Groups
 
 
 class Blocked(NamedTuple):
@@ -105,16 +109,24 @@ class DirectLight:
         """kinds, sun_points: see `next_event.py`; delta lights always."""
         of = model.lights, model.emitters.arriving
         self._model, self._points = model, light_points(*of, seed, kinds, sun_points=sun_points)
+        self._keys = [] if self._points is None else point_keys(self._points, model.lights)
+        self._earlier: DirectLight | None = None  # of the same places past the same static part
         self._places: Places | None = None
         self.per_lamp = np.empty((0, model.lights.channels))
         self._groups: Groups | None = None
         self._blocked: Blocked | None = None
 
-    def copied(self, model: Model | None) -> DirectLight:
-        """Return the same light for a model with the same `static_key`, None: to be kept without one."""
+    def kept(self) -> DirectLight:
+        """Return the same light without a model, to begin others with."""
         other = copy.copy(self)
-        other._model, other._blocked = cast(Model, model), None
+        other._model, other._blocked, other._earlier = cast(Model, None), None, None
         return other
+
+    def begin_with(self, earlier: DirectLight) -> None:
+        """Take over points of a light with the same `Model.static_rays_key`; this one is known where it has all."""
+        self._earlier = earlier
+        if set(self._keys) <= set(earlier._keys):
+            self.measure()
 
     def resolves(self, positions: np.ndarray | None = None) -> np.ndarray:
         """Return whether positions (n, 3) [m] are far enough from all lights for their points to stand for them.
@@ -142,7 +154,7 @@ class DirectLight:
     def measured_at(self, places: Places) -> DirectLight:
         """Return the direct light of other places, measured by the same points on lights."""
         other = copy.copy(self)
-        other._places, other._groups, other._blocked = places, None, None
+        other._places, other._groups, other._blocked, other._earlier = places, None, None, None
         other.measure()
         return other
 
@@ -151,19 +163,39 @@ class DirectLight:
         if self.is_known or self._points is None:
             return
         m, places = self._model, self._places or Places.of_receivers(self._model)
-        groups = _groups(*places)
-        parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP, self._channels), np.float32))]
-        light, at, pace = np.zeros((len(places.lifts), m.lights.channels)), 0, Pace(2e-4, 16, 1 << 12)
+        groups, at, pace = _groups(*places), 0, Pace(2e-4, 16, 1 << 12)
+        taken, unknown = self._taken_over()
+        parts = [taken]
         pause()
-        while at < len(groups.radius):
+        while at < len(groups.radius) and len(unknown):
             count, began = pace.share_of(len(groups.radius) - at, STEP), time.perf_counter()
-            parts += self._measure(groups, places.positions, at, count, light)
+            parts += self._measure(groups, places.positions, at, count, unknown)
             pace.took(count, time.perf_counter() - began)
             at += count
             pause()
-        pairs, point, strength = (np.concatenate(part) for part in zip(*parts, strict=True))
-        first = np.concatenate([[0], np.cumsum(pairs)])
-        self.per_lamp, self._groups = light, groups._replace(first=first, point=point, strength=strength)
+        group, point, strength = (np.concatenate(part) for part in zip(*parts, strict=True))
+        if len(taken[0]) and len(unknown):
+            order = np.lexsort((point, group))
+            group, point, strength = group[order], point[order], strength[order]
+        first = np.searchsorted(group, np.arange(len(groups.radius) + 1))
+        groups, light = (
+            groups._replace(first=first, point=point, strength=strength),
+            np.zeros((len(places.lifts), m.lights.channels)),
+        )
+        value, lamp = self._points.value, self._points.lamp
+        run_ranges(lambda _, a, b: _sum(groups, value, lamp, a, b, light), len(groups.radius), m.threads, COSTLY)
+        self.per_lamp, self._groups, self._earlier = light, groups, None
+
+    def _taken_over(self) -> tuple[Pairs, np.ndarray]:
+        """Return pairs of the points that an earlier light has too, and the numbers of those that it lacks."""
+        none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, GROUP, self._channels), np.float32)
+        if self._earlier is None or (g := self._earlier._groups) is None:
+            return none, np.arange(len(self._keys))
+        numbers = {key: j for j, key in enumerate(self._keys)}
+        now = np.array([numbers.get(key, -1) for key in self._earlier._keys], np.int64)
+        group, point = np.repeat(np.arange(len(g.radius)), np.diff(g.first)), now[g.point]
+        kept = point >= 0
+        return (group[kept], point[kept], g.strength[kept]), np.setdiff1d(np.arange(len(self._keys)), now)
 
     @cached_property
     def _channels(self) -> int:
@@ -172,19 +204,17 @@ class DirectLight:
         kinds = np.unique(s.pane[s.face_range(0)])
         return 3 if np.ptp(s.panes[kinds[kinds >= 0], :3], axis=1).any() else 1
 
-    def _measure(
-        self, groups: Groups, places: np.ndarray, at: int, count: int, light: np.ndarray
-    ) -> list[tuple[np.ndarray, ...]]:
-        """Measure the light of `count` groups from `at` on; return the pairs per group, and points and strengths."""
-        m = self._model
+    def _measure(self, groups: Groups, places: np.ndarray, at: int, count: int, unknown: np.ndarray) -> list[Pairs]:
+        """Return the pairs of `count` groups, from `at` on, with the unknown points."""
+        m, points = self._model, LightPoints(*(a[unknown] for a in self._points))
 
         def see(first, last):
-            shape, of = (last - first, len(self._points.kind), GROUP, self._channels), m.lights
-            strength = np.zeros(shape, np.float32)
-            whole = m.accelerator.scenes, self._points, of.area, of.delta, _far(m), groups, places, new_ray()
-            _see(*whole, first, strength, light)
+            strength = np.zeros((last - first, len(unknown), GROUP, self._channels), np.float32)
+            whole = m.accelerator.scenes, points, m.lights.area, m.lights.delta, _far(m), groups, places, new_ray()
+            _see(*whole, first, strength)
             lit = strength.any(axis=(2, 3))
-            return lit.sum(axis=1), np.nonzero(lit)[1], strength[lit]
+            group, point = np.nonzero(lit)
+            return first + group, unknown[point], strength[lit]
 
         def work(_, first, last):
             return [see(at + k, at + min(k + SEE_AT_ONCE, last)) for k in range(first, last, SEE_AT_ONCE)]
@@ -308,12 +338,12 @@ def limit_of(distance, reach, position):
 
 
 @kernel
-def _see(scenes, points, area, delta, far, groups, places, ray, first, out, light):
-    """Write strengths (m, P, GROUP, S) and light of m groups from `first` on, of receivers at places (n, 3) [m]."""
+def _see(scenes, points, area, delta, far, groups, places, ray, first, out):
+    """Write strengths (m, P, GROUP, S) of m groups from `first` on, of receivers at places (n, 3) [m]."""
     for g in range(first, first + len(out)):
         for k in range(GROUP):
-            position, normal, r = row(groups.position[g], k), row(groups.normal[g], k), groups.receiver[g, k]
-            place = row(places, r)
+            position, normal = row(groups.position[g], k), row(groups.normal[g], k)
+            place = row(places, groups.receiver[g, k])
             for j in range(len(points.kind)):
                 way = way_to(row(points.place, j), points.reach[j] == np.inf, far, place)
                 strength = np.float32(strength_of(points, area, delta, j, far, place, normal, way))
@@ -327,8 +357,20 @@ def _see(scenes, points, area, delta, far, groups, places, ray, first, out, ligh
                 share = np.float32(shares[0]), np.float32(shares[1]), np.float32(shares[2])
                 for c in range(out.shape[3]):
                     out[g - first, j, k, c] = strength * share[c]
-                for c in range(3):
-                    light[r, 3 * points.lamp[j] + c] += strength * share[c] * points.value[j, c]
+
+
+@kernel
+def _sum(groups, value, lamp, first, last, light):
+    """Add the light (n, 3 G) of points of some value (P, 3) and lamp (P,) at groups first .. last - 1."""
+    last_channel = groups.strength.shape[2] - 1
+    for g in range(first, last):
+        for i in range(groups.first[g], groups.first[g + 1]):
+            j = groups.point[i]
+            for k in range(GROUP):
+                if groups.strength[i, k].any():
+                    for c in range(3):
+                        brought = groups.strength[i, k, min(c, last_channel)] * value[j, c]
+                        light[groups.receiver[g, k], 3 * lamp[j] + c] += brought
 
 
 @inlined

@@ -9,6 +9,7 @@ Fixed points on all lights of a scene are the same for all receivers; each bring
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from gi_core.base import random_numbers
 from gi_core.base.jit import allocating, inlined, kernel
+from gi_core.base.results import digest
 from gi_core.base.vec import difference, dot, largest, row
 from gi_core.bsdf import lambertian, surface
 from gi_core.lights import sun
@@ -23,7 +25,7 @@ from gi_core.lights.area import AreaLights, gap_before, point_on_lamp
 from gi_core.lights.kinds import SUN, arrived
 from gi_core.lights.lamps import DeltaLights, Lights
 from gi_core.lights.photometric import density
-from gi_core.lights.sky import directions
+from gi_core.lights.sky import directions, low_directions
 from gi_core.rays.accelerator import GAP
 
 LIGHT_U, LIGHT_V, SMALL_PICK = range(3)  # dimensions of random_numbers.stratified() at each path vertex
@@ -348,13 +350,31 @@ def light_points(
         value, halves = area.radiance[face] * each[:, None], _halves(count)
         parts.append((FACE, face, place, reach, value, lamp_of, each / math.pi, halves))
     if SKY in kinds and sky.radiance.any():
-        count = SKY_DIRECTIONS if arriving[sky.lamp] < 1.0 else LIGHT_POINTS
+        by_window = arriving[sky.lamp] < 1.0
+        count = SKY_DIRECTIONS if by_window else LIGHT_POINTS
         lamp_of, reach = np.full(count, sky.lamp), np.full(count, np.inf)
-        towards, value = directions(sky, _pairs(seed, count))
+        towards, value = (low_directions if by_window else directions)(sky, _pairs(seed, count))
         index, spread = np.zeros(count, np.int64), np.zeros(count)
         parts.append((SKY, index, towards, reach, value, lamp_of, spread, _halves(count)))
     kind = np.concatenate([np.full(len(part[1]), part[0], np.int64) for part in parts])
     return LightPoints(kind, *(np.concatenate(a) for a in list(zip(*parts, strict=True))[1:]))
+
+
+def point_keys(points: LightPoints, lights: Lights) -> list[tuple]:
+    """Return a key per point: all that strength_of() depends on, and a number among equal ones."""
+    area, delta, index, keys = lights.area, lights.delta, points.index, Counter[tuple]()
+    near, on_face = (points.kind == DELTA) & ~points.distant, points.kind == FACE
+    rows = np.zeros((len(index), 20))
+    rows[:, :6] = np.column_stack([points.kind, points.place, points.reach, points.spread])
+    rows[near, 6:19] = np.column_stack([delta.kind, delta.parameters])[index[near]]
+    rows[on_face, 6:13] = np.column_stack([area.normal, area.c0, area.table])[index[on_face]]
+    tables = [digest(area.tables), digest(delta.tables)]
+    out = []
+    for values, by_area, by_delta in zip(rows, on_face & (rows[:, 12] >= 0), near, strict=True):
+        key = values.tobytes(), tables[0] if by_area else tables[1] if by_delta else ""
+        out.append((*key, keys[key]))
+        keys[key] += 1
+    return out
 
 
 def _halves(count: int) -> np.ndarray:

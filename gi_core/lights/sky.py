@@ -21,6 +21,7 @@ from gi_core.lights.photometric import TABLE
 from gi_core.scene.types import OVERCAST_SKY, SUNLESS_SKIES, UNIFORM_SKY, Scene, SkyLight
 
 RECORD = SkyLight
+ALTITUDE_OFFSET = 0.3
 PATCHES_UP, PATCHES_ROUND = 90, 360  # patches from the horizon up, and around
 GRADATIONS = (4.0, -0.70), (1.1, -0.80), (0.0, -1.0), (-1.0, -0.55), (-1.0, -0.32), (-1.0, -0.15)  # a, b
 INDICATRICES = (0, -1, 0), (2, -1.5, 0.15), (5, -2.5, 0.30), (10, -3.0, 0.45), (16, -3.0, 0.30), (24, -2.8, 0.15)
@@ -145,6 +146,20 @@ def directions(sky: Sky, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         out.append(random_numbers.from_frame(r * math.cos(turn), r * math.sin(turn), z, *sky.up))
         light.append(sky.radiance * sky.shape[row, column] * (2 * math.pi * weights.mean() / weights[row, column]))
     return np.array(out), np.array(light) / len(pairs)
+
+
+def low_directions(sky: Sky, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return directions() by the altitude alone, most of them low: the same for any sky, as a window may show any part.
+
+    Their density is in proportion to 1 / (ALTITUDE_OFFSET + sine of the altitude).
+    """
+    z, turn = ALTITUDE_OFFSET * ((1 + 1 / ALTITUDE_OFFSET) ** pairs[:, 0] - 1), 2 * math.pi * pairs[:, 1]
+    r = np.sqrt(1 - z * z)
+    local = zip(r * np.cos(turn), r * np.sin(turn), z, strict=True)
+    out = np.array([random_numbers.from_frame(*d, *sky.up) for d in local])
+    return out, sky.seen(out) * (2 * math.pi * math.log(1 + 1 / ALTITUDE_OFFSET) * (ALTITUDE_OFFSET + z) / len(z))[
+        :, None
+    ]
 
 
 def parameters(light: SkyLight, around, table: int) -> list:

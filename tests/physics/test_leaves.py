@@ -89,3 +89,13 @@ def test_frames_of_a_leaf_equal_those_from_scratch():
     for place in ((1.2, 1.0, 0.4), (1.0, 1.3, 0.0), (1.0, 1.0, 0.5)):
         solver.move("leaf", Pose(place))
         assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_other_holes_are_another_way_of_rays():
+    def key(cover: np.ndarray, **changes) -> str:
+        return Model(Scene(screen(cover, **changes), (grey(0.5),), (), (), up=UP, name="leaf")).static_rays_key
+
+    holes, first = blots(7, 3), key(blots(7, 3))
+    assert key(holes) == first
+    others = [key(blots(7, 4)), key(holes, repeats=2.0), key(holes, wrap=("clamp", "clamp")), key(holes, nearest=True)]
+    assert len({first, *others, key(np.full((7, 9), 255, np.uint8))}) == 6

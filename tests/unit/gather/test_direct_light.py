@@ -11,6 +11,7 @@ from gi_core.lights.next_event import MOST_DELTA
 from gi_core.model import Model
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
+from tests.support.lit_from_outside import sky_room
 from tests.support.photometry import luminaire
 from tests.support.scene_builders import BLACK, box, floor, lamp, merge, quad, solve
 
@@ -168,3 +169,47 @@ def test_halves_of_the_points_tell_the_error_of_shadows(names):
         assert np.max(shares) > 0.8 and scatter.max() < 1e-12 and not stated.any()
     else:
         assert 0.8 < np.sqrt(np.mean(stated**2) / np.mean(scatter**2)) < 2.5
+
+
+@pytest.mark.parametrize("edit", ["moved", "dimmed", "added", "removed", "twice"])
+def test_points_that_an_edit_leaves_are_not_measured_again(edit, monkeypatch):
+    names = ("sun", "panel", "lamp", "bulb", "spot", "clear sky", "downlight")
+    before, bulb = scene(*names), LIGHTS["bulb"][0]
+    sun, sky = (LIGHTS[name][0] for name in ("sun", "clear sky"))
+    changes = {
+        "moved": {"sun": sun._replace(direction=(0.5, 0.2, -0.6)), "clear sky": sky._replace(sun=(-0.5, -0.2, 0.6))},
+        "dimmed": {
+            "bulb": bulb._replace(flux=(1.0, 0.5, 0.2)),
+            "panel": LIGHTS["panel"][0]._replace(flux=(1.0,) * 3),
+        },
+        "removed": {"bulb": None},
+    }.get(edit, {})
+    lights = [changes.get(light.name, light) for light in before.lights]
+    lights += {"added": [bulb._replace(name="b")], "twice": [bulb, bulb]}.get(edit, [])
+    after = replace(before, lights=tuple(light for light in lights if light is not None))
+    old, asked = measured(Model(before)), []
+    measure = DirectLight._measure
+    monkeypatch.setattr(DirectLight, "_measure", lambda *a: asked.append(len(a[-1])) or measure(*a))
+    new = DirectLight(Model(after), 5)
+    assert Model(after).static_rays_key == Model(before).static_rays_key
+    new.begin_with(old.kept())
+    assert new.is_known == (edit in ("dimmed", "removed")) and not asked
+    new.measure()
+    assert set(asked) == {"moved": {64 + 64}, "added": {1}, "twice": {2}}.get(edit, set())
+    fresh, at = measured(Model(after)), Model(after).transforms(POSES)
+    assert np.array_equal(new.per_lamp, fresh.per_lamp) and fresh.per_lamp.any()
+    assert all(np.array_equal(a, b) for a, b in zip(new._groups, fresh._groups, strict=True))
+    assert not np.array_equal(new.per_lamp, old.per_lamp) or edit in ("added", "twice")
+    levels = np.ones((Model(after).emitters.lamps.count, 3))
+    assert np.array_equal(new.at(at, levels), fresh.at(at, levels))
+
+
+def test_directions_through_a_window_are_the_same_for_any_sky():
+    before = replace(sky_room(0.5), mobiles=())
+    (sky,) = (light for light in before.lights if isinstance(light, SkyLight))
+    after = replace(before, lights=(SkyLight(sky.name, (0.3, 0.3, 0.4), 12, (0.4, 0.5, 0.3)),))
+    old, new = measured(Model(before)), DirectLight(Model(after), 5)
+    assert Model(after).emitters.arriving[0] < 1.0
+    new.begin_with(old.kept())
+    fresh = measured(Model(after))
+    assert new.is_known and np.array_equal(new.per_lamp, fresh.per_lamp) and fresh.per_lamp.any()
