@@ -218,8 +218,10 @@ def point_rounds(
 def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
     """Trace rounds until their noise is small; yield values (n,), standard errors (n,) and the fraction done.
 
-    nan before round FIRST_ROUNDS. The last standard errors are those of LAST_ROUNDS sets of paths or more.
+    nan before round FIRST_ROUNDS. The last standard errors are those of LAST_ROUNDS sets of paths or more. Points that
+    stay noisy end it at 65,536 paths each for 1 %, in inverse proportion to the square of the noise.
     """
+    most = (1 << 16) * max((0.01 / noise) ** 2, 1.0)
     state, weights, fraction = rounds.state, np.ones(len(rounds.state.sets)), 0.0
     E, error = np.full((2, len(weights)), np.nan)
     seen = FIRST_ROUNDS - 1
@@ -236,7 +238,7 @@ def light_steps(rounds: ReferenceRounds, noise: float) -> Iterator[tuple[np.ndar
                 # relative to 0.05 of the mean where a point is dimmer
                 of_points = float((error / np.maximum(E, 0.05 * mean)).max())
                 left = max(math.sqrt(2 / math.pi) * float(error.mean()) / mean, of_points / OF_POINT) / noise
-            done = seen >= LAST_ROUNDS and (left <= 1 or state.paths.mean() >= 1 << 16)
+            done = seen >= LAST_ROUNDS and (left <= 1 or state.paths.mean() >= most)
             now = min(1 / max(left, 1e-9) ** 2, seen / LAST_ROUNDS, 0.99)
             fraction = 1.0 if done else max(fraction, now)  # the noise is measured, and may rise again
         yield E.copy(), error.copy(), fraction

@@ -275,6 +275,15 @@ def test_the_fraction_measured_only_grows():
     assert fractions == sorted(fractions) and 0 < fractions[-2] < fractions[-1] == 1.0 and len(fractions) == len(errors)
 
 
+def test_a_noisy_point_ends_at_more_paths_where_less_noise_is_asked():
+    def rounds(noise: float) -> int:
+        noisy = RoundsOfErrors([0.1] * 20 + [1e-6] * 20)
+        noisy.state.paths[:] = 1 << 17
+        return len(list(light_steps(noisy, noise)))
+
+    assert rounds(0.01) == rounds(0.05) < 20 < rounds(0.002)
+
+
 def test_the_furnace_is_even_and_standard_errors_are_honest():
     """E = pi Le / (1 - rho) everywhere; the deviations of 12 seeds are those that the standard errors state."""
     truth = closed_form.furnace(1.0, 0.5)
