@@ -1,4 +1,4 @@
-"""PLY: vertices with colours, polygons, triangle strips.
+"""PLY: vertices with colours, and polygons.
 
 Read here and not by trimesh 5.2, which refuses binary files whose polygons differ in size, and cuts them into fans.
 """
@@ -27,7 +27,8 @@ COLOUR = ("red", "green", "blue")
 
 class _Property(NamedTuple):
     name: str
-    type: np.dtype  # of the value, or of the entries of a list
+    declared: np.dtype  # of the value, or of the entries of a list
+    type: np.dtype  # the same, as it is stored: a text is stored as float64
     length: np.dtype | None  # of the number of entries; None: no list
 
 
@@ -41,15 +42,19 @@ class _Lists(NamedTuple):
     """Lists of an element, one after the other."""
 
     counts: np.ndarray  # (n,) int64
-    values: np.ndarray  # (sum,) int64
+    values: np.ndarray  # (sum,)
 
 
 def read_ply(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read triangles and colours; a file has one material, called like the file. Raises SceneError."""
     boundary.take(where, "lines of text", data.count(b"\n"))
     try:
-        order, elements, body = _header(data)
-        columns = _ascii(elements, body) if order is None else _binary(elements, body)
+        elements, body = _header(data)
+        columns, at = list[dict[str, Any]](), 0
+        for e in elements:
+            boundary.take(where, "vertices", e.count)
+            read, at = _columns(e, body, at)
+            columns.append(read)
         part = _part(elements, columns, where, boundary)
     except (LookupError, ValueError, TypeError, OverflowError) as error:
         why = f"{error} is missing" if isinstance(error, KeyError) else error
@@ -57,8 +62,8 @@ def read_ply(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     return FileParts([part], [Material(path.stem, two_sided=True)], [], None, "z", [])
 
 
-def _header(data: bytes) -> tuple[str | None, list[_Element], bytes]:
-    """Return the order of bytes, None for text, the elements, and what follows the header."""
+def _header(data: bytes) -> tuple[list[_Element], bytes]:
+    """Return the elements, and what follows the header; numbers of a text as float64."""
     head, end, body = data.partition(b"end_header")
     lines = head.decode("ascii", "replace").split("\n")
     if not end or lines[0].strip() != "ply":
@@ -72,10 +77,10 @@ def _header(data: bytes) -> tuple[str | None, list[_Element], bytes]:
             order = words[1]
         elif words[0] == "element":
             elements.append(_Element(words[1], int(words[2]), []))
-        elif words[0] == "property" and words[1] == "list":
-            elements[-1].properties.append(_Property(words[4], np.dtype(TYPES[words[3]]), np.dtype(TYPES[words[2]])))
         elif words[0] == "property":
-            elements[-1].properties.append(_Property(words[2], np.dtype(TYPES[words[1]]), None))
+            *length, kind, name = words[2:5] if words[1] == "list" else words[1:3]
+            types = [np.dtype(TYPES[k]) for k in (kind, kind, *length)]
+            elements[-1].properties.append(_Property(name, types[0], types[1], types[2] if length else None))
         else:
             raise ValueError(f"its header has a line {shown(line.strip())}")
     if order not in ORDERS:
@@ -83,174 +88,99 @@ def _header(data: bytes) -> tuple[str | None, list[_Element], bytes]:
     if any(e.count < 0 for e in elements):
         raise ValueError("it has an element of a negative count")
     sign = ORDERS[order]
+
+    def stored(kind: np.dtype) -> np.dtype:
+        return np.dtype(np.float64) if sign is None else kind.newbyteorder(sign)
+
+    for e in elements:
+        e.properties[:] = [p._replace(type=stored(p.type), length=p.length and stored(p.length)) for p in e.properties]
     if sign is None:
-        return None, elements, body
-    for e in elements:
-        e.properties[:] = [
-            p._replace(type=p.type.newbyteorder(sign), length=p.length and p.length.newbyteorder(sign))
-            for p in e.properties
-        ]
-    return order, elements, body[body.index(b"\n") + 1 :]
+        return elements, np.array(body.split(), np.float64).tobytes()
+    return elements, body[body.index(b"\n") + 1 :]
 
 
-def _ascii(elements: list[_Element], body: bytes) -> list[dict[str, Any]]:
-    words, at, result = body.split(), 0, []
-    for e in elements:
-        if e.count * len(e.properties) > len(words) - at:
-            raise ValueError("it ends early")
-        if all(p.length is None for p in e.properties):
-            n = e.count * len(e.properties)
-            table = np.array(words[at : at + n], np.float64).reshape(e.count, len(e.properties))
-            result.append({p.name: table[:, k] for k, p in enumerate(e.properties)})
-            at += n
-            continue
-        values: dict[str, list] = {p.name: [] for p in e.properties}
-        counts: dict[str, list[int]] = {p.name: [] for p in e.properties}
-        for _ in range(e.count):
-            for p in e.properties:
-                n = 1 if p.length is None else int(words[at])
-                at += p.length is not None
-                if not 0 <= n <= len(words) - at:
-                    raise ValueError("it ends early")
-                values[p.name] += words[at : at + n]
-                counts[p.name].append(n)
-                at += n
-        result.append(
-            {
-                p.name: np.array(values[p.name], np.float64)
-                if p.length is None
-                else _Lists(np.array(counts[p.name], np.int64), np.array(list(map(int, values[p.name])), np.int64))
-                for p in e.properties
-            }
-        )
-    return result
+def _columns(e: _Element, body: bytes, at: int) -> tuple[dict[str, Any], int]:
+    """Return the columns of an element, and where it ends; rows of lists of equal lengths are read at once."""
+    parts, left, most = list[np.ndarray](), e.count, e.count if all(p.length is None for p in e.properties) else 64
+    while left:
+        row, counts = _row(e, body, at)
+        rows = _values(body, row, min(left, most, max((len(body) - at) // max(row.itemsize, 1), 1)), at)
+        alike = np.ones(len(rows), bool)
+        for name, count in counts.items():
+            alike &= rows[f"{name} count"] == count
+        n = len(rows) if alike.all() else int(alike.argmin())
+        parts.append(rows[:n])
+        at, left, most = at + n * row.itemsize, left - n, 2 * most if n == len(rows) else 64
+    columns: dict[str, Any] = {}
+    for p in e.properties:
+        values = np.concatenate([rows[p.name].reshape(-1) for rows in parts] or [np.zeros(0)])
+        if p.length is not None:
+            counts = np.repeat([rows[p.name].shape[1] for rows in parts], [len(rows) for rows in parts])
+            columns[p.name] = _Lists(counts.astype(np.int64), values)
+        else:
+            columns[p.name] = values.astype(np.float64)
+    return columns, at
 
 
-def _binary(elements: list[_Element], body: bytes) -> list[dict[str, Any]]:
-    at, result = 0, []
-    for e in elements:
-        columns, size = _even(e, body, at) or _uneven(e, body, at)
-        result.append(columns)
-        at += size
-    return result
-
-
-def _even(e: _Element, body: bytes, at: int) -> tuple[dict[str, Any], int] | None:
-    """Return the columns of an element whose lists are all as long as in its first row, and their bytes; else None."""
-    fields, offset = list[tuple](), at
+def _row(e: _Element, body: bytes, at: int) -> tuple[np.dtype, dict[str, int]]:
+    """Return the type of an element's row at a place, and the lengths of its lists by name."""
+    fields, counts = list[tuple](), dict[str, int]()
     for p in e.properties:
         if p.length is None:
             fields.append((p.name, p.type))
-            offset += p.type.itemsize
+            at += p.type.itemsize
         else:
-            n = int(np.frombuffer(body, p.length, 1, offset)[0]) if e.count else 0
-            if n < 0 or n * p.type.itemsize > len(body) - offset:
-                raise ValueError("it ends early")
+            counts[p.name] = n = int(_values(body, p.length, 1, at)[0])
             fields += [(f"{p.name} count", p.length), (p.name, p.type, (n,))]
-            offset += p.length.itemsize + n * p.type.itemsize
-    kind = np.dtype(fields)
-    if e.count * kind.itemsize > len(body) - at:
-        if all(p.length is None for p in e.properties):
-            raise ValueError("it ends early")
-        return None
-    rows = np.frombuffer(body, kind, e.count, at) if kind.itemsize else np.zeros(e.count, kind)
-    columns: dict[str, Any] = {}
-    for p in e.properties:
-        if p.length is None:
-            columns[p.name] = rows[p.name].astype(np.float64)
-            continue
-        counts, values = rows[f"{p.name} count"].astype(np.int64), rows[p.name]
-        if (counts != values.shape[1]).any():
-            return None
-        columns[p.name] = _Lists(counts, values.astype(np.int64).reshape(-1))
-    return columns, e.count * kind.itemsize
+            at += p.length.itemsize + len(_values(body, p.type, n, at + p.length.itemsize)) * p.type.itemsize
+    return np.dtype(fields), counts
 
 
-def _uneven(e: _Element, body: bytes, at: int) -> tuple[dict[str, Any], int]:
-    """Return the columns of an element row by row, and their bytes."""
-    first, values = at, {p.name: list[np.ndarray]() for p in e.properties}
-    for _ in range(e.count):
-        for p in e.properties:
-            n = 1
-            if p.length is not None:
-                n = int(np.frombuffer(body, p.length, 1, at)[0])
-                at += p.length.itemsize
-            if n < 0 or n * p.type.itemsize > len(body) - at:
-                raise ValueError("it ends early")
-            values[p.name].append(np.frombuffer(body, p.type, n, at))
-            at += n * p.type.itemsize
-    columns: dict[str, Any] = {}
-    for p in e.properties:
-        joined = np.concatenate(values[p.name]) if values[p.name] else np.zeros(0)
-        counts = np.array([len(v) for v in values[p.name]], np.int64)
-        columns[p.name] = joined.astype(np.float64) if p.length is None else _Lists(counts, joined.astype(np.int64))
-    return columns, at - first
+def _values(body: bytes, kind: np.dtype, count: int, at: int) -> np.ndarray:
+    if not 0 <= count * kind.itemsize <= len(body) - at:
+        raise ValueError("it ends early")
+    return np.frombuffer(body, kind, count, at) if kind.itemsize else np.zeros(count, kind)
 
 
 def _part(elements: list[_Element], columns: list[dict[str, Any]], where: str, boundary: Boundary) -> Part:
     by_name = {e.name: (e, c) for e, c in zip(elements, columns, strict=True)}
-    vertex, values = by_name["vertex"]
-    boundary.take(where, "vertices", vertex.count)
-    vertices = np.stack([values[k] for k in "xyz"], axis=1)
-    parts = []
-    if "face" in by_name:
-        face, columns_of = by_name["face"]
-        lists = next(c for c in columns_of.values() if isinstance(c, _Lists))
-        boundary.take(where, "triangles", int(np.maximum(lists.counts - 2, 0).sum()))
-        faces, polygon = _fans(lists, vertices, where)
-        parts.append((faces, _colours(face, columns_of)[polygon]) if _has_colours(columns_of) else (faces, None))
     if "tristrips" in by_name:
-        lists = next(c for c in by_name["tristrips"][1].values() if isinstance(c, _Lists))
-        boundary.take(where, "triangles", len(lists.values))
-        faces = _strips(lists)
-        _check(faces, vertices, where)
-        parts.append((faces, None))
-    if not parts:
+        raise ValueError("it holds triangle strips")
+    vertex, values = by_name["vertex"]
+    vertices = np.stack([values[k] for k in "xyz"], axis=1)
+    if "face" not in by_name:
         return Part(vertices, np.zeros((0, 3), np.int64), np.zeros(0, np.int64))
-    faces = np.concatenate([f for f, _ in parts])
+    face, of_faces = by_name["face"]
+    lists = next(c for c in of_faces.values() if isinstance(c, _Lists))
+    boundary.take(where, "triangles", int(np.maximum(lists.counts - 2, 0).sum()))
+    faces, polygon = _fans(lists, vertices, where)
     colours = None
-    if len(parts) == 1 and parts[0][1] is not None:
-        colours = srgb_to_linear(parts[0][1])[:, None].repeat(3, axis=1)
-    elif _has_colours(values) and len(faces):
+    if all(k in of_faces for k in COLOUR):
+        colours = srgb_to_linear(_colours(face, of_faces)[polygon])[:, None].repeat(3, axis=1)
+    elif all(k in values for k in COLOUR):
         colours = srgb_to_linear(_colours(vertex, values))[faces]
     return Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)
 
 
 def _fans(lists: _Lists, vertices: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the triangles (F, 3) of polygons, and the polygon (F,) of each."""
-    _check(lists.values, vertices, where)
+    with np.errstate(invalid="ignore"):  # nan of a text
+        named = lists.values.astype(np.int64)
+    if (named != lists.values).any() or (named.size and not 0 <= named.min() <= named.max() < len(vertices)):
+        raise SceneError(
+            f"{where}: faces must name vertices 0 to {len(vertices) - 1}, "
+            f"got {lists.values.min():.10g} to {lists.values.max():.10g}"
+        )
     first, cut = np.cumsum(lists.counts) - lists.counts, np.maximum(lists.counts - 2, 0)
     polygon = np.repeat(np.arange(len(cut)), cut)
     k = np.arange(len(polygon)) - (np.cumsum(cut) - cut)[polygon]
     start = first[polygon]
-    faces = lists.values[np.stack([start, start + k + 1, start + k + 2], axis=1)]
+    faces = named[np.stack([start, start + k + 1, start + k + 2], axis=1)]
     return (without_overlaps(faces, vertices, cut[cut > 0]) if len(faces) else faces), polygon
-
-
-def _strips(lists: _Lists) -> np.ndarray:
-    """Return the triangles (F, 3) of strips; -1 begins a new one, every other triangle runs the other way round."""
-    out = [np.zeros((0, 3), np.int64)]
-    for strip in np.split(lists.values, np.cumsum(lists.counts)[:-1]):
-        for run in np.split(strip, np.flatnonzero(strip < 0)):
-            run = run[run >= 0]
-            k = np.arange(max(len(run) - 2, 0))
-            out.append(np.stack([run[k], run[k + 1 + k % 2], run[k + 2 - k % 2]], axis=1))
-    return np.concatenate(out)
-
-
-def _check(named: np.ndarray, vertices: np.ndarray, where: str) -> None:
-    if named.size and not (0 <= named.min() and named.max() < len(vertices)):
-        raise SceneError(
-            f"{where}: faces must name vertices 0 to {len(vertices) - 1}, got {named.min()} to {named.max()}"
-        )
-
-
-def _has_colours(columns: dict[str, Any]) -> bool:
-    return all(k in columns for k in COLOUR)
 
 
 def _colours(e: _Element, columns: dict[str, Any]) -> np.ndarray:
     """Return sRGB colours (n, 3) from 0 to 1."""
-    kind = next(p.type for p in e.properties if p.name == "red")
+    kind = next(p.declared for p in e.properties if p.name == "red")
     most = 1.0 if kind.kind == "f" else float(np.iinfo(kind).max)
     return np.clip(np.stack([columns[k] for k in COLOUR], axis=1) / most, 0.0, 1.0)

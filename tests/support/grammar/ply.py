@@ -62,14 +62,6 @@ def ply(g: Grammar, files: Files, stem: str) -> str:
             g.rng.randint(0, 2),
             ("edge", ["property int vertex1", "property int vertex2"], [[("int", 0), ("int", 1)]] * 3),
         )
-    if g.chance(0.1):
-        elements.append(
-            (
-                "tristrips",
-                ["property list int int vertex_indices"],
-                [[("int", 4), ("int", 0), ("int", 1), ("int", 2), ("int", -1)]],
-            )
-        )
     if g.chance(g.oddity):
         g.rng.shuffle(elements)
     head = ["ply", f"format {form} {g.leaf('1.0')}"]
