@@ -25,7 +25,6 @@ from gi_core.files.formats.materials_table import check_used, override, single
 from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file, scaled
 from gi_core.files.formats.shapes import Shape, shape_mesh
 from gi_core.files.formats.toml_file import UP, MobileEntry, SceneFile, StaticEntry, read_scene_file
-from gi_core.geometry.cutouts import without_holes
 from gi_core.geometry.mesh_parts import join, with_meshes
 from gi_core.geometry.tessellation import check_edge, tessellate
 from gi_core.lights.daylight import daylit
@@ -311,10 +310,6 @@ def _note_darkened_models(loading: Loading) -> None:
     loading.note(*_darkened(loading.scene.materials))
 
 
-def _drop_holes(loading: Loading) -> None:
-    loading.change_meshes(without_holes)
-
-
 def _cut_at_crossings(loading: Loading) -> None:
     loading.change_meshes(lambda mesh: with_corners_at_crossings(mesh, loading.scene.materials))
 
@@ -333,7 +328,6 @@ STEPS: tuple[Callable[[Loading], None], ...] = (
     _split_static,
     _classify_gloss,
     _note_darkened_models,
-    _drop_holes,
     _cut_at_crossings,
     _go_back,
 )
@@ -403,7 +397,7 @@ def inserted(scene: Scene, source: Path | Shape, name: str, pose: Pose | None, a
     *before, mobile = scene.mobiles
     scene = with_gloss_classes(replace(scene, mobiles=(*before, mobile._replace(mesh=_fine(mobile.mesh)))))
     *before, mobile = scene.mobiles
-    mesh = with_corners_at_crossings(without_holes(mobile.mesh), scene.materials)
+    mesh = with_corners_at_crossings(mobile.mesh, scene.materials)
     scene = translated(replace(scene, mobiles=(*before, mobile._replace(mesh=mesh))), origin)
     if pose is None:
         return scene

@@ -238,7 +238,8 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray, most: float) ->
 
 
 @kernel
-def _wrapped(i, n, way):
+def wrapped(i, n, way):
+    """Return the texel, 0 .. n - 1, at a place i by one of WRAPS."""
     if 0 <= i < n:  # the usual case; a division would dominate the cost
         return i
     if way == 0:
@@ -256,8 +257,8 @@ def _texel(pixels, table, wrap_u, wrap_v, u, v):
     x, y = u * w - 0.5, v * h - 0.5
     left, top = np.floor(x), np.floor(y)
     fx, fy = x - left, y - top
-    i, k = _wrapped(int(left), w, wrap_u), _wrapped(int(left) + 1, w, wrap_u)
-    j, m = _wrapped(int(top), h, wrap_v), _wrapped(int(top) + 1, h, wrap_v)
+    i, k = wrapped(int(left), w, wrap_u), wrapped(int(left) + 1, w, wrap_u)
+    j, m = wrapped(int(top), h, wrap_v), wrapped(int(top) + 1, h, wrap_v)
     a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
     p, q, r, s = pixels[j, i], pixels[j, k], pixels[m, i], pixels[m, k]
     red = a * table[p[0]] + b * table[q[0]] + c * table[r[0]] + d * table[s[0]]

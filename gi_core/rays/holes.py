@@ -1,7 +1,7 @@
 """Holes of textures: rays pass a face where its texture is transparent, texel by texel.
 
 `Pierced` is a structure of rays: it holds faces with holes apart, and goes on behind a hole. So light, regions and
-pictures see the same leaves. A hole is where `cutouts.covered` says so.
+pictures see the same leaves. A hole is where the interpolated cover is below HALF.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import barycentric
-from gi_core.geometry.cutouts import HALF
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.geometry.texture_filter import WRAPS, wrapped
 from gi_core.rays.structures import any_hit as hits_any
 from gi_core.rays.structures import nearest_hit
 from gi_core.rays.triangles import Meshes
+from gi_core.scene.types import HALF
 
 BEYOND = 4e-6  # of the largest coordinate and the distance: where rays go on behind a face; float32 rounds by 6e-8
-WRAPS = "repeat", "mirror", "clamp"
 
 
 class Covers(NamedTuple):
@@ -29,7 +29,7 @@ class Covers(NamedTuple):
     texels: np.ndarray  # (n,) uint8, see Texture.cover
     first: np.ndarray  # (T,) int64
     shape: np.ndarray  # (T, 2) int64, rows and columns
-    wrap: np.ndarray  # (T, 2) int64 into WRAPS, along u and along v
+    wrap: np.ndarray  # (T, 2) int64 of WRAPS, along u and along v
     nearest: np.ndarray  # (T,) bool
 
 
@@ -85,7 +85,7 @@ def build(structure: ModuleType, meshes: Meshes, surfaces: Surfaces) -> Any:
 def _covers(textures) -> Covers:
     covers = [np.full((1, 1), 255, np.uint8) if t.cover is None else t.cover for t in textures]
     first = np.cumsum([0, *(c.size for c in covers[:-1])])
-    wrap = np.array([[WRAPS.index(way) for way in t.wrap] for t in textures])
+    wrap = np.array([[WRAPS[way] for way in t.wrap] for t in textures])
     texels = np.concatenate([np.ascontiguousarray(c).reshape(-1) for c in covers])
     return Covers(texels, first, np.array([c.shape for c in covers]), wrap, np.array([t.nearest for t in textures]))
 
@@ -119,7 +119,7 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
 
 @kernel
 def _is_solid(s, k, place):
-    """Return whether the cover of face k is there at a place; as `cutouts.covered`."""
+    """Return whether the cover of face k is there at a place."""
     a, b, c = s.corners[k, 0], s.corners[k, 1], s.corners[k, 2]
     share = barycentric((a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2]), place)
     uv, of, m = s.uv[k], s.covers, s.texture[k]
@@ -138,18 +138,4 @@ def _is_solid(s, k, place):
 @inlined
 def _texel(of, m, column, line):
     h, w = of.shape[m, 0], of.shape[m, 1]
-    return np.float64(
-        of.texels[of.first[m] + _wrapped(line, h, of.wrap[m, 1]) * w + _wrapped(column, w, of.wrap[m, 0])]
-    )
-
-
-@inlined
-def _wrapped(i, n, way):
-    if way == 0:
-        i = i % n
-    elif way == 1:
-        i = i % (2 * n)
-        i = i if i < n else 2 * n - 1 - i
-    else:
-        i = min(max(i, 0), n - 1)
-    return i
+    return np.float64(of.texels[of.first[m] + wrapped(line, h, of.wrap[m, 1]) * w + wrapped(column, w, of.wrap[m, 0])])

@@ -73,6 +73,9 @@ class Material(NamedTuple):
         return Material(self.name, (0.0, 0.0, 0.0), two_sided=True, pane=pane)
 
 
+HALF = 128  # of Texture.cover
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Texture:
     """An image that colours a surface: its first row lies along v = 0, its first column along u = 0."""
@@ -80,7 +83,7 @@ class Texture:
     pixels: np.ndarray  # (h, w, 3) uint8, sRGB unless `linear`
     wrap: tuple[str, str] = ("repeat", "repeat")  # beyond 0..1 in u and in v: each "repeat", "mirror" or "clamp"
     nearest: bool = False  # near by, texels are squares instead of running into each other
-    cover: np.ndarray | None = None  # (h, w) uint8: the surface is there from 128 on; None: everywhere
+    cover: np.ndarray | None = None  # (h, w) uint8: the surface is there from HALF on; None: everywhere
     linear: bool = False  # pixels are linear values, not sRGB
 
     def __repr__(self) -> str:

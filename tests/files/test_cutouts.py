@@ -1,4 +1,4 @@
-"""Holes in textures and textures of square texels: read, seen by both renderers, passed by light.
+"""Holes in textures and textures of square texels: read, and seen by both renderers.
 
 Holes from an MTL file, and picking through holes.
 """
@@ -14,17 +14,15 @@ from app.draw.picking import Picker
 from app.draw.shot import Shot
 from app.settings import Settings, make_solver
 from gi_core.files.formats.mesh_file import read_mesh_file
-from gi_core.files.load import load_scene
-from gi_core.geometry.cutouts import bled, cover_of, covered, without_holes
-from gi_core.geometry.tessellation import tessellate
+from gi_core.files.formats.texture_images import _bled, _cover_of
 from gi_core.geometry.texture_filter import lookup
 from gi_core.model import Model
-from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Paint, Pose, Scene, Texture
+from gi_core.scene import Camera, Material, Mesh, Paint, Pose, Scene, Texture
 from gi_core.scene.types import Mobile
 from tests.files.test_texture_files import UV, png
 from tests.support.gl_drawing import gl_picture
 from tests.support.mesh_writers import QUAD, QUAD_FACES, write_glb
-from tests.support.scene_builders import merge, quad, solve
+from tests.support.scene_builders import merge, quad
 
 RNG = np.random.default_rng(3)
 
@@ -82,37 +80,11 @@ def test_gltf_nearest_sampler_shows_square_texels(tmp_path):
     np.testing.assert_array_equal(lookup(square, uv, *far), lookup(smooth, uv, *far)), "smooth from afar"
 
 
-@pytest.mark.parametrize("nearest", [False, True])
-@pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
-def test_covered_is_the_interpolated_cover_of_every_repetition(wrap, nearest):
-    cover = RNG.integers(0, 256, (6, 4), dtype=np.uint8)
-    texture = Texture(np.zeros((6, 4, 3), np.uint8), (wrap, "repeat"), nearest, cover)
-    uv = RNG.random((500, 2)) * 5 - 2
-    # Bilinear by brute force, of the image laid out with its neighbours.
-    column = {
-        "repeat": lambda i: i % 4,
-        "mirror": lambda i: min(i % 8, 7 - i % 8),
-        "clamp": lambda i: min(max(i, 0), 3),
-    }
-    wanted = []
-    for u, v in uv:
-        x, y = u * 4 - 0.5, v * 6 - 0.5
-        if nearest:
-            x, y = np.floor(x + 0.5), np.floor(y + 0.5)
-        i, j = int(np.floor(x)), int(np.floor(y))
-        grid = np.array([[cover[(j + b) % 6, column[wrap](i + a)] for a in (0, 1)] for b in (0, 1)], float)
-        wanted.append([1 - (y - j), y - j] @ grid @ [1 - (x - i), x - i])
-    wanted = np.array(wanted)
-    clear = np.abs(wanted - 127.5) > 1e-6
-    assert clear.sum() > 400
-    np.testing.assert_array_equal(covered(texture, uv)[clear], (wanted >= 127.5)[clear])
-
-
 def grove(nearest: bool = False) -> Scene:
     """Two cards with nine leaves each, one behind the other, in front of a wall; seen from a corner."""
     image = leaf(32)
-    cover = cover_of(image[..., 3], 1.0, 0.5)
-    texture = Texture(bled(image[..., :3], cover), nearest=nearest, cover=cover)
+    cover = _cover_of(image[..., 3], 1.0, 0.5)
+    texture = Texture(_bled(image[..., :3], cover), nearest=nearest, cover=cover)
     cards = [quad((-0.5, -0.5, z), (1, 0, 0), (0, 1, 0), (3, 3), material=1) for z in (0.0, 0.3)]
     wall = quad((-1, -1, -0.5), (2, 0, 0), (0, 2, 0), (4, 4))
     mesh = merge(wall, *cards)
@@ -150,72 +122,6 @@ def whole(scene: Scene) -> Scene:
     return replace(
         scene, static=scene.static._replace(paint=paint._replace(textures=(Texture(np.zeros((2, 2, 3), np.uint8)),)))
     )
-
-
-def test_light_passes_through_removed_triangles(tmp_path):
-    """A card with a hole of half its width, under the sun: below the hole as bright as in the open, the rest in shade.
-
-    As two triangles it shades all of it; the file's card comes out cut, like the one made here.
-    """
-    image = np.full((64, 64, 4), 255, np.uint8)
-    image[16:48, 16:48, 3] = 0
-    cover = cover_of(image[..., 3], 1.0, 0.5)
-    texture = Texture(bled(image[..., :3], cover), ("clamp", "clamp"), cover=cover)
-    card = quad((-1, 1, 1), (2, 0, 0), (0, 0, -2), material=1)
-    uv = ((card.vertices[card.faces][..., [0, 2]] + 1) / 2).astype(np.float32)
-    card = card._replace(paint=Paint((texture,), np.zeros(2, np.int32), uv, np.full((2, 3, 3), 0.5, np.float32)))
-    assert len(without_holes(card).faces) == 2
-    fine = without_holes(tessellate(card, 0.15))
-    assert 0.6 < len(fine.faces) / len(tessellate(card, 0.15).faces) < 0.85
-    middles = np.abs(fine.vertices[fine.faces].mean(axis=1)[:, [0, 2]]).max(axis=1)
-    assert middles.min() > 0.4 and np.allclose(fine.paint.corner_uv * 2 - 1, fine.vertices[fine.faces][..., [0, 2]])
-    sun = DirectionalLight("sun", (0.0, -1.0, 0.0), (1.0, 1.0, 1.0))
-    floor = quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), (16, 16))
-    seen = []
-    for shade in (None, card, fine):
-        mesh = floor if shade is None else merge(floor, shade)
-        scene = Scene(
-            mesh, (Material("floor", (0.0,) * 3), Material("card", (0.0,) * 3, two_sided=True)), lights=(sun,)
-        )
-        solver = solve(scene, photons=40_000, radius=0.12)
-        at = solver.receivers.positions
-        below = (at[:, 1] < 0.5) & (np.abs(at[:, [0, 2]]).max(axis=1) < 0.25)
-        beside = (at[:, 1] < 0.5) & (np.abs(np.abs(at[:, 0]) - 0.8) < 0.1) & (np.abs(at[:, 2]) < 0.8)
-        seen.append((solver.irradiance[below].mean(), solver.irradiance[beside].mean()))
-    (open_below, open_beside), (whole_below, _), (cut_below, cut_beside) = seen
-    assert open_beside > 0.8 and whole_below < 0.01
-    assert cut_below == pytest.approx(open_below, rel=0.1) and cut_beside < 0.01
-
-    described = {
-        "name": "card",
-        "alphaMode": "MASK",
-        "doubleSided": True,
-        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
-    }
-    write_glb(tmp_path / "card.glb", QUAD, QUAD_FACES, uv=UV, material=described, image=png(image))
-    (tmp_path / "card.toml").write_text('[static]\nmesh = "card.glb"\nmax_edge = 0.1\n')
-    faces = len(load_scene(tmp_path / "card.toml").static.faces)
-    (tmp_path / "card.glb").unlink()
-    opaque = described | {"alphaMode": "OPAQUE"}
-    write_glb(tmp_path / "card.glb", QUAD, QUAD_FACES, uv=UV, material=opaque, image=png(image))
-    assert len(load_scene(tmp_path / "card.toml").static.faces) - faces > 40
-
-
-def test_clamped_mask_extends_its_rim_and_repeated_mask_its_holes():
-    """Clamped, the rim goes on for ever; repeated, a hole does too, over several periods."""
-    cover = np.zeros((8, 8), np.uint8)
-    cover[0, 0] = 255
-    corners = np.array([[[0.3, 0.3], [0.7, 0.3], [0.3, 0.7]], [[2.3, 1.3], [2.7, 1.3], [2.3, 1.7]]], np.float32)
-    wide = np.array([[[0.3, 0.3], [1.4, 0.3], [0.3, 1.4]]], np.float32)
-    mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
-    left = {}
-    for wrap in ("repeat", "clamp"):
-        texture = Texture(np.zeros((8, 8, 3), np.uint8), (wrap, wrap), cover=cover)
-        for name, uv in (("inside", corners), ("wide", np.concatenate([corners[:1], wide]))):
-            paint = Paint((texture,), np.zeros(2, np.int32), uv, np.ones((2, 3, 3), np.float32))
-            left[wrap, name] = len(without_holes(mesh._replace(paint=paint)).faces)
-    assert left["repeat", "wide"] == 1 and left["clamp", "inside"] == 1
-    assert left["repeat", "inside"] == 2, "a mesh of nothing but holes stays as it is"
 
 
 CHECKS = np.array([[255, 0], [0, 255]], np.uint8)  # there, and not, in squares of half a card

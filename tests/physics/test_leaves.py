@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from gi_core.gather.reference import reference_irradiance
-from gi_core.geometry.cutouts import covered
 from gi_core.model import Model
 from gi_core.scene.types import DirectionalLight, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
 from tests.support.scene_builders import grey, quad, solve
@@ -24,6 +23,26 @@ def screen(cover: np.ndarray, size=1.0, height=0.0, repeats=1.0, **texture) -> M
 
 def blots(n: int, seed: int) -> np.ndarray:
     return np.where(np.random.default_rng(seed).random((n, n + 2)) < 0.4, 0, 255).astype(np.uint8)
+
+
+INTO = {
+    "repeat": lambda i, n: i % n,
+    "mirror": lambda i, n: min(i % (2 * n), 2 * n - 1 - i % (2 * n)),
+    "clamp": lambda i, n: min(max(i, 0), n - 1),
+}
+
+
+def covered(texture: Texture, uv: np.ndarray) -> np.ndarray:
+    """Return where the bilinear cover (n,) of the image, laid out by its wraps, is there."""
+    (h, w), (across, along), out = texture.cover.shape, texture.wrap, []
+    for u, v in uv:
+        x, y = u * w - 0.5, v * h - 0.5
+        if texture.nearest:
+            x, y = np.floor(x + 0.5), np.floor(y + 0.5)
+        i, j = int(np.floor(x)), int(np.floor(y))
+        rows, columns = ([INTO[way](k + a, n) for a in (0, 1)] for way, k, n in ((along, j, h), (across, i, w)))
+        out.append([1 - (y - j), y - j] @ texture.cover[np.ix_(rows, columns)].astype(float) @ [1 - (x - i), x - i])
+    return np.array(out) >= 127.5
 
 
 @pytest.mark.parametrize("nearest", [True, False])

@@ -15,10 +15,9 @@ import numpy as np
 
 from gi_core.files.formats.boundary import MOST_IMAGE_PIXELS, Boundary, like_named
 from gi_core.files.formats.file_parts import CHANNELS
-from gi_core.geometry.cutouts import bled, cover_of
 from gi_core.geometry.texture_filter import BYTE, mean_linear
 from gi_core.scene.errors import SceneError
-from gi_core.scene.types import Texture
+from gi_core.scene.types import HALF, Texture
 
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA")  # no other plugin of Pillow runs: that of PostScript runs a program
 MISSING = 0.7  # reflectance in place of a texture that cannot be read
@@ -89,8 +88,8 @@ class Images:
             if picture is not None and alpha is None:
                 self.textures.append(Texture(picture.pixels, wrap, nearest))
             elif picture is not None:
-                cover = cover_of(alpha, *(cut or (1.0, 0.5)))
-                self.textures.append(Texture(bled(picture.pixels, cover), wrap, nearest, cover))
+                cover = _cover_of(alpha, *(cut or (1.0, 0.5)))
+                self.textures.append(Texture(_bled(picture.pixels, cover), wrap, nearest, cover))
         return self._index[key]
 
     def pixels(self, name: str, load: Callable[[], bytes], otherwise: str) -> np.ndarray | None:
@@ -150,7 +149,7 @@ class Images:
             return None
         srgb = BYTE[np.round(65535 * np.clip(colour, 0, 1)).astype(np.int64)]
         shape = picture.pixels.shape
-        cover = cover_of(picture.mask(shape[:2]), 1.0, 0.5)
+        cover = _cover_of(picture.mask(shape[:2]), 1.0, 0.5)
         self.textures.append(Texture(np.broadcast_to(srgb, shape).copy(), cover=cover))
         return len(self.textures) - 1
 
@@ -190,6 +189,23 @@ class Images:
             more = f"; and {len(troubles) - named} more" if len(troubles) > named else ""
             lines.append(f"{otherwise}: {'; '.join(troubles[:named])}{more}")
         return lines
+
+
+def _cover_of(alpha: np.ndarray, factor: float, cutoff: float) -> np.ndarray:
+    """Return alpha (h, w) uint8 times `factor`, scaled so that `cutoff` becomes HALF, the common threshold."""
+    if cutoff <= 0:
+        return np.full(alpha.shape, 255, np.uint8)
+    return np.round(np.clip(np.arange(256) * (0.5 * factor / cutoff), 0, 255)).astype(np.uint8)[alpha]
+
+
+def _bled(pixels: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """Return pixels (h, w, 3) with cut-out ones in the mean colour of the rest: interpolation mixes them in."""
+    solid = cover >= HALF
+    if solid.all() or not solid.any():
+        return pixels
+    filled = pixels.copy()
+    filled[~solid] = np.round(pixels[solid].mean(axis=0)).astype(np.uint8)
+    return filled
 
 
 def decode(data: bytes, name: str, boundary: Boundary) -> DecodedImage:
