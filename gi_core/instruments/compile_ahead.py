@@ -129,8 +129,8 @@ def _parts(rays: str | None, surfaces: str = DIFFUSE) -> list[tuple[str, Callabl
     tiny = functools.cache(functools.partial(_trace, scene, rays))  # a solver compiles as soon as it is made
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
     parts += [("frames", lambda: record(_with_second(scene), rays))]
-    parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
-    parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
+    parts += [(name, lambda name=name: _estimate(tiny(), estimator=name)) for name in ESTIMATORS]
+    parts += [(name, lambda name=name: _estimate(tiny(), estimator=DEFAULT, search=name)) for name in SEARCHES]
     parts += [("loading", _prepare)]
     if not surfaces.startswith(DIFFUSE):
         parts += [("gloss", lambda: _shine(tiny()))]
@@ -206,8 +206,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
 
 
 def _shine(solver: Solver) -> None:
-    """Compile the evaluation of gloss, and the gathering of its directions, at rest and on mobiles."""
-    solver.move("mobile", Pose((0.0, 0.0, 0.4)))
+    """Compile the evaluation of gloss, and the gathering of its directions at rest."""
     gathered = GatheredGloss(solver.model, 0, solver.frame_light.gloss.source)
     at, irradiance = solver.model.transforms(solver.poses), solver.irradiance
     gathered.gather(solver.frame.background, at, solver.levels, irradiance, np.arange(len(irradiance)))
@@ -218,17 +217,6 @@ def _shine(solver: Solver) -> None:
     views, delta = LobeViews.of_lobes(gloss_alone(np.ones((1, 5)), tables), 0, one, one, one), solver.model.lights.delta
     draw_lobe(views, one)
     highlights(views, arriving(solver.model.accelerator, at, one, one, np.zeros(1), delta, 1.0), delta.value)
-    _shine_on_mobiles(solver)
-
-
-def _shine_on_mobiles(solver: Solver) -> None:
-    """Compile the directions of light on a mobile with the material of the floor."""
-    (mobile,) = solver.scene.mobiles
-    mesh = mobile.mesh._replace(face_material=np.zeros(len(mobile.mesh.faces), np.int32))
-    scene = replace(solver.scene, mobiles=(mobile._replace(mesh=mesh),))
-    other = Solver(scene, CHEAPEST, photons=64, radius=0.1, light="best", rays=solver.model.accelerator.rays)
-    other.solve()
-    other.move("mobile", Pose((0.0, 0.0, 0.4)))
 
 
 def _prepare() -> None:
@@ -241,21 +229,15 @@ def _prepare() -> None:
     count_within(points, points, 1.0)
 
 
-def _estimate(solver: Solver, name: str) -> None:
-    solver.configure(estimator=name)
+def _estimate(solver: Solver, **setting) -> None:
+    """Compile an estimator, or a search over the discs of one, and what the window shows of it."""
+    solver.configure(**setting)
     solver.solve()
-    solver.move("mobile", Pose((0.0, 0.0, 0.4)))
     solver.move("mobile", TOUCHING)
-    solver.from_scratch()
-    if name == DEFAULT:
+    if setting["estimator"] == DEFAULT:
         at = solver.model.transforms(solver.poses)
         segments, _ = current_segments(solver.model, at, 0, 0, 1)
         solver.frame.background.estimate.crossing(0, segments, at)
-
-
-def _search(solver: Solver, name: str) -> None:
-    solver.configure(estimator=DEFAULT, search=name)
-    solver.solve()
 
 
 def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:
@@ -287,11 +269,12 @@ def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:
 
 
 def _with_second(scene: Scene) -> Scene:
-    """Return a scene with another mobile above the first one: a corner of two quadrilaterals, as discs have regions."""
+    """Return a scene with another mobile above the first one: a corner of two quadrilaterals, as discs have regions, of
+    the floor's material."""
     (mobile,) = scene.mobiles
     low = mobile.mesh.vertices
     faces = np.array([[0, 1, 2], [0, 2, 3], [1, 0, 4], [1, 4, 5]], np.int32)
-    corner = Mesh(np.concatenate([low, low[:2] + [0.0, 0.0, 0.5]]), faces, np.full(4, 2, np.int32))
+    corner = Mesh(np.concatenate([low, low[:2] + [0.0, 0.0, 0.5]]), faces, np.zeros(4, np.int32))
     return replace(scene, mobiles=(mobile, Mobile("above it", corner, Pose((0.0, 0.0, 0.7)))))
 
 

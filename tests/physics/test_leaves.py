@@ -36,9 +36,7 @@ def covered(texture: Texture, uv: np.ndarray) -> np.ndarray:
     """Return where the bilinear cover (n,) of the image, laid out by its wraps, is there."""
     (h, w), (across, along), out = texture.cover.shape, texture.wrap, []
     for u, v in uv:
-        x, y = u * w - 0.5, v * h - 0.5
-        if texture.nearest:
-            x, y = np.floor(x + 0.5), np.floor(y + 0.5)
+        x, y = (np.floor(k + 0.5) if texture.nearest else k for k in (u * w - 0.5, v * h - 0.5))
         i, j = int(np.floor(x)), int(np.floor(y))
         rows, columns = ([INTO[way](k + a, n) for a in (0, 1)] for way, k, n in ((along, j, h), (across, i, w)))
         out.append([1 - (y - j), y - j] @ texture.cover[np.ix_(rows, columns)].astype(float) @ [1 - (x - i), x - i])

@@ -22,7 +22,8 @@ def test_the_warm_up_runs_every_search(name, monkeypatch):
         return accumulate(self, *given)
 
     monkeypatch.setattr(made, "accumulate", counted)
-    compile_ahead._search(compile_ahead._trace(compile_ahead._tiny_scene(), None), name)
+    solver = compile_ahead._trace(compile_ahead._tiny_scene(), None)
+    compile_ahead._estimate(solver, estimator=compile_ahead.DEFAULT, search=name)
     assert calls
 
 
@@ -81,6 +82,7 @@ kernels = [gloss_gather._aim, gloss_gather._deposit, path_ends.arrive, path_trac
 kernels += [mobile_gloss._order, mobile_gloss._write, path_ends.add_exchanged]
 kernels += [lobe_rays._aim_at_lights, lobe_rays._add]
 for surfaces in (compile_ahead.TABLES, compile_ahead.GLOSS):  # of the room, and of the plate under lights
+    compile_ahead.record(compile_ahead._with_second(compile_ahead._tiny_scene(surfaces)), None)
     compile_ahead._shine(compile_ahead._trace(compile_ahead._tiny_scene(surfaces), None))
 before = [k.signatures for k in kernels]
 assert all(before), before
