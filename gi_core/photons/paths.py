@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import CHEAP, COSTLY, run_ranges
+from gi_core.base.vec import row as row_of
 from gi_core.geometry.receivers import NONE
 from gi_core.rays.accelerator import line
 
@@ -170,64 +171,41 @@ def concatenate(parts: list[Segments]) -> Segments:
 
 
 @kernel
-def _write(offsets, position, side, flux, lamp, direct, photon, k, row, out):
-    """Write the whole background segment that leaves vertex k of a photon to a row."""
-    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce, lamps, straight = out
-    for c in range(3):
-        origin[row, c] = position[k, c]
-        end[row, c] = position[k + 1, c]
-        hit[row, c] = position[k + 1, c]
-        q[row, c] = flux[k, c]
-    _, _, _, length = line(
-        position[k, 0], position[k, 1], position[k, 2], position[k + 1, 0], position[k + 1, 1], position[k + 1, 2]
-    )
-    low[row], high[row] = -1.0, length
-    start_side[row] = side[k]
-    end_side[row] = side[k + 1]
-    cut_side[row] = NONE
-    photons[row] = photon
-    bounce[row] = k - offsets[photon]
-    lamps[row], straight[row] = lamp[photon], bounce[row] < direct[photon]
-
-
-@kernel
-def _write_photons(offsets, position, side, flux, lamp, direct, first, last, out):
-    row = 0
-    for i in range(first, last):
-        for k in range(offsets[i], offsets[i + 1] - 1):
-            _write(offsets, position, side, flux, lamp, direct, i, k, row, out)
-            row += 1
-
-
-@kernel
-def _write_rows(offsets, position, side, flux, lamp, direct, photons, rows, first, last, out):
+def _write(paths, photons, vertices, counts, rows, first, last, out):
+    """Write the whole segments that leave so many vertices of photons, from a vertex on, to rows from rows[j] on."""
     for j in range(first, last):
-        _write(offsets, position, side, flux, lamp, direct, photons[j], rows[j], j, out)
+        photon = photons[j]
+        for k in range(vertices[j], vertices[j] + counts[j]):
+            row, a, b = rows[j] + k - vertices[j], row_of(paths.position, k), row_of(paths.position, k + 1)
+            out.origin[row, 0], out.origin[row, 1], out.origin[row, 2] = a
+            out.end[row, 0], out.end[row, 1], out.end[row, 2] = b
+            out.hit[row, 0], out.hit[row, 1], out.hit[row, 2] = b
+            for c in range(3):
+                out.flux[row, c] = paths.flux[k, c]
+            _, _, _, out.high[row] = line(a[0], a[1], a[2], b[0], b[1], b[2])
+            out.low[row] = -1.0
+            out.start_side[row], out.end_side[row], out.cut_side[row] = paths.side[k], paths.side[k + 1], NONE
+            out.photon[row], out.bounce[row] = photon, k - paths.offsets[photon]
+            out.lamp[row], out.direct[row] = paths.lamp[photon], out.bounce[row] < paths.direct[photon]
 
 
-@kernel
-def _write_behind(offsets, position, side, flux, lamp, direct, photons, vertices, rows, first, last, out):
-    for j in range(first, last):
-        for k in range(vertices[j], offsets[photons[j] + 1] - 1):
-            _write(offsets, position, side, flux, lamp, direct, photons[j], k, rows[j] + k - vertices[j], out)
+def _segments(paths: PathVertices, photons, vertices, counts, threads: int = 1, grain: int = COSTLY):
+    """Return the whole segments that leave counts (n,) vertices of photons (n,), and the first row (n,) of each."""
+    ends = np.cumsum(counts)
+    rows, out = ends - counts, empty_segments(int(ends[-1]) if len(ends) else 0)
+    run_ranges(lambda _, *part: _write(paths, photons, vertices, counts, rows, *part, out), len(rows), threads, grain)
+    return out, rows
 
 
 def segments_of(paths: PathVertices, first: int, last: int) -> Segments:
     """Return the whole segments of photons first .. last - 1."""
-    out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
-    _write_photons(*paths, first, last, tuple(out))
-    return out
+    vertices = paths.offsets[first : last + 1]
+    return _segments(paths, np.arange(first, last), vertices[:-1], np.diff(vertices) - 1)[0]
 
 
 def segments_at(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, threads: int) -> Segments:
     """Return the whole segments that leave the given vertices (n,) of the given photons (n,)."""
-    out = empty_segments(len(vertices))
-
-    def work(_, first, last):
-        _write_rows(*paths, photons, vertices, first, last, tuple(out))
-
-    run_ranges(work, len(vertices), threads, CHEAP)
-    return out
+    return _segments(paths, photons, vertices, np.ones_like(vertices), threads, CHEAP)[0]
 
 
 def segments_behind(
@@ -237,13 +215,6 @@ def segments_behind(
 
     Each suffix has a segment. A low of -1 keeps the first segment whole.
     """
-    counts = paths.offsets[photons + 1] - 1 - vertices
-    ends = np.cumsum(counts)
-    rows, out = ends - counts, empty_segments(int(ends[-1]) if len(ends) else 0)
-
-    def work(_, first, last):
-        _write_behind(*paths, photons, vertices, rows, first, last, tuple(out))
-
-    run_ranges(work, len(photons), threads, COSTLY)
+    out, rows = _segments(paths, photons, vertices, paths.offsets[photons + 1] - 1 - vertices, threads)
     out.low[rows] = low
     return out
