@@ -65,7 +65,6 @@ def commands(scene: str) -> dict[str, list[str]]:
         "bench": ["bench", scene, *many],
         "chart": ["chart", scene, "--quick", "--frames", "2", "--out", "chart"],
         "reference": ["reference", scene, "--error", "0.1"],
-        "tune": ["tune", scene],
         "atlas": ["atlas", "--out", "atlas"],
     }
 

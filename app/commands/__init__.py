@@ -9,7 +9,6 @@ COMMANDS = {
     "render": "draw one picture, or --frames along the mobile's path, without a window",
     "bake": "write a GLB file with light in its vertices, for other programs",
     "bench": "move the mobile along its path and time every frame",
-    "tune": "try settings on this scene and machine; print the best for a frame time or an error",
     "info": "print the contents of a scene, its default settings and their reasons",
     "measure": "illuminance on calculation surfaces and at probes: mean, minimum, uniformity, targets",
     "report": "luminaires, surfaces with targets, pictures and power as one page",

@@ -93,7 +93,7 @@ class Estimator(Protocol):
 
     @staticmethod
     def summary(setting: Setting) -> str:
-        """Return the settings that change its light, in words; "" for none. Shown by tune and chart."""
+        """Return the settings that change its light, in words; "" for none. Shown by chart."""
 
     def build(self) -> None:
         """Build the structures that do not depend on photons."""

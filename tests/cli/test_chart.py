@@ -2,7 +2,6 @@
 
 import csv
 import math
-import shutil
 import sys
 from dataclasses import replace
 
@@ -11,18 +10,15 @@ import pytest
 
 from app import __main__ as cli
 from app.measure.chart import measure, page
-from app.measure.chart.figure import draw, front, styles
+from app.measure.chart.figure import front, styles
 from app.measure.chart.measure import AtCase, Measurer, Walk, errors, flicker, make_walk, rival_choices, rival_light
 from app.measure.chart.settings import (
     FULL,
     REPORT,
-    TUNED,
     Choice,
     beside,
     choice_like,
     choices,
-    nearness,
-    tuned_summary,
 )
 from app.measure.chart.truth import PoseTruth, cases, choose, drawn_gloss, gloss_truth, steady_and_moved
 from app.measure.results import KEY, Results
@@ -77,7 +73,7 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     monkeypatch.setattr(Measurer, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
     assert command(out) == 0
     first = table(out)
-    assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 20 and len(first) == 20 + 2
+    assert {r["curve"] for r in first} == set(styles()) and len(measured) == 20 and len(first) == 20 + 2
     for r in first:
         assert 0 < float(r["total all"]) < 2 and float(r["frame_ms"]) > 0 and float(r["truth all"]) < 0.2
     said = capsys.readouterr().out
@@ -110,41 +106,6 @@ def test_more_photons_and_paths_are_nearer_the_truth(measured):
     assert dragged["total untouched"] < all_photons["total untouched"]  # walls keep the light of all photons
 
 
-@pytest.mark.slow
-def test_tuned_choice_is_plotted_beside_the_best_others(measured, tmp_path, monkeypatch):
-    """Measured once, as the other rows are; drawn as a star."""
-    monkeypatch.setattr("app.measure.tuning.TRIAL_RADII", (1.0,))
-    out = shutil.copytree(measured[0], tmp_path / "chart")
-    run = run_of(out)
-    assert not nearness(run.results.rows), "not by a quick run"
-    walk = run._walk()
-    run.quick = False
-    monkeypatch.setattr(run, "_walk", lambda: walk)
-    monkeypatch.setattr(measure, "rival_choices", lambda counts: iter(()))
-    run.measure()
-    rows = run.results.rows
-    [row] = [r for r in rows if r["curve"] == TUNED]
-    assert row["light"] == "best" and row["paths"] >= 4 and row["photons"] <= row["traced"]
-    near = nearness([{**r, "frame_ms": 1.0} for r in rows])  # measured times depend on the machine's load
-    assert set(near) == {"all", "affected", "mobile"} and all(0.2 < ratio < 20 for ratio in near.values()), near
-    run.measure()
-    assert len(run.results.rows) == len(rows), "it is there"
-    pytest.importorskip("matplotlib")
-    draw(rows, run.about(), out)
-    assert "tune's choice for 16 ms" in tuned_summary(rows)
-
-
-def test_the_choice_of_tune_may_have_no_photon_subsets(measured, tmp_path, monkeypatch):
-    """photon_map keeps none when solved at once; a subset of another estimator's photons was asked of it."""
-    k = {"estimator": "photon_map", "neighbours": 80}
-    monkeypatch.setattr("app.measure.tuning.candidates", lambda solver: [k])
-    run = run_of(shutil.copytree(measured[0], tmp_path / "chart"))
-    walk = run._walk()
-    [row] = run.measurer.tuned(8192, walk)
-    assert (row["curve"], row["estimator"], row["neighbours"]) == (TUNED, "photon_map", 80)
-    assert row["photons"] == row["traced"] and row["total all"] > 0
-
-
 def test_a_setting_that_fails_costs_no_other(small, tmp_path, monkeypatch, capsys):
     """All others are in the table and drawn; one sentence names the setting, and the exit code tells."""
     pytest.importorskip("matplotlib")
@@ -165,18 +126,6 @@ def test_a_setting_that_fails_costs_no_other(small, tmp_path, monkeypatch, capsy
         ("photon_map", "8192"), ("path gather", "1"), ("path gather", "4"),
     ]  # fmt: skip
     assert (tmp_path / "index.html").stat().st_size > 0
-
-
-def test_nearness_compares_with_settings_at_most_as_slow():
-    def row(curve, ms, all_, affected, mobile) -> dict:
-        return {"curve": curve, "frame_ms": ms, "total all": all_, "total affected": affected, "total mobile": mobile}
-
-    others = [row("a", 5.0, 0.2, 0.3, 0.4), row("a", 15.0, 0.1, 0.2, 0.2), row("b", 40.0, 0.01, 0.01, float("nan"))]
-    assert nearness(others) == {}
-    near = nearness([*others, row(TUNED, 14.0, 0.11, 0.2, 0.1)])
-    assert near == pytest.approx({"all": 1.1, "affected": 1.0, "mobile": 0.5})
-    slow = nearness([*others, row(TUNED, 50.0, 0.02, 0.02, 0.1)])
-    assert slow == pytest.approx({"all": 2.0, "affected": 2.0, "mobile": 0.5}), "slow against slow"
 
 
 def run_of(out) -> measure.Run:
@@ -223,7 +172,7 @@ def test_given_settings_are_not_varied():
     given = choices(replace(SMALL, radius=0.02, estimator="tangent_plane"), solver, FULL)
     assert {(c.estimator, c.photons) for c in given} == {("tangent_plane", 8192)}
     assert not any(c.control for c in choices(replace(SMALL, control=False), solver, FULL))
-    assert {c.curve for c in every} | {c.curve for c in rival_choices(FULL.paths)} == set(styles()) - {TUNED}
+    assert {c.curve for c in every} | {c.curve for c in rival_choices(FULL.paths)} == set(styles())
 
 
 def test_receivers_without_area_are_not_watched(tmp_path):

@@ -70,7 +70,6 @@ OPTIONS = {  # per command: the fields of Settings that it reads besides the sce
     "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light", "gloss"},
     "chart": {*LIGHT, "lamps", "exposure"},
     "info": {*LIGHT, "lamps", "exposure"},
-    "tune": {"photons", "radius", "control", "search", "light", "rays", "lamps", "seed", "budget"},
     "reference": {"lamps", "rays", "seed"},
 }
 WORDS = {
@@ -283,7 +282,6 @@ def test_values_out_of_range_get_a_sentence(words, message, capsys):
         (["--estimator", "photon_map"], "photons"),
         (["--estimator", "photon_map", "--light", "best"], "best"),
         (["render"], "best"),
-        (["tune"], "best"),
         (["bench"], "photons"),
         (["bench", "--light", "best"], "best"),
     ],
@@ -315,7 +313,7 @@ def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command,
         *(f"render --{o}" for o in ("seconds 1e300", "lamp a=1e30", "frames 0", "isolines 1e-320")),
         *(f"render --{o}" for o in ("pose a=1e300,0,0", "camera 1e200,0,0,0,0,0,40", "illuminance-range 0,5e-324")),
         "render --luminance-range 1e-300,1e300",
-        *(f"{c} --error {e}" for c in ("reference", "measure", "tune", "bake") for e in ("1e-12", "1e9")),
+        *(f"{c} --error {e}" for c in ("reference", "measure", "bake") for e in ("1e-12", "1e9")),
         *("bench --frames 1e12", "bench --step 1e300", "chart --frames 1e9", "chart --points 1e12", "--budget 1e300"),
     ],
 )

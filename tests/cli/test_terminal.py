@@ -45,9 +45,7 @@ def test_names_of_a_file_are_printable_lines(tmp_path, capsys):
     assert not any(line.startswith("note: forged") for line in said.splitlines())
 
 
-@pytest.mark.parametrize(
-    "command", [("tune", "--budget", "1"), ("bench", "--frames", "2"), ("render", "--size", "32x20")]
-)
+@pytest.mark.parametrize("command", [("bench", "--frames", "2"), ("render", "--size", "32x20")])
 def test_every_command_prints_printable_lines(command, tmp_path, capsys):
     scene = hostile_scene(tmp_path)
     scene = scene.rename(scene.with_name("\x1b[2J\x9b.toml"))

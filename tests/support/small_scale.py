@@ -81,8 +81,6 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     values = settings.Settings.__init__.__defaults__
     patch.setattr(settings.Settings.__init__, "__defaults__", (*values[:k], (60, 40), *values[k + 1 :]))
     patch.setattr(settings, "SECONDS", 0.1)
-    patch.setattr("gi_core.tuning.TRIAL_PHOTONS", 8192)
-    patch.setattr("gi_core.tuning.MOST_TRIAL_PATHS", 32)
     patch.setattr("gi_core.defaults.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)

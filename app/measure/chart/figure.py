@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.cli.version import need
-from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, REPORT, RESTED, RIVAL, SCENES, TUNED
-from app.settings import BUDGET
+from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, REPORT, RESTED, RIVAL, SCENES
 from gi_core.estimators import ESTIMATORS
 
 PANELS = {
@@ -24,7 +23,7 @@ OWN = (("#0072B2", "o"), ("#CC79A7", "D"), ("#D55E00", "^"), ("#B59F00", "<"), (
 VARIANTS = {
     DRAGGED: ("#56B4E9", "s"), GATHERED: ("#7A5195", "P"), RESTED: ("#1B1B6B", "h"), NO_CONTROL: ("#009E73", "v"),
 }  # fmt: skip
-OTHERS = {TUNED: ("#000000", "*"), RIVAL: ("#555555", "X")}
+OTHERS = {RIVAL: ("#555555", "X")}
 RATES = {1000 / 60: "16.7 ms", 40.0: "40 ms"}
 NOTE = {
     "of": "error: sum of area x |E - truth| / sum of area x truth, luminance,\nat {points:,} receivers per pose, "
@@ -78,7 +77,7 @@ def draw(rows: list[dict], about: dict, out: Path) -> None:
 
 def aside(curves: Iterable[str]) -> set[str]:
     """Return the curves that the Pareto front leaves out: no frame of a motion is like them."""
-    return {c for c in curves if c in (RIVAL, TUNED) or c.endswith(RESTED)}
+    return {c for c in curves if c == RIVAL or c.endswith(RESTED)}
 
 
 def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -98,9 +97,7 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
         axis.plot(*_columns(best), color=BEST, linewidth=8, alpha=0.45, solid_capstyle="round", zorder=1)
     for curve, own in points.items():
         colour, shape = styles()[curve]
-        if own and curve == TUNED:
-            axis.plot(*_columns(own), shape, color=colour, markersize=15, markeredgecolor="white", zorder=5)
-        elif own:
+        if own:
             axis.plot(*_columns(own), shape, color=colour, markersize=4.5, alpha=0.35, markeredgewidth=0, zorder=2)
             axis.plot(*_columns(front(own)), "-" + shape, color=colour, linewidth=1.8, markersize=6, zorder=3)
     report = about["scene"] in SCENES and name == "all"
@@ -140,7 +137,7 @@ def _legend(axis, rows: list[dict], about: dict) -> None:
 
 
 def _named(curve: str) -> str:
-    return curve + {RIVAL: ", no state between frames", TUNED: f" for {BUDGET:g} ms"}.get(curve, "")
+    return curve + (", no state between frames" if curve == RIVAL else "")
 
 
 def _plain(about: dict) -> dict:

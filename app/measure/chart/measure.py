@@ -26,19 +26,15 @@ from app.draw import motion
 from app.measure.chart import truth
 from app.measure.chart.settings import (
     RIVAL,
-    TUNED,
     Choice,
     Effort,
-    choice_of,
     choices,
     choices_like_the_report,
     effort,
-    nearness,
 )
 from app.measure.chart.truth import PoseTruth, background_of, drawn_gloss, light_of, steady_and_moved
 from app.measure.results import KEY, Failure, Results, attempted, load, processor
-from app.measure.tuning import tune
-from app.settings import BUDGET, STEP_PER_FRAME, Settings, make_solver
+from app.settings import STEP_PER_FRAME, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.gather.reference import Gatherer
 from gi_core.gather.reference_sample import draw_by_area
@@ -216,7 +212,7 @@ def _gatherer(solver: Solver, poses, seed: int) -> Gatherer:
 
 
 class Measurer:
-    """One scene and the solvers of its settings. `family`, `rival` and `tuned` measure along a walk."""
+    """One scene and the solvers of its settings. `family` and `rival` measure along a walk."""
 
     def __init__(self, scene: Scene, settings: Settings, effort: Effort, bar, threads: int | None = None) -> None:
         """bar(stage, fraction): called on the way; threads: None for one per core."""
@@ -257,17 +253,6 @@ class Measurer:
             return named | times | errors(seen, None, walk.cases) | self._process
 
         yield attempted(f"{choice.curve}, {choice.photons} paths", row)
-
-    def tuned(self, most: int, walk: Walk) -> Iterator[dict | Failure]:
-        """Yield the row of the choice of `tune` on this scene and machine; most: photons."""
-
-        def row() -> dict:
-            s = self.base.setting
-            solver, _ = self.solved(Choice(DEFAULT, most, most, s.radius, s.neighbours, True, "best", paths=64))
-            tuned = tune(solver, 1e-3 * BUDGET, self.bar)
-            return self._row(choice_of(tuned, self._traced, solver.frame.subsets), None, walk)
-
-        yield attempted(TUNED, row)
 
     def solved(self, choice: Choice):
         """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""
@@ -375,17 +360,15 @@ class Run:
         }
 
     def measure(self) -> None:
-        """Measure every setting that is missing, the rival, and tune's choice; failed ones go to `failures`."""
+        """Measure every setting that is missing, and the rival; failed ones go to `failures`."""
         fixed = 60_000  # photons of about the same time as the fixed cost of a row
         todo = [c for c in self.choices if not self.results.has(c._asdict())]
         rival = [c for c in rival_choices(self.effort.paths) if not self.results.has(c._asdict())]
-        tuned = not self.quick and self.settings.estimator is None and not nearness(self.results.rows)
-        if not todo and not rival and not tuned:
+        if not todo and not rival:
             return
         walk, counts = self._walk(), sorted({c.traced for c in self.choices})
         tasks: list[tuple] = [(Measurer.family, tuple(group)) for _, group in groupby(todo, key=lambda c: c.family)]
         tasks += [(Measurer.rival, choice) for choice in rival]
-        tasks += [(Measurer.tuned, counts[-1])] if tuned else []
         if self.machines is None:
             made: Iterator = (run(self.measurer, what, walk) for run, what in tasks)
         else:

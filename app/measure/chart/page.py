@@ -23,7 +23,7 @@ from app.draw.shot import Shot, picture
 from app.draw.tonemap import srgb_decode
 from app.measure.chart.figure import draw, need_matplotlib
 from app.measure.chart.measure import Run
-from app.measure.chart.settings import RIVAL, SCENES, Choice, beside, tuned_summary
+from app.measure.chart.settings import RIVAL, SCENES, Choice, beside
 from app.measure.results import Failure
 from app.measure.tables import Column, cells, document, fixed, html_table, image, milliseconds, percent
 from app.rest.reference_store import ReferenceStore
@@ -61,9 +61,8 @@ def chart(
     if soon:
         least = min(soon, key=lambda r: r["total all"])
         said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
-    near = [words] if (words := tuned_summary(rows)) else []
     files = (str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))
-    return "\n".join([said, *near, *files]), run.failures
+    return "\n".join([said, *files]), run.failures
 
 
 ALL_COLUMNS = ("noise", "bias", "total", "total l2")
@@ -77,7 +76,6 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
     """Write index.html, whole or not at all. Raises OSError."""
     parts = [
         f"<p>{escape(_summary(rows, about))}</p>",
-        *(f"<p>{escape(words[0].upper() + words[1:])}.</p>" for words in [tuned_summary(rows)] if words),
         _inline((out / "chart.svg").read_text(encoding="utf-8")),
         "<h2>The best of each estimator</h2>",
         f"<p>The least error of all receivers within {SOON_ENOUGH:g} ms per frame. Maps: blue too dark, "

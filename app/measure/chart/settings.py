@@ -1,4 +1,4 @@
-"""Settings that the chart measures: those varied, those most like the report of 2003, the choice of `tune`.
+"""Settings that the chart measures: those varied, and those most like the report of 2003.
 
 A new dimension is a field of Choice and a line in `choices`. The report's errors are mean differences of luminance from
 a picture by tangent_plane at very many photons. The noise in table 2.8 is from photon_map's own picture of 5 million
@@ -7,18 +7,15 @@ photons. The report gives no k of its photon maps.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
-from app.measure.tuning import Tuned
-from app.settings import BUDGET, Settings
+from app.settings import Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.base import Setting
 from gi_core.frames.light_setting import ENOUGH_PATHS, PATHS, PATHS_AT_REST
 from gi_core.solver import Solver
 
-TUNED, RIVAL = "tune's choice", "path gather"
+RIVAL = "path gather"
 DRAGGED, GATHERED, NO_CONTROL = ", while dragged", ", gathered light", ", no control"  # curves of an estimator
 RESTED = ", at rest"
 
@@ -74,7 +71,6 @@ class Choice(NamedTuple):
     border_correction: bool = True  # of photon_map
     textbook: bool = False  # photon_map counts the k-th hit, as in the report
     paths: int = 0  # per receiver of a mobile and frame; 0: mobiles are lit by photons
-    tuned: bool = False  # chosen by `tune`
     rested: bool = False  # light is gathered at each pose; the frame time is that of the frame before
 
     @classmethod
@@ -90,7 +86,7 @@ class Choice(NamedTuple):
     @property
     def setting(self) -> dict:
         """Arguments of Solver.configure() other than photons."""
-        of_frame = ("photons", "traced", "paths", "tuned", "rested")
+        of_frame = ("photons", "traced", "paths", "rested")
         return {name: value for name, value in self._asdict().items() if name not in of_frame}
 
     @property
@@ -101,8 +97,6 @@ class Choice(NamedTuple):
     @property
     def curve(self) -> str:
         """Name of the curve through this point."""
-        if self.tuned:
-            return TUNED
         if self.rested:
             return f"{self.estimator}{RESTED}"
         if self.light == "best":
@@ -227,55 +221,3 @@ def beside(rows: list[dict], scene_size: float) -> list[tuple[ReportRow, dict | 
 
     likes = [(row, choice_like(row, scene_size, 0)) for row in REPORT]
     return [(row, next((r for r in rows if same(r, like)), None)) for row, like in likes]
-
-
-JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
-
-
-def choice_of(tuned: Tuned, traced: Iterable[int], subsets: Iterable[int]) -> Choice:
-    """Return the setting of the chart that is like a choice of tune: the most photons predicted to keep the budget.
-
-    traced: numbers of photons traced before; subsets: photons that a frame of an estimator with additive sums may use.
-    """
-    setting, most = tuned.choice.setting, max(traced)
-    additive = ESTIMATORS[setting.estimator].additive
-    counts = sorted(subsets if additive else traced)
-    frame = max((n for n in counts if n <= tuned.choice.frame), default=counts[0])
-    return Choice(
-        setting.estimator, frame, most if additive else frame, setting.radius, setting.neighbours, setting.control,
-        "best", setting.border_correction, setting.textbook, tuned.paths or 0, True,
-    )  # fmt: skip
-
-
-def nearness(rows: list[dict]) -> dict[str, float]:
-    """Return by class of receivers: error of tune's choice / least error of all settings at most as slow.
-
-    A choice within the budget is compared with every setting within the budget. {} if it was not measured.
-    """
-    tuned = [r for r in rows if r["curve"] == TUNED]
-    if not tuned:
-        return {}
-    chosen = tuned[-1]
-    limit = max(1.1 * BUDGET, chosen["frame_ms"])  # a frame of 1.1 budgets still keeps it
-    moving = [r for r in rows if r["curve"] != TUNED and not r["curve"].endswith(RESTED)]
-    out = {}
-    for name in JUDGED:
-        errors = [r[f"total {name}"] for r in moving if r["frame_ms"] <= limit]
-        errors = [e for e in errors if isinstance(e, float) and math.isfinite(e) and e > 0]
-        if errors and isinstance(chosen[f"total {name}"], float):
-            out[name] = chosen[f"total {name}"] / min(errors)
-    return out
-
-
-def tuned_summary(rows: list[dict]) -> str:
-    """Return the nearness in words, "" if it was not measured."""
-    near = nearness(rows)
-    if not near:
-        return ""
-    chosen = [r for r in rows if r["curve"] == TUNED][-1]
-    choice = Choice.of(chosen)
-    parts = ", ".join(f"{ratio:.2f} x at {JUDGED[name]}" for name, ratio in near.items())
-    return (
-        f"tune's choice for {BUDGET:g} ms ({choice.estimator}, {choice.summary()}) takes {chosen['frame_ms']:.1f} ms; "
-        f"its error is {parts}, relative to the least error of all settings that are no slower"
-    )

@@ -9,7 +9,6 @@ import pytest
 from app import __main__ as cli
 from app.measure.chart import page as pictures
 from app.measure.chart import settings as chart_settings
-from app.measure.tuning import candidates
 from app.settings import Settings, make_solver, open_scene
 from gi_core.discs.search import Search
 from gi_core.discs.stale_receivers import ControlFacts
@@ -122,11 +121,6 @@ def test_info_render_and_bench_accept_a_new_estimator(tmp_path, capsys):
     assert "toy" in said and "same bits     yes" in said
     assert cli.main(["info", "cornell", "--estimator", "tay"]) == 2
     assert "toy" in capsys.readouterr().err
-
-
-def test_tune_tries_a_new_estimator():
-    solver = make_solver(open_scene(settings := Settings("cornell", max_edge=0.2, photons=100)), settings)
-    assert {"estimator": "toy"} in candidates(solver)
 
 
 @pytest.mark.slow
