@@ -102,7 +102,6 @@ pixel_paths = whole(1 << 16)
 neighbours = whole(100_000)
 frames = whole(100_000)  # over an hour of film
 rate = whole(1000)  # pictures per second: films count milliseconds or more
-workers = whole(256)  # processes of one machine
 points = whole(1_000_000)  # receivers at which errors are measured
 scale = whole(LONGEST_SIDE)
 light_map = whole(LONGEST_SIDE // 2, 16)  # 2 GB at 4,096 texels per side

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app import values
-from app.cli import cluster, options
+from app.cli import options
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
 from app.cli.terminal import Exit
@@ -18,7 +18,6 @@ from app.settings import Settings, UsageError, make_solver, open_scene
 if TYPE_CHECKING:
     import numpy as np
 
-    from app.cli.cluster import Machines
     from gi_core.scene import Scene
     from gi_core.solver import Solver
 
@@ -38,27 +37,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="bake the unbiased reference instead, at this noise relative to the light [%%]")  # fmt: skip
     add("--light-map", type=values.light_map, metavar="PIXELS",
         help="a second UV set, and irradiance over it as an image of about PIXELS per side: FILE.exr")  # fmt: skip
-    cluster.options(parser.add_argument_group("machines, for --error").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
-    with cluster.opened(a.workers, a.scheduler) as machines:
-        error = a.error and a.error / 100
-        for path in bake(settings_of(a), a.out, a.seconds, error, machines, a.light_map, a.of_colours):
-            print(path)
+    for path in bake(settings_of(a), a.out, a.seconds, a.error and a.error / 100, a.light_map, a.of_colours):
+        print(path)
     return Exit.OK
 
 
 def bake(
     settings: Settings, out: Path, seconds: float | None = None, error: float | None = None,
-    machines: Machines | None = None, pixels: int | None = None, exposure: float | None = None,
+    pixels: int | None = None, exposure: float | None = None,
 ) -> list[Path]:  # fmt: skip
     """Write the scene with its light to a GLB file, and its light map beside it; return their full paths.
 
     seconds: for gathering light before, see `gather`; error: of the reference [relative l1], to be baked instead;
-    machines: trace its paths; pixels: per side of the light map, about, None: without; exposure [EV]: of the colours,
-    None: by default. Raises SceneError, UsageError, OSError.
+    pixels: per side of the light map, about, None: without; exposure [EV]: of the colours, None: by default. Raises
+    SceneError, UsageError, OSError.
     """
     from app.draw.baking import baked
     from app.draw.picture_files import write_channels
@@ -82,7 +78,7 @@ def bake(
         if error is None:
             gather(solver, seconds, bar)
         else:
-            solver.frame = solver.frame._replace(irradiance=_reference(solver, scene, settings, error, machines, bar))
+            solver.frame = solver.frame._replace(irradiance=_reference(solver, error, bar))
         bar("writing", 1.0)
         baking, written = baked(Shot(solver, settings), exposure, None if pixels is None else (pixels, image.name)), []
         if baking.light_map is not None:  # first: the other file names it
@@ -105,13 +101,11 @@ def _left_out(scene: Scene) -> str:
             "roughness and extras of these materials describe the rest")  # fmt: skip
 
 
-def _reference(
-    solver: Solver, scene: Scene, settings: Settings, error: float, machines: Machines | None, bar: Bar
-) -> np.ndarray:
+def _reference(solver: Solver, error: float, bar: Bar) -> np.ndarray:
     """Return unbiased irradiance (R, 3) at the solver's poses and levels; it is kept on disk."""
-    from app.rest.reference_store import ReferenceStore, gather
+    from app.rest.reference_store import ReferenceStore
 
     store = ReferenceStore(solver.model, solver.poses, seed=solver.seed, levels=solver.levels)
-    for reached in gather(store, error, machines, scene, settings.rays):
+    for reached in store.gather(error):
         bar("gathering the reference", reached.fraction)
     return reached.state.mean

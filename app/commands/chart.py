@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from app import values
-from app.cli import cluster, options
+from app.cli import options
 from app.cli.options import settings_of
 from app.cli.terminal import Exit, fail
 
@@ -21,15 +21,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
     add("--frames", type=values.frames, metavar="N", help="timed frames per setting, along the path (40)")
     add("--points", type=values.points, metavar="N", help="receivers per pose at which errors are measured (1500)")
-    cluster.options(parser.add_argument_group("machines, which time the frames").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
     from app.measure.chart.page import chart
 
-    with cluster.opened(a.workers, a.scheduler) as machines:
-        text, failures = chart(settings_of(a), a.out, a.quick, a.frames, a.points, machines)
+    text, failures = chart(settings_of(a), a.out, a.quick, a.frames, a.points)
     print(text)
     for failure in failures:
         fail(failure, Exit.INCOMPLETE)

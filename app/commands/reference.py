@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from app.cli import cluster, options
+from app.cli import options
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
 from app.cli.terminal import Exit
@@ -14,7 +14,6 @@ from app.cli.writable import check_folder
 from app.settings import Settings, open_scene
 
 if TYPE_CHECKING:
-    from app.cli.cluster import Machines
     from app.rest.reference_store import ReferenceStore
 
 
@@ -23,14 +22,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
     options.error(add)
-    cluster.options(add)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    a = arguments
-    settings = settings_of(a)
-    with cluster.opened(a.workers, a.scheduler) as machines:
-        reference(settings, a.error / 100, machines)
+    reference(settings_of(arguments), arguments.error / 100)
     return Exit.OK
 
 
@@ -38,12 +33,12 @@ class Stopped(KeyboardInterrupt):
     """Ctrl+C; the message names the files kept and the command that resumes."""
 
 
-def reference(settings: Settings, error: float, machines: Machines | None = None) -> dict:
-    """Path trace until the noise (l1) is at most `error`; print and return the result. machines: trace the paths.
+def reference(settings: Settings, error: float) -> dict:
+    """Path trace until the noise (l1) is at most `error`; print and return the result.
 
     Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
     """
-    from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, gather, reference_folder
+    from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, reference_folder
     from gi_core.model import Model
 
     check_folder(FOLDER_VARIABLE, reference_folder())
@@ -54,7 +49,7 @@ def reference(settings: Settings, error: float, machines: Machines | None = None
         store = ReferenceStore(model, seed=settings.seed, levels=levels)
         started, first = time.monotonic(), None
         try:
-            for reached in gather(store, error, machines, scene, settings.rays):
+            for reached in store.gather(error):
                 first = first or reached.fraction
                 done = reached.fraction - first
                 left = (1 - reached.fraction) * (time.monotonic() - started) / done if done else None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app import values
-from app.cli import cluster, options
+from app.cli import options
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve, time_left
 from app.cli.terminal import Exit
@@ -20,7 +20,6 @@ from app.cli.writable import check_no_input, check_writable
 from app.settings import Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
-    from app.cli.cluster import Machines
     from app.session.picture import Still
 
 FALLBACK_PICTURE = "gi-viewer.png"
@@ -44,7 +43,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--truth", type=values.pixel_paths, metavar="N", help="N whole paths per pixel, without bias; implies --still")
     add("--frames", type=values.frames, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
     add("--rate", type=values.rate, default=RATE, metavar="N", help=f"pictures per second of a film ({RATE})")
-    cluster.options(parser.add_argument_group("machines, for --frames").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -52,26 +50,24 @@ def run(arguments: argparse.Namespace) -> int:
     out = a.out or unused_name(a.frames)
     settings = settings_of(a)
     settings = replace(settings, size=(a.scale * settings.size[0], a.scale * settings.size[1]))
-    with cluster.opened(a.workers, a.scheduler) as machines:
-        paths = a.truth or (0 if a.still else None)
-        for path in render(settings, out, a.frames, a.seconds, a.rate, machines, paths):
-            print(path)
+    for path in render(settings, out, a.frames, a.seconds, a.rate, a.truth or (0 if a.still else None)):
+        print(path)
     return Exit.OK
 
 
 def render(
     settings: Settings, out: Path, frames: int | None = None, seconds: float | None = None, rate: int = RATE,
-    machines: Machines | None = None, paths: int | None = None,
+    paths: int | None = None,
 ) -> list[Path]:  # fmt: skip
     """Write one picture, or `frames` pictures along the mobiles' paths, or these as a film; return their full paths.
 
-    seconds: for gathering light before, see `gather`; rate: pictures per second of a film; machines: draw
-    `frames`; paths: of `Shot`. Raises SceneError, UsageError, OSError.
+    seconds: for gathering light before, see `gather`; rate: pictures per second of a film; paths: of `Shot`.
+    Raises SceneError, UsageError, OSError.
     """
     from app.draw import motion
     from app.draw.shot import Shot
     from app.rest.scheduler import gather, hold
-    from app.session.picture import along, elsewhere, still
+    from app.session.picture import along, still
 
     linear = out.suffix.lower() == ".exr"
     _check(settings, out, frames, rate, paths)
@@ -92,8 +88,7 @@ def render(
                 bar.say(f"gi-viewer: {text}")
             return [written]
         poses = motion.spread(motion.paths_of(solver), frames)
-        stills = elsewhere(machines, shot, scene, poses, linear) if machines else along(shot, poses, linear)
-        return _written(_counted(stills, frames, bar), out, rate)
+        return _written(_counted(along(shot, poses, linear), frames, bar), out, rate)
 
 
 def _written(stills: Iterator[Still], out: Path, rate: int) -> list[Path]:

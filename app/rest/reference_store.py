@@ -1,8 +1,7 @@
 """Files of references and static light: an interrupted run continues from its file.
 
 A file's name is a hash of all inputs of its result, so an edited scene or another pose never loads an outdated file.
-Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in the user's cache. Other processes can
-trace the paths of a reference.
+Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in the user's cache.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ import struct
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import platformdirs
@@ -27,15 +26,14 @@ import platformdirs
 from app.cli.writable import remove_parts, replacing
 from gi_core.base.results import digest
 from gi_core.files.formats.boundary import at_once
-from gi_core.gather.reference import PATHS_AT_ONCE, Gatherer, ReferenceRounds, ReferenceState
+from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
-from gi_core.scene import Pose, Scene
+from gi_core.scene import Pose
 
 if TYPE_CHECKING:
-    from app.cli.cluster import Machines
     from gi_core.frames.background import Background
     from gi_core.frames.static_light import StaticLight
 
@@ -44,7 +42,6 @@ KEY_NAME = "key"  # name of the array that holds a file's key
 MOST_BYTES = 2 << 30  # of all files of static light; those of references stay
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 SAVE_SECONDS = 20.0
-PATHS_PER_TASK = 1 << 16  # a quarter of a second
 
 
 def reference_folder() -> Path:
@@ -215,19 +212,15 @@ class ReferenceStore(RecordFile):
             m.scene, *receivers, self.seed, weights, self.poses, model=m, state=state, levels=self.levels
         )
 
-    def gather(
-        self, error: float, paths: Callable[..., np.ndarray] | None = None, step: int = PATHS_AT_ONCE
-    ) -> Iterator[Reached]:
-        """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does, in steps of so many paths.
+    def gather(self, error: float) -> Iterator[Reached]:
+        """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does.
 
-        paths: in place of `Gatherer.paths`, with its results. The result does not depend on the steps.
         The state is saved every SAVE_SECONDS and at the end, also after Ctrl+C or a closed iterator, if possible.
         """
         rounds, saved = self.rounds(), time.monotonic()
-        rounds.paths = paths or rounds.paths
         before = rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()
         try:
-            for reached in gather_until(rounds, self.weights, error, step=step):
+            for reached in gather_until(rounds, self.weights, error, step=PATHS_AT_ONCE):
                 if time.monotonic() - saved > SAVE_SECONDS:
                     self.keep(reached.state)
                     saved = time.monotonic()
@@ -235,42 +228,3 @@ class ReferenceStore(RecordFile):
         finally:
             if before != (rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()):
                 self.keep(rounds.state)
-
-
-class PathJob(NamedTuple):
-    """Data that all paths share."""
-
-    scene: Scene
-    rays: str | None
-    positions: np.ndarray  # (n, 3) [m]
-    normals: np.ndarray  # (n, 3)
-    seed: int
-    poses: Mapping[str, Pose]
-    levels: np.ndarray  # (G, 3), of the lamps
-
-
-def gather(
-    store: ReferenceStore, error: float, machines: Machines | None, scene: Scene, rays: str | None
-) -> Iterator[Reached]:
-    """Gather as ReferenceStore.gather() does, here or, with machines, by other processes; the same bits.
-
-    scene, rays: those of the store's model, as they were given to it.
-    """
-    if machines is None:
-        return store.gather(error)
-    job = PathJob(scene, rays, store.positions, store.normals, store.seed, store.poses, store.levels)
-    crew = machines.crew(_ready, job)
-
-    def paths(rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
-        """Return estimates (rows, count, channels) as `Gatherer.paths` does, bit for bit."""
-        size = max(PATHS_PER_TASK // count, 1)
-        tasks = [(rows[k : k + size], first, count, m, stream) for k in range(0, len(rows), size)]
-        return np.concatenate(list(crew(Gatherer.paths, tasks)))
-
-    # Each step of the reference has eight tasks per process.
-    return store.gather(error, paths, 8 * PATHS_PER_TASK * machines.processes)
-
-
-def _ready(job: PathJob, threads: int | None) -> Gatherer:
-    model = Model(job.scene, threads, job.rays)
-    return Gatherer(job.scene, job.positions, job.normals, job.seed, job.poses, model=model, levels=job.levels)

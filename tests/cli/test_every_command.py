@@ -34,7 +34,7 @@ VALUES = {  # of each option, or of one command's; None: a flag
     ("render", "--out"): "a.webp", ("bake", "--out"): "b.glb", ("chart", "--out"): "c", ("atlas", "--out"): "d",
     ("report", "--out"): "r.html",
 }  # fmt: skip
-ELSEWHERE = {"--help", "--version", "--no-fallback", "--workers", "--scheduler"}  # test_cli.py, test_cluster.py
+ELSEWHERE = {"--help", "--version", "--no-fallback"}  # test_cli.py
 SEPARATE = {"bench": ["--tables --out t"]}  # options that no other goes with
 NEEDED = {"atlas": "--out atlas", "report": "--out r.html"}
 

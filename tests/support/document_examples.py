@@ -122,9 +122,6 @@ def run(arguments: list[str]) -> int:
         with pytest.raises(SystemExit) as stop:
             cli.parse(arguments)
         return stop.value.code
-    if "--workers" in arguments:  # tests/cli/test_cluster.py has processes
-        k = arguments.index("--workers")
-        arguments = arguments[:k] + arguments[k + 2 :]
     if arguments == ["atlas"]:
         arguments = ["atlas", "--out", "atlas"]
     small = [SMALLER.get(before, word) for before, word in zip(["", *arguments], arguments, strict=False)]

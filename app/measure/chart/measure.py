@@ -7,19 +7,16 @@ them to the table. A family shares its limit at very many photons.
 
 from __future__ import annotations
 
-import os
-import platform
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from app.cli.cluster import Machines
 from app.cli.progress import Bar, time_left
 from app.cli.version import commit
 from app.draw import motion
@@ -214,20 +211,15 @@ def _gatherer(solver: Solver, poses, seed: int) -> Gatherer:
 class Measurer:
     """One scene and the solvers of its settings. `family` and `rival` measure along a walk."""
 
-    def __init__(self, scene: Scene, settings: Settings, effort: Effort, bar, threads: int | None = None) -> None:
-        """bar(stage, fraction): called on the way; threads: None for one per core."""
-        self.scene, self.settings, self.effort, self.bar, self._threads = scene, settings, effort, bar, threads
+    def __init__(self, scene: Scene, settings: Settings, effort: Effort, bar) -> None:
+        """bar(stage, fraction): called on the way."""
+        self.scene, self.settings, self.effort, self.bar = scene, settings, effort, bar
         started = time.perf_counter()
-        self.base = make_solver(scene, replace(settings, estimator=CHEAPEST), threads=threads)
+        self.base = make_solver(scene, replace(settings, estimator=CHEAPEST))
         self._prepare_seconds = time.perf_counter() - started
         self._traced: dict[int, float] = {}  # s from the start to that number of photons
         self._gather_seconds = 0.0
         self._limits: Solver | None = None
-
-    @property
-    def _process(self) -> dict[str, object]:
-        """Columns of the process that has timed a row."""
-        return {"process": f"{platform.node()}:{os.getpid()}", "threads": self.base.model.threads}
 
     def family(self, choices: Iterable[Choice], walk: Walk) -> Iterator[dict | Failure]:
         """Yield the row of each setting of one family: they share the limit at very many photons."""
@@ -250,7 +242,7 @@ class Measurer:
             seen = rival_light(self.base, walk, choice.photons, self.settings.seed)
             times = rival_times(self.base, walk, choice.photons)
             named = choice._asdict() | {"curve": choice.curve}
-            return named | times | errors(seen, None, walk.cases) | self._process
+            return named | times | errors(seen, None, walk.cases)
 
         yield attempted(f"{choice.curve}, {choice.photons} paths", row)
 
@@ -273,7 +265,7 @@ class Measurer:
         seen = go(solver, walk, *choice.frame)
         if choice.rested:
             seen = seen._replace(at_cases=at_cases(solver, walk, self.effort.gathered_seconds))
-        return row_of(choice, seen, limit, walk, first) | self._process
+        return row_of(choice, seen, limit, walk, first)
 
     def trace(self, photons: int) -> None:
         """Trace photons up to a number, with the cheapest estimator."""
@@ -301,9 +293,7 @@ class Measurer:
         if self._limits is None:
             # the limit must not share photons with the rows
             settings = replace(self.settings, estimator=CHEAPEST, seed=self.settings.seed + 1000)
-            self._limits = make_solver(
-                self.scene, replace(settings, photons=self.effort.limit_photons), threads=self._threads
-            )
+            self._limits = make_solver(self.scene, replace(settings, photons=self.effort.limit_photons))
             self._limits.solve()
         limit = self._limits.twin()
         limit.configure(**choice.setting)
@@ -318,11 +308,10 @@ class Run:
     """One scene with its walk, its truth and the settings to measure."""
 
     def __init__(self, scene, settings: Settings, quick: bool, frames: int | None, points: int | None, out: Path,
-                 bar: Bar, machines: Machines | None = None) -> None:  # fmt: skip
+                 bar: Bar) -> None:  # fmt: skip
         self.scene, self.settings, self.quick, self.bar = scene, settings, quick, bar
         self.effort = effort(quick)
         self.frames, self.points = frames or self.effort.frames, points or self.effort.points
-        self.machines = machines  # whose processes measure; None: this one
         self.measurer = Measurer(scene, settings, self.effort, bar)
         self.base = self.measurer.base
         self.choices = choices(settings, self.base, self.effort)
@@ -330,11 +319,10 @@ class Run:
             self.choices += [c for c in choices_like_the_report(settings.scene, self.base) if c not in self.choices]
         families = list(dict.fromkeys(c.family for c in self.choices))
         self.choices.sort(key=lambda c: families.index(c.family))
-        kinds = [processor()] if machines is None else machines.ask(processor)
         under = (
             settings.scene,
             commit() or "unknown",
-            "; ".join(sorted(set(kinds))),
+            processor(),
             settings.seed,
             self.frames,
             self.points,
@@ -366,24 +354,18 @@ class Run:
         rival = [c for c in rival_choices(self.effort.paths) if not self.results.has(c._asdict())]
         if not todo and not rival:
             return
-        walk, counts = self._walk(), sorted({c.traced for c in self.choices})
-        tasks: list[tuple] = [(Measurer.family, tuple(group)) for _, group in groupby(todo, key=lambda c: c.family)]
-        tasks += [(Measurer.rival, choice) for choice in rival]
-        if self.machines is None:
-            made: Iterator = (run(self.measurer, what, walk) for run, what in tasks)
-        else:
-            job = Job(self.scene, self.settings, self.effort, counts, walk)
-            made = self.machines.crew(_ready, job)(_measured, tasks)
+        walk = self._walk()
+        families = (self.measurer.family(tuple(group), walk) for _, group in groupby(todo, key=lambda c: c.family))
+        rivals = (self.measurer.rival(choice, walk) for choice in rival)
         total, done, started = fixed + sum(fixed + c.photons for c in (*todo, *rival)), 0, time.monotonic()
-        for rows in made:
-            for row in rows:
-                if isinstance(row, Failure):
-                    self.failures.append(row)
-                    continue
-                self.results.add(row)
-                done += fixed + row["photons"]
-                left = time_left((time.monotonic() - started) * max(total - done, 0) / done)
-                self.bar(f"measuring settings{left}", min(done / total, 1.0))
+        for row in chain.from_iterable(chain(families, rivals)):
+            if isinstance(row, Failure):
+                self.failures.append(row)
+                continue
+            self.results.add(row)
+            done += fixed + row["photons"]
+            left = time_left((time.monotonic() - started) * max(total - done, 0) / done)
+            self.bar(f"measuring settings{left}", min(done / total, 1.0))
 
     def _walk(self) -> Walk:
         for n in sorted({c.traced for c in self.choices}):
@@ -400,29 +382,6 @@ class Run:
 def lamps_of(settings: Settings) -> str:
     """Return the levels of lamps that differ from the scene file, by name; "" if none does."""
     return "; ".join(f"{name} {', '.join(f'{c:g}' for c in level)}" for name, level in settings.levels(()).items())
-
-
-class Job(NamedTuple):
-    """Data that all tasks of a chart share, for other processes."""
-
-    scene: Scene
-    settings: Settings
-    effort: Effort
-    counts: list[int]  # photons
-    walk: Walk
-
-
-def _ready(job: Job, threads: int | None) -> tuple[Measurer, Walk]:
-    """Return the measurer of a job, in a process of the cluster."""
-    measurer = Measurer(job.scene, job.settings, job.effort, lambda stage, fraction: None, threads)
-    for n in job.counts:
-        measurer.trace(n)
-    return measurer, job.walk
-
-
-def _measured(ready: tuple[Measurer, Walk], run: Callable, what) -> list[dict | Failure]:
-    measurer, walk = ready
-    return list(run(measurer, what, walk))
 
 
 def rival_choices(counts: tuple[int, ...]) -> Iterator[Choice]:

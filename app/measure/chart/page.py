@@ -5,7 +5,6 @@ The page is one file: chart, pictures, the report's tables beside ours and every
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 from functools import partial
 from html import escape
@@ -14,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.cli.cluster import Machines
 from app.cli.progress import opened
 from app.cli.writable import write_whole
 from app.draw.colour_map import signed_colours
@@ -34,19 +32,17 @@ from gi_core.geometry.error import relative_error, signed_error
 
 def chart(
     settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None,
-    machines: Machines | None = None,
 ) -> tuple[str, list[Failure]]:  # fmt: skip
     """Measure the settings missing in `out`/results.csv, draw all of them; return a summary with the files.
 
-    Settings that could not be measured are returned beside it; the others are drawn without them. machines: measure
-    the settings in their processes.
+    Settings that could not be measured are returned beside it; the others are drawn without them.
 
     Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
     """
     need_matplotlib()
     out.mkdir(parents=True, exist_ok=True)
     with opened(settings, open_moving_scene) as (bar, scene):
-        run = Run(scene, settings, quick, frames, points, out, bar, machines)
+        run = Run(scene, settings, quick, frames, points, out, bar)
         try:
             run.measure()
         except KeyboardInterrupt:
@@ -99,17 +95,8 @@ def _summary(rows: list[dict], about: dict) -> str:
     return (
         f"{len(rows)} settings, {about['frames']} frames each, mobiles move 1.5 % of the scene per frame; "
         f"{about['triangles']:,} triangles, {about['receivers']:,} receivers; {about['processor']}, "
-        f"{_processes(rows, about)}, commit {about['commit']}, seed {about['seed']}{lamps}."
+        f"{about['threads']} threads, commit {about['commit']}, seed {about['seed']}{lamps}."
     )
-
-
-def _processes(rows: list[dict], about: dict) -> str:
-    """Return the processes that have timed the frames, in words."""
-    timed = Counter((r["process"], r["threads"]) for r in rows if r.get("process"))
-    if len(timed) < 2:
-        return f"{about['threads']} threads"
-    each = ", ".join(f"{name} ({threads} threads) {n} settings" for (name, threads), n in sorted(timed.items()))
-    return f"timed by {len(timed)} processes: {each}"
 
 
 def notes(about: dict, gloss: bool) -> str:
