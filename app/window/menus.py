@@ -28,7 +28,7 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the seven a
     "Edit": (
         "undo", "redo", LINE, "select all", "insert", SHAPE, "insert luminaire", "duplicate", "remove", LINE,
         "promote", "freeze", LINE,
-        "pin", "ask", "unpin", LINE, "gizmo", "rest", "reset poses", "reset settings",
+        "pin", "ask", "unpin", LINE, "rest", "reset poses", "reset settings",
     ),
     "View": (
         "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,
@@ -246,7 +246,7 @@ def draw_help(is_ready: bool, area: tuple[float, float, float, float], is_open: 
 
             names = list(ESTIMATORS)[: len(ESTIMATOR_KEYS)]
             numbers = [(str(k), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(names, 1)]
-        numbers += [("Ctrl+1 to Ctrl+9", "show a kept view"), ("Ctrl + drag a handle", "snap")]
+        numbers.append(("Ctrl+1 to Ctrl+9", "show a kept view"))
         _table("keys", [*((a.keys, a.help) for a in ACTIONS.values() if a.keys), *numbers], em)
     imgui.end()
     return is_open

@@ -24,7 +24,6 @@ from app.settings import FALSE_COLOURS
 from app.window import drag, label, theme
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl, View
 from app.window.drag import MobileDrag
-from app.window.gizmo import Gizmo
 from app.window.label import Box
 from app.window.lamp_handles import LampHandles
 from app.window.legend import ScaleFit, of_errors
@@ -88,7 +87,6 @@ class Viewport:
         self.lamps = LampHandles()
         self.scale_fit = ScaleFit()
         self.wipe = Wipe()
-        self.gizmo = Gizmo()
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the selected surface of the static part; None: it has none selected
         self._surface: tuple[str, np.ndarray] | None = None  # material of that surface, and its faces
@@ -158,7 +156,7 @@ class Viewport:
         hovered = imgui.is_window_hovered() and view.contains(io.mouse_pos) and not self._is_covered(io.mouse_pos)
         control.advance(seconds)
         if self.session.ready and self.shown is not None:
-            self.lamps.update(self.session, view, hovered and not self.gizmo.takes_mouse)
+            self.lamps.update(self.session, view, hovered)
         if self._may_wipe and self.wipe.handle(io, view.origin[0], view.size[0], hovered):
             self.pointer.leave()
         elif (grab := self.mobile_drag.grab) is not None:
@@ -172,8 +170,7 @@ class Viewport:
                 self._release()
         elif hovered:
             self.pointer.update(self.session, view, self.shown, self._side_under_cursor)
-            if not self.gizmo.takes_mouse:
-                self._press(io)
+            self._press(io)
         else:
             self.pointer.leave()
         if hovered and io.mouse_wheel:
@@ -436,9 +433,6 @@ class Viewport:
             renderer.draw(self.look())
             self._drawn = wanted
         imgui.image(imgui.ImTextureRef(renderer.texture), size, (0, 1), (1, 0))
-        if self.gizmo.mode or self.gizmo.is_shown:
-            free = self.selection if self.mobile_drag.grab is None else ()
-            self.gizmo.draw(self.session, self.view, free, self.mobile_drag.room)
 
     def _show_cursor(self, hovered: bool, io) -> None:
         grab, lamp = self.mobile_drag.grab, self.lamps

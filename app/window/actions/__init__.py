@@ -136,10 +136,6 @@ ACTIONS = {
         f"view {k}": Action(lambda w, k=k: w.viewport.control.show_bookmark(k), (_ctrl(key),))
         for k, key in enumerate(ESTIMATOR_KEYS)
     },
-    "gizmo": Action(
-        lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected objects",
-        label="Move or turn handles",
-    ),
     "full screen": Action(
         lambda w: toggle_full_screen(), (K.f11,), "F11", "full screen, or a window again", False, "Full screen"
     ),
