@@ -1,9 +1,7 @@
-"""Structures of rays: their table over scenes, their growth with triangles, and their agreement over many rays.
+"""Structures of rays: their growth with triangles, and their agreement over many rays.
 
-    python -m studies.ray_structures cornell tree room.glb --out out/rays    # rays.md and rays.svg
     python -m studies.ray_structures --growth 20000 1000000 --out out/rays   # growth.md and growth.svg: a terrain
     python -m studies.ray_structures --growth 20 2000 --out out/few          # where each becomes faster than `none`
-    python -m studies.ray_structures --threads 2 tree room.glb               # bvh and Embree, wall time
     python -m studies.ray_structures --agreement 1000000                     # exit code 1 if a bit differs
     python -m studies.ray_structures --agreement 200000 tree room.glb        # the same over scenes
 
@@ -17,19 +15,20 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 
 from app.cli.progress import Bar
 from app.cli.writable import write_whole
-from app.measure.bench.report import measured_structures, partitionings, scene_camera
+from app.draw.camera import from_camera, scene_bounds
 from app.measure.chart.figure import need_matplotlib
 from app.measure.tables import markdown_table
 from app.settings import Settings, open_scene
+from gi_core.files.completion.camera_view import picture_rays, unit
 from gi_core.geometry.surfaces import Surfaces, flatten
-from gi_core.instruments.timing import REPEATS, Rays, built, costs, rays_of
+from gi_core.instruments.timing import Cost, Rays, Structure, built, run_of
+from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.rays.accelerator import Accelerator
 from gi_core.rays.structures import STRUCTURES
@@ -40,7 +39,7 @@ from tests.support.scene_builders import box_mobile, coloured_room
 
 STRAYS = 1e-5  # share of rays whose face and distance may differ from Embree's
 MEDIUM = 20_000  # rays per kind
-THREADED = 200_000  # rays per kind, divided among threads
+REPEATS = 5  # of a measurement; the least time counts
 FEW = 5_000  # triangles up to which `none` is measured beside the others
 
 
@@ -62,6 +61,48 @@ def rays_over(mesh: Mesh, n: int) -> Rays:
     rng = np.random.default_rng(1)
     origin = mesh.vertices[rng.integers(0, len(mesh.vertices), n)] + [0, 0, 1] * rng.uniform(1e-3, 0.3, (n, 1))
     return Rays(origin.astype(np.float32), directions(rng, n), np.full(n, 10, np.float32), False)
+
+
+def rays_of(model: Model, n: int) -> dict[str, Rays]:
+    """Return rays by kind: through the pixels of a picture, on from the hits of photons, from there to points on lamps.
+
+    Photons find the lit side of walls, where the camera may stand outside.
+    """
+    bounds, timing_seed = scene_bounds(model, model.start_poses()), 0  # of the rays
+    camera = from_camera(model.scene.camera, model.scene.up, bounds).as_camera()
+    rng, far = np.random.default_rng(timing_seed), np.float32(4 * model.world.size)
+    columns = math.isqrt(n)
+    d = picture_rays([camera], model.scene.up, columns, columns)[0].astype(np.float32)
+    o = np.broadcast_to(np.asarray(camera.position, np.float64) - model.origins[0], d.shape).astype(np.float32)
+    limits = np.full(n, far)
+    primary = Rays(o, d, limits[: len(d)], False)
+    o, d = emit(model.emitters, timing_seed, 0, n)[:2]
+    distance, face = model.accelerator.nearest(0, o + 1e-5 * far * d, d, limits)
+    hit = face >= 0
+    normal = model.surfaces.normals[face[hit]]
+    toward = np.sign((normal * d[hit]).sum(axis=1))[:, None]
+    start = (o[hit] + distance[hit, None] * d[hit] - 1e-5 * model.world.size * toward * normal).astype(np.float32)
+    on = unit(rng.normal(size=start.shape))
+    on *= -np.sign((on * toward * normal).sum(axis=1))[:, None]
+    lamp = emit(model.emitters, timing_seed, n, len(start))[0].astype(np.float64) - start
+    length = np.sqrt((lamp * lamp).sum(axis=1))
+    return {
+        "primary": primary,
+        "random": Rays(start, on.astype(np.float32), limits[: len(start)], False),
+        "shadow": Rays(start, unit(lamp).astype(np.float32), (length * (1 - 1e-4)).astype(np.float32), True),
+    }
+
+
+def costs(structures: list[Structure], rays: dict[str, Rays], repeats: int = REPEATS) -> list[dict[str, Cost]]:
+    """Return the cost by kind of ray of each structure: the least of `repeats`, taken in turn."""
+    runs = [{kind: run_of(s, r) for kind, r in rays.items()} for s in structures]
+    out = [{kind: run() for kind, run in own.items()} for own in runs]  # compiles
+    for turn in range(repeats):
+        for k, own in enumerate(runs):
+            for kind, run in own.items():
+                cost = run()
+                out[k][kind] = cost if turn == 0 else min(out[k][kind], cost)
+    return out
 
 
 def growth(low: int, high: int, out: Path) -> str:
@@ -107,49 +148,6 @@ def _draw(found: dict[str, list], out: Path) -> None:
     pyplot.close(figure)
 
 
-def draw_partitionings(costs_of: dict[str, list], out: Path) -> None:
-    """Draw time per random ray over the leaf size, one panel per scene, into rays.svg. Raises OSError."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(
-        1, len(costs_of), figsize=(4 * len(costs_of) + 2, 4), sharey=True, layout="constrained"
-    )
-    for axis, (title, rows) in zip([axes] if len(costs_of) == 1 else axes, costs_of.items(), strict=True):
-        for k, name in enumerate(dict.fromkeys(s.name for s, _ in rows)):
-            own = [(s.leaf, 1e6 * c["random"].seconds) for s, c in rows if s.name == name]
-            if len(own) > 1:
-                axis.plot(*zip(*own, strict=True), "o-", color=f"C{k}", label=name)
-            elif name != "none":
-                axis.axhline(own[0][1], color=f"C{k}", linestyle="--", label=name)
-        axis.set(xscale="log", yscale="log", title=title, xlabel="triangles per leaf or cell")
-        axis.grid(linewidth=0.4, which="both")
-    figure.axes[0].set_ylabel("us per random ray")
-    figure.axes[-1].legend(fontsize=8)
-    figure.savefig(out, metadata={"Date": None})
-    pyplot.close(figure)
-
-
-def on_threads(scene: str, threads: int) -> str:
-    """Return wall times of bvh and Embree per ray on several threads, the least of REPEATS in turn."""
-    model = Model(open_scene(Settings(scene=scene)))
-    asked = rays_of(model, scene_camera(model), THREADED)
-    tracers = {name: Accelerator(model.surfaces, threads, name) for name in ("embree", "bvh")}
-    least: dict[tuple[str, str], float] = {}
-    for _ in range(1 + REPEATS):  # the first one compiles
-        for kind, r in asked.items():
-            for name, tracer in tracers.items():
-                query, before = tracer.occluded if r.any_hit else tracer.nearest, time.perf_counter()
-                query(0, *r[:3])
-                spent = 1e6 * (time.perf_counter() - before) / len(r.origin)
-                least[kind, name] = min(spent, least.get((kind, name), math.inf))
-    pairs = {kind: (least[kind, "embree"], least[kind, "bvh"]) for kind in asked}
-    lines = [f"{kind} {embree:.3f}, {bvh:.3f}, {bvh / embree:.2f}" for kind, (embree, bvh) in pairs.items()]
-    return f"{Path(scene).stem}, us per ray on {threads} threads of embree, bvh, ratio: {'; '.join(lines)}"
-
-
 def agreement(rays: int) -> bool:
     """Print one line per case and structure; return whether all of them hold."""
     holds = True
@@ -174,7 +172,7 @@ def agreement(rays: int) -> bool:
 def agreement_over(scene: str, rays: int) -> bool:
     """Print one line per kind of ray and structure over a scene; return whether all of them hold."""
     model = Model(open_scene(Settings(scene=scene)))
-    asked = rays_of(model, scene_camera(model), rays)
+    asked = rays_of(model, rays)
     return all([_agree(f"{Path(scene).stem}, {kind}", model.surfaces, r, "bvh") for kind, r in asked.items()])
 
 
@@ -203,29 +201,16 @@ def _agree(title: str, surfaces: Surfaces, rays: Rays, basis: str, awkward: bool
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("scenes", nargs="*")
-    parser.add_argument("--growth", nargs=2, type=int, metavar=("LOW", "HIGH"))
-    parser.add_argument("--threads", type=int, metavar="N")
+    parser.add_argument("--growth", nargs=2, type=int, default=(20_000, 1_000_000), metavar=("LOW", "HIGH"))
     parser.add_argument("--agreement", type=int, metavar="RAYS")
     parser.add_argument("--out", type=Path, default=Path("out/rays"), metavar="DIR")
     asked = parser.parse_args()
     if asked.agreement:
         over = [agreement_over(scene, asked.agreement) for scene in asked.scenes]
         return 0 if all(over or [agreement(asked.agreement)]) else 1
-    if asked.threads:
-        for scene in asked.scenes:
-            print(on_threads(scene, asked.threads), flush=True)
-        return 0
     need_matplotlib()
     asked.out.mkdir(parents=True, exist_ok=True)
-    if asked.growth:
-        print(growth(*asked.growth, asked.out))
-    found: dict[str, list] = {}
-    for scene in asked.scenes:
-        with Bar() as bar:
-            found[Path(scene).stem] = measured_structures(Model(open_scene(Settings(scene=scene))), bar, MEDIUM)
-        write_whole(asked.out / "rays.md", partitionings(found) + "\n")
-        draw_partitionings(found, asked.out / "rays.svg")
-        print(partitionings({Path(scene).stem: found[Path(scene).stem]}), flush=True)
+    print(growth(*asked.growth, asked.out))
     return 0
 
 

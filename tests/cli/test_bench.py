@@ -7,7 +7,7 @@ import pytest
 
 from app import __main__ as cli
 from app.draw import motion
-from app.measure.bench import measure as command
+from app.measure import bench as command
 from app.settings import STEP_PER_FRAME, Settings, make_solver, open_scene
 from tests.support.cli_support import FAST, one_line
 from tests.support.scene_builders import complete

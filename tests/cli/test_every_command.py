@@ -4,7 +4,6 @@ The room has 500 receivers; nothing else makes a command small but its own numbe
 """
 
 import argparse
-import shlex
 from collections.abc import Iterator
 
 import pytest
@@ -14,7 +13,7 @@ from app.commands import COMMANDS
 from gi_core.files import load
 from gi_core.instruments import compile_ahead
 from gi_core.rays.accelerator import Accelerator
-from tests.support.small_scale import small_work
+from tests.support.small_scale import small_room, small_work
 
 VALUES = {  # of each option, or of one command's; None: a flag
     "--mobile": "cube.obj", "--pose": "cube=0.4,0.0,0.4", "--camera": "0.5,0.5,0.1,0.5,0.5,0.9,50", "--max-edge": "0.4",
@@ -35,7 +34,6 @@ VALUES = {  # of each option, or of one command's; None: a flag
     ("report", "--out"): "r.html",
 }  # fmt: skip
 ELSEWHERE = {"--help", "--version", "--no-fallback"}  # test_cli.py
-SEPARATE = {"bench": ["--tables --out t"]}  # options that no other goes with
 NEEDED = {"atlas": "--out atlas", "report": "--out r.html"}
 
 
@@ -44,12 +42,8 @@ def groups() -> Iterator[tuple[str, str, list[str]]]:
     for name in ("", *COMMANDS):
         parser = cli._filled(argparse.ArgumentParser(), name or "view")
         yield name, "bare", NEEDED.get(name, "").split()
-        apart = [shlex.split(words) for words in SEPARATE.get(name, ())]
-        for k, words in enumerate(apart):
-            yield name, f"apart {k}", words
-        covered = ELSEWHERE | {word for words in apart for word in words}
         for group in parser._action_groups:
-            options = [o for a in group._group_actions for o in a.option_strings[-1:] if o not in covered]
+            options = [o for a in group._group_actions for o in a.option_strings[-1:] if o not in ELSEWHERE]
             words = [w for o in options for w in (o, VALUES.get((name, o)) or VALUES[o]) if w is not None]
             if options:
                 yield name, group.title, words + (NEEDED.get(name, "").split() if "--out" not in options else [])
@@ -58,7 +52,8 @@ def groups() -> Iterator[tuple[str, str, list[str]]]:
 @pytest.fixture
 def small(tmp_path, monkeypatch):
     """Work in a folder with the room, where no window opens."""
-    small_work(monkeypatch, tmp_path)
+    small_work(monkeypatch)
+    small_room(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))
     monkeypatch.setattr("app.window.window.why_no_window", lambda: "no display")

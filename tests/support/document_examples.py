@@ -66,9 +66,7 @@ def enter(monkeypatch, folder: Path) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder / "reference"))
     monkeypatch.setattr(window, "why_no_window", lambda: "tests have no window")
-    room = folder / "small"
-    room.mkdir()
-    small_work(monkeypatch, room)
+    small_work(monkeypatch)
 
 
 def work_through(document: str, monkeypatch, folder: Path) -> int:

@@ -10,7 +10,6 @@ from app import settings
 from app.draw import fine_mesh
 from app.measure import atlas
 from app.measure.atlas import row
-from app.measure.bench import report
 from app.measure.chart import page
 from app.measure.chart import settings as chart_settings
 from gi_core.display.fine_points import fine_points
@@ -18,11 +17,6 @@ from gi_core.photons import pilot
 from tests.support.mesh_writers import write_scene
 from tests.support.scene_builders import furnace_scene
 
-TABLES = {  # of `bench --tables`
-    "report.TREE": ("wall",), "report.GROUND": ("lamp",),
-    "report.REPEATS": 1, "report.LEAST_SECONDS": 0.0, "report.SCENES": (),
-    "report.measured_structures.__defaults__": (100,),
-}  # fmt: skip
 ROOM = """
 [static]
 mesh = "room.obj"
@@ -66,11 +60,8 @@ def one_row() -> Iterator[row.AtlasRow]:
     yield row.AtlasRow("a", "a", "0", 0.0, row.Number(float(solver.irradiance.mean())))
 
 
-def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
-    """Make all measurements, pictures, time for gathering and the default settings of bare meshes small.
-
-    folder: of the room of `bench --tables`, which has scenes of its own.
-    """
+def small_work(patch: pytest.MonkeyPatch) -> None:
+    """Make all measurements, pictures, time for gathering and the default settings of bare meshes small."""
     small_charts(patch)
     least = {"limit_photons": 8192, "truth": 0.5, "picture_truth": 1.0, "gathered_seconds": 0.0, "radii": (1.0,)}
     for name in ("QUICK", "FULL"):  # they run, and their numbers are not read
@@ -85,8 +76,3 @@ def small_work(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))
-    for name, value in TABLES.items():
-        patch.setattr(f"app.measure.bench.{name}", value)
-    open_scene, room = report.open_scene, settings.Settings(str(small_room(folder)))
-    own = ("tree", "second_tree")
-    patch.setattr(report, "open_scene", lambda asked: open_scene(room if asked.scene in own else asked))

@@ -1,1 +1,0 @@
-"""Frame times, and the report's tables."""
