@@ -212,16 +212,6 @@ def daylight(text: str) -> Daylight:
     return _keys(text, "[daylight]", "date = 2026-03-21, hour = 9", read)
 
 
-def plane(text: str) -> CalculationSurface:
-    """Return the horizontal surface between two corners at a height, from five numbers; seven give its points too."""
-    n = _numbers(text)
-    fits = len(n) in (5, 7) and n[0] < n[2] and n[1] < n[3]
-    _require(fits, "A0,B0,A1,B1,HEIGHT[,M,N]: A0 < A1, B0 < B1, M and N points", text)
-    points = f", points = [{n[5]:g}, {n[6]:g}]" if len(n) > 5 else ""
-    middle, size = ([(n[2 + k] + sign * n[k]) * share for k in (0, 1)] for sign, share in ((1, 0.5), (-1, 1.0)))
-    return surface(f'name = "measuring plane", position = {middle}, size = {size}, height = {n[4]}{points}')
-
-
 def camera(text: str) -> tuple[float, ...]:
     eye_target_fov = _numbers(text)
     fits = len(eye_target_fov) == 7 and eye_target_fov[:3] != eye_target_fov[3:6] and 0 < eye_target_fov[6] < 180

@@ -51,13 +51,8 @@ def picture(parser: argparse.ArgumentParser, *fields: str) -> None:
 
 
 def surface(add: Callable) -> None:
-    """Add --surface, --plane for one that is level, and what belongs to the numbers of surfaces."""
+    """Add --surface, and what belongs to the numbers of surfaces."""
     _add(add, "surfaces", "watts", "maintenance_factor", "hold")
-    add(
-        "--plane", dest="surfaces", action="append", type=values.plane, default=argparse.SUPPRESS,
-        metavar="A0,B0,A1,B1,H[,M,N]",
-        help="calculation surface by its extent along the two horizontal axes, height above the floor [m], points",
-    )  # fmt: skip
 
 
 def measuring(parser: argparse.ArgumentParser) -> Callable:

@@ -27,9 +27,6 @@ def settings(*arguments: str) -> Settings:
 def test_a_list_of_numbers_may_begin_with_a_negative_one():
     """argparse takes -2,1 for an option; a room around the origin needs such numbers."""
     assert settings("render", "--camera", "-2,1.5,.5,-.1,0,0,40").camera == (-2.0, 1.5, 0.5, -0.1, 0.0, 0.0, 40.0)
-    (plane,) = cli.parse(["measure", "--plane", "-2,-1.9,2,1.9,0.01"]).surfaces
-    assert (plane.position, plane.size, plane.height, plane.points) == ((0.0, 0.0), (4.0, 3.8), 0.01, None)
-    assert cli.parse(["measure", "--plane=0,0,1,1,0.7,2,3"]).surfaces[0].points == (2, 3)
     with pytest.raises(SystemExit):
         cli.parse(["render", "-x"])
 

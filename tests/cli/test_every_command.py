@@ -27,7 +27,7 @@ VALUES = {  # of each option, or of one command's; None: a flag
     "--size": "60x40", "--exposure": "1", "--no-white-balance": None, "--tone-map": "clip", "--show": "illuminance",
     "--illuminance-range": "1,100", "--luminance-range": "1,100", "--isolines": "auto", "--no-cull": None,
     "--daylight": "place = [40.4, -3.7], date = 2026-03-21, hour = 9, utc_offset = 1",
-    "--surface": 'name = "a", size = [0.6, 0.6]', "--plane": "0.2,0.2,0.8,0.8,0.5,2,2",
+    "--surface": 'name = "a", size = [0.6, 0.6]',
     "--budget": "20", "--screenshot": "shot.png", "--error": "30",
     "--frames": "2", "--step": "2", "--json": "a.json", "--check": None, "--csv": "a.csv", "--points": "30",
     "--scale": "2", "--seconds": "0", "--still": None, "--truth": "16", "--quick": None,
