@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_setting
 GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.frames.light_setting
-REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("agx", "neutral", "aces", "reinhard", "clip")
 DEFAULT_TONE_MAP = "agx"
 ILLUMINANCE = "illuminance"
@@ -239,7 +238,6 @@ class View:
     """What the window shows beside the picture, and measures."""
 
     reference: bool = unlisted(False, recolours=True)  # show the reference instead of the estimate
-    compare: str = unlisted("", recolours=True)  # right side of the wipe: an estimator, REFERENCE, or nothing
     measure_errors: bool = unlisted(True)  # at rest
     cells: str = unlisted("")  # leaf cells of the structure of rays, and those on a ray: POINTED, CLICKED; "": none
     show_paths: bool = unlisted(False)  # draw paths of some photons
@@ -277,11 +275,6 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
     def method(self) -> dict[str, Any]:
         """The fields of Method, with the light chosen, as arguments of the solver."""
         return {f.name: getattr(self, f.name) for f in fields(Method)} | {"light": self.light_chosen}
-
-    @property
-    def of_solver(self) -> dict[str, Any]:
-        """The method on show. While two estimators are compared, each shows the light of its own photons."""
-        return self.method | ({} if self.compare in ("", REFERENCE) else {"light": "photons"})
 
     def with_method_of(self, solver: Solver) -> Settings:
         """Return settings that name the method of a solver, whatever was open."""
@@ -339,10 +332,9 @@ class Settings(View, Display, Tracing, Lighting, Method, Source):
         return self.light or ("best" if self.estimator is None else "photons")
 
     @property
-    def beside_estimate(self) -> set[str]:
-        """Views beside or instead of the estimate: an estimator, REFERENCE."""
-        needs_reference = self.reference or self.show == ERRORS
-        return {self.compare} - {""} | ({REFERENCE} if needs_reference else set())
+    def needs_reference(self) -> bool:
+        """Whether the picture shows the reference, or errors against it."""
+        return self.reference or self.show == ERRORS
 
 
 TABLE: dict[str, Row] = {f.name: f.metadata["row"] for f in fields(Settings)}

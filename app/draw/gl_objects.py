@@ -38,8 +38,8 @@ class DrawCall(NamedTuple):
     pane: tuple[float, ...] | None  # see DrawMesh; None: opaque
 
 
-class Layer(NamedTuple):
-    """One set of vertex colours of an object."""
+class Colours(NamedTuple):
+    """Buffers of the vertex colours of an object."""
 
     front: moderngl.Buffer  # radiance
     back: moderngl.Buffer  # radiance, negative where one-sided
@@ -76,10 +76,7 @@ class Gloss:
 
 
 class DrawnObject:
-    """Buffers of one object. One-sided faces come first, so that culling covers one range.
-
-    A second layer of colours is the right side of a wipe.
-    """
+    """Buffers of one object. One-sided faces come first, so that culling covers one range."""
 
     def __init__(self, ctx, mask: moderngl.Program, mesh: DrawMesh) -> None:
         self.ctx, self._mask = ctx, mask
@@ -105,8 +102,8 @@ class DrawnObject:
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
-        self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
-        self._radiance: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}  # by layer: both sides, weights
+        self._light: np.ndarray | None = None  # irradiance under gloss
+        self._radiance: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # of both sides, weights
         self._gloss = Gloss()
         if mesh.gloss is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
@@ -121,8 +118,7 @@ class DrawnObject:
         if mesh.reflectors:
             self._gloss.strengths = ctx.buffer(bytes(4 * HIGHLIGHTS * self._vertices), dynamic=True)
             self._owned.append(self._gloss.strengths)
-        self._layers: dict[int, Layer] = {}
-        self._layer(0)
+        self._colours = self._buffers()
 
     @property
     def _vertices(self) -> int:
@@ -136,35 +132,32 @@ class DrawnObject:
         """Return whether its buffers are those of a mesh, with any emission."""
         return all(a is b for a, b in zip(self.mesh._replace(emission=mesh.emission), mesh, strict=True))
 
-    def _layer(self, k: int) -> Layer:
-        """Return a layer, creating it at first use."""
-        if k not in self._layers:
-            triangles = self.ctx.buffer(_indices(self._ordered), dynamic=True)
-            vertices = max(self._vertices, 1)  # GL has no empty buffers
-            front, weights = (self.ctx.buffer(bytes(size * vertices), dynamic=True) for size in (12, 8))
-            back = self.ctx.buffer(np.full((vertices, 3), -1.0, np.float32), dynamic=True)
-            attributes: list[tuple] = [(self._positions, "3f", "position"), (weights, "2f", "weights")]
-            attributes += [(front, "3f", "front"), (back, "3f", "back")]
-            irradiance = sent = None
-            if self.mesh.gloss is not None:
-                irradiance, sent = (self.ctx.buffer(bytes(24 * self._vertices), dynamic=True) for _ in range(2))
-                attributes.append((self._gloss.lobes, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
-                attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
-                attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
-            if self._gloss.tangents is not None:
-                attributes.append((self._gloss.tangents, "3f", "along"))
-            if self._gloss.strengths is not None:
-                attributes.append((self._gloss.strengths, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
-            if self._places is not None:
-                attributes.append((self._places, "2f", "place"))
-            buffers = front, back, weights, triangles, Turning(self._ordered), irradiance, sent
-            self._layers[k] = Layer(*buffers, attributes, {})
-            self._owned += [thing for thing in buffers if hasattr(thing, "release")]
-        return self._layers[k]
+    def _buffers(self) -> Colours:
+        triangles = self.ctx.buffer(_indices(self._ordered), dynamic=True)
+        vertices = max(self._vertices, 1)  # GL has no empty buffers
+        front, weights = (self.ctx.buffer(bytes(size * vertices), dynamic=True) for size in (12, 8))
+        back = self.ctx.buffer(np.full((vertices, 3), -1.0, np.float32), dynamic=True)
+        attributes: list[tuple] = [(self._positions, "3f", "position"), (weights, "2f", "weights")]
+        attributes += [(front, "3f", "front"), (back, "3f", "back")]
+        irradiance = sent = None
+        if self.mesh.gloss is not None:
+            irradiance, sent = (self.ctx.buffer(bytes(24 * self._vertices), dynamic=True) for _ in range(2))
+            attributes.append((self._gloss.lobes, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
+            attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
+            attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
+        if self._gloss.tangents is not None:
+            attributes.append((self._gloss.tangents, "3f", "along"))
+        if self._gloss.strengths is not None:
+            attributes.append((self._gloss.strengths, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
+        if self._places is not None:
+            attributes.append((self._places, "2f", "place"))
+        buffers = front, back, weights, triangles, Turning(self._ordered), irradiance, sent
+        self._owned += [thing for thing in buffers if hasattr(thing, "release")]
+        return Colours(*buffers, attributes, {})
 
-    def _array(self, program: moderngl.Program, layer: int) -> moderngl.VertexArray:
-        """Return the vertex array of a layer with the attributes that a program reads."""
-        of = self._layer(layer)
+    def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        """Return the vertex array with the attributes that a program reads."""
+        of = self._colours
         if program not in of.arrays:
             # moderngl refuses attributes that compilation has removed, unless it skips errors.
             of.arrays[program] = self.ctx.vertex_array(program, of.attributes, of.triangles, skip_errors=True)
@@ -176,13 +169,13 @@ class DrawnObject:
         self.mesh = self.mesh._replace(emission=emission)
         self._calls = [call._replace(emission=tuple(emission[call.vertex])) for call in self._calls]
 
-    def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
+    def upload(self, front: np.ndarray, back: np.ndarray, weights: np.ndarray | None = None) -> None:
         """Upload the radiance (D, 3) float32 of both sides, and their weights (D, 2) float32; None: all 1."""
         if not self._vertices:
             return
-        of = self._layer(layer)
+        of = self._colours
         weights = np.ones((self._vertices, 2), np.float32) if weights is None else weights
-        self._radiance[layer] = front, back, weights
+        self._radiance = front, back, weights
         of.front.write(np.ascontiguousarray(front, np.float32))
         of.weights.write(weights)
         if len(self._two_sided):
@@ -192,30 +185,30 @@ class DrawnObject:
         if of.turning.turn(other_diagonals(self.mesh, front, back, weights)):
             of.triangles.write(of.turning.triangles)
 
-    def radiance_at(self, edge: np.ndarray, face: np.ndarray, layer: np.ndarray, textured: bool) -> np.ndarray:
+    def radiance_at(self, edge: np.ndarray, face: np.ndarray, textured: bool) -> np.ndarray:
         """Return the mean radiance (n, 3) of faces at edges (n,), without gloss.
 
-        face (n,): 2 k for the front of an edge's face k, 2 k + 1 for its back; layer (n,).
+        face (n,): 2 k for the front of an edge's face k, 2 k + 1 for its back.
         """
+        assert self._radiance is not None
         mesh, v, out = self.mesh, self.mesh.edges.corners[edge, face // 2], np.zeros((len(edge), 3))
-        for k, sides in self._radiance.items():
-            for back in range(2):
-                rows = np.flatnonzero((layer == k) & (face % 2 == back))
-                share = sides[2][v[rows], back, None]
-                light = sides[back][v[rows]]
-                if textured and mesh.texel is not None:
-                    light = light * mesh.texel[v[rows]]
-                    if not back:
-                        light += np.where(mesh.texture[v[rows], None] >= 0, mesh.emission[v[rows]], 0.0)
-                out[rows] = (share * light).sum(axis=1) / share.sum(axis=1)
+        for back in range(2):
+            rows = np.flatnonzero(face % 2 == back)
+            share = self._radiance[2][v[rows], back, None]
+            light = self._radiance[back][v[rows]]
+            if textured and mesh.texel is not None:
+                light = light * mesh.texel[v[rows]]
+                if not back:
+                    light += np.where(mesh.texture[v[rows], None] >= 0, mesh.emission[v[rows]], 0.0)
+            out[rows] = (share * light).sum(axis=1) / share.sum(axis=1)
         return out
 
-    def light(self, irradiance: np.ndarray, layer: int = 0) -> None:
+    def light(self, irradiance: np.ndarray) -> None:
         """Upload irradiance (R, 3) [W/m2] under gloss."""
         mesh = self.mesh
         lit = np.c_[np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back])].astype(np.float32)
-        self._light[layer] = irradiance
-        self._layer(layer).irradiance.write(lit)
+        self._light = irradiance
+        self._colours.irradiance.write(lit)
 
     def shine(self, strength: np.ndarray | None) -> None:
         """Upload the strength (D, HIGHLIGHTS) float32 of lights without a surface; None: all 0."""
@@ -231,14 +224,14 @@ class DrawnObject:
     def evaluate(self, directions: Directions, eye: np.ndarray) -> None:
         """Upload the radiance of that gloss towards an eye (3,) in the object's space."""
         which = self._gloss.at_vertices if len(directions.offsets) > 1 else self._gloss.tabulated
-        for layer, irradiance in self._light.items():
+        if self._light is not None:
             seen = np.zeros((self._vertices, 6), np.float32)
-            seen[which] = np.c_[gloss_colours(self.mesh, directions, irradiance, eye, which)]
-            self._layer(layer).sent.write(seen)
+            seen[which] = np.c_[gloss_colours(self.mesh, directions, self._light, eye, which)]
+            self._colours.sent.write(seen)
 
-    def draw(self, program: moderngl.Program, cull: bool, layer: int = 0) -> None:
+    def draw(self, program: moderngl.Program, cull: bool) -> None:
         """Draw all triangles in vertex colours."""
-        split, lit = self._one_sided_indices if cull else 0, self._array(program, layer)
+        split, lit = self._one_sided_indices if cull else 0, self._array(program)
         self._part(lit, 0, split, True)
         self._part(lit, split, self.indices - split, False)
 
@@ -246,7 +239,6 @@ class DrawnObject:
         self,
         textures: GLTextures,
         cull: bool,
-        layer: int,
         program_of: Callable[..., moderngl.Program],
         sharp: Callable[[Reflector, bool], moderngl.Program | None],
         left_out: Callable[[Reflector], bool],
@@ -268,14 +260,14 @@ class DrawnObject:
                 textures.of(call.texture).use(0)
                 mirrored = tuple(float(way == "mirror") for way in call.texture.wrap)
                 put(program, mirrored=mirrored, emission=call.emission)
-            self._part(self._array(program, layer), call.first, call.indices, cull and call.one_sided)
+            self._part(self._array(program), call.first, call.indices, cull and call.one_sided)
 
-    def draw_panes(self, program: moderngl.Program, layer: int) -> None:
+    def draw_panes(self, program: moderngl.Program) -> None:
         """Draw the panes; `pane` of the program is set here."""
         for call in self._calls:
             if call.pane is not None:
                 program["pane"] = call.pane
-                self._part(self._array(program, layer), call.first, call.indices, False)
+                self._part(self._array(program), call.first, call.indices, False)
 
     def mark(self, cull: bool = False, omitted: Callable[[Reflector], bool] = lambda reflector: False) -> None:
         """Draw all triangles with the program of the mask, but those of omitted reflectors."""

@@ -156,12 +156,12 @@ class SmoothEdges:
         edges: Sequence[Edges],
         to_clip: Sequence[np.ndarray],
         cull: bool,
-        colours: Callable[[int, np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+        colours: Callable[[int, np.ndarray, np.ndarray], np.ndarray],
     ) -> None:
         """Smooth a picture of objects with some edges, a texture of bytes.
 
         depths: the framebuffer that has theirs; to_clip: (4, 4) per object; cull: as for place_edges(). colours(object,
-        edge (n,), face (n,), x (n,)): display colours (n, 3) in 0 .. 255 of faces as place_edges() numbers them.
+        edge (n,), face (n,)): display colours (n, 3) in 0 .. 255 of faces as place_edges() numbers them.
         """
         (width, height), n, of_object = picture.size, 0, []
         for shape, matrix in zip(edges, to_clip, strict=True):
@@ -184,7 +184,7 @@ class SmoothEdges:
             for o, part in enumerate(np.split(rows, np.searchsorted(rows, of_object[1:]))):
                 for side in range(2):
                     face = np.where(placed[part, 7 + 2 * side] < 0, 0, self._faces[part, 1 + side])
-                    thin[part, side] = colours(o, self._faces[part, 0], face, placed[part, 0])
+                    thin[part, side] = colours(o, self._faces[part, 0], face)
             blend_edges(placed[rows], thin[rows], depth, drawn, out, wanted, gaps, 1)
         # Of fewer than 12 pixels, the share of the gap is chance: 8 add 0.05 of 255 to office.
         rows = np.flatnonzero((gaps[:, :2] > 0).all(axis=1) & (gaps[:, :2].sum(axis=1) >= 12))

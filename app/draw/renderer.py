@@ -62,7 +62,6 @@ class Look:
     as_is: bool = False  # colours are display colours: no exposure, no tone map
     line_scale: float = 1.0  # of the width of isolines, for fine screens
     scale: Scale | None = None  # of false colours, in place of the tone map
-    split: float | None = None  # of the width; the second layer of colours is right of it
     gains: Gains = NEUTRAL  # of the white balance
     eye: np.ndarray | None = None  # (3,) [m], for gloss; None: there is none
 
@@ -122,14 +121,12 @@ class Renderer:
             o.release()
         self._textures.keep(self._used_textures)
 
-    def set_colours(
-        self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None
-    ) -> None:
-        """Upload linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split.
+    def set_colours(self, o: int, front: np.ndarray, back: np.ndarray, weights: np.ndarray | None = None) -> None:
+        """Upload linear radiance (D, 3) of both sides of an object's draw vertices.
 
         weights (D, 2): interpolation weights of front and back; None: all 1.
         """
-        self._objects[o].upload(front, back, layer, weights)
+        self._objects[o].upload(front, back, weights)
         self._mirrors.forget()
 
     def set_gloss(self, light: GlossLight | None) -> None:
@@ -158,10 +155,10 @@ class Renderer:
             self._bright = DrawnObject(self.ctx, self._mask, mesh)
             self._bright.upload(mesh.emission, mesh.emission)
 
-    def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
+    def set_irradiance(self, o: int, irradiance: np.ndarray) -> None:
         """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
         if self._objects[o].mesh.gloss is not None:
-            self._objects[o].light(irradiance, layer)
+            self._objects[o].light(irradiance)
             self._mirrors.forget()
 
     def dim(self, meshes: tuple[DrawMesh, ...]) -> None:
@@ -193,17 +190,13 @@ class Renderer:
         drawn = targets.drawn if linear is None else linear.drawn
         drawn.use()
         drawn.clear(*((*BACKGROUND, 1.0) if linear is None else (1.0, 1.0, 1.0, 0.0)))
-        for layer, area in _parts(targets.size, look.split):
-            mirrors = (PLANAR, PROBE) if self._draw_mirrors(look, layer) else ()
-            self._state()
-            drawn.use()
-            drawn.scissor = area
-            view = View(look.view_projection, look.eye, "ccw", mirrors, 0.0, targets.size)
-            self._draw_layer(look, layer, view, linear is not None)
-            if linear is not None:
-                self._draw_panes(look, layer, linear)
-        drawn.scissor = None  # it would clip the copy too
+        mirrors = (PLANAR, PROBE) if self._draw_mirrors(look) else ()
+        self._state()
+        drawn.use()
+        view = View(look.view_projection, look.eye, "ccw", mirrors, 0.0, targets.size)
+        self._draw_scene(look, view, linear is not None)
         if linear is not None:
+            self._draw_panes(look, linear)
             linear.tone_map(targets.picture, TONE_MAP_CODES[look.tone_map])
         elif drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, drawn)
@@ -219,10 +212,8 @@ class Renderer:
         self._default.use()
 
     def _smooth_edges(self, look: Look, depths: moderngl.Framebuffer) -> None:
-        split = np.inf if look.split is None else look.split * self._targets.size[0]
-
-        def colours(o: int, edge: np.ndarray, face: np.ndarray, x: np.ndarray) -> np.ndarray:
-            light = self._objects[o].radiance_at(edge, face, (x > split).astype(np.int64), look.textured)
+        def colours(o: int, edge: np.ndarray, face: np.ndarray) -> np.ndarray:
+            light = self._objects[o].radiance_at(edge, face, look.textured)
             if look.as_is:
                 return 255 * light
             if look.scale is not None:
@@ -243,7 +234,7 @@ class Renderer:
         self._linear.resize(self._targets.size, self._targets.samples)
         return self._linear
 
-    def _draw_panes(self, look: Look, layer: int, linear: LinearTarget) -> None:
+    def _draw_panes(self, look: Look, linear: LinearTarget) -> None:
         """Draw panes in any order: it shows in the light alone that one pane reflects behind another."""
         ctx, program = self.ctx, self._programs.of("pane.vert", "pane.frag")
         assert look.eye is not None
@@ -254,7 +245,7 @@ class Renderer:
         for o, model in zip(self._objects, look.models, strict=True):
             if o.mesh.pane is not None:
                 _place(program, look.view_projection, model)
-                o.draw_panes(program, layer)
+                o.draw_panes(program)
         linear.drawn.depth_mask = True
         ctx.disable(ctx.BLEND)
 
@@ -326,16 +317,16 @@ class Renderer:
         self._programs.cover(sky)
         self.ctx.enable(self.ctx.DEPTH_TEST)
 
-    def _draw_mirrors(self, look: Look, layer: int) -> bool:
+    def _draw_mirrors(self, look: Look) -> bool:
         """Draw what sharp gloss reflects; return whether the picture shows it."""
         targets = self._targets
         if not look.is_light or look.eye is None or self._gloss.light is None or not self._mirrors:
             return False
         self._state()
-        key = layer, look.exposure, look.gains, look.cull
+        key = look.exposure, look.gains, look.cull
 
         def draw(view: View) -> None:
-            self._draw_layer(look, layer, view)
+            self._draw_scene(look, view)
 
         def shares(view: View) -> Shares:
             return self._shares(look, view)
@@ -367,7 +358,7 @@ class Renderer:
         self._state()
         return shares
 
-    def _draw_layer(self, look: Look, layer: int, view: View, is_linear: bool = False) -> None:
+    def _draw_scene(self, look: Look, view: View, is_linear: bool = False) -> None:
         """Draw all objects as a view sees them, but for panes; is_linear: before the tone map."""
         mirrored = view.gloss > 0
         self.ctx.front_face = view.front_face
@@ -401,7 +392,7 @@ class Renderer:
 
             by_texture = o.mesh.uv is not None and (look.textured or o.has_holes)
             if not (by_texture or o.mesh.reflectors or o.mesh.pane is not None):
-                o.draw(program_of(), look.cull, layer)
+                o.draw(program_of(), look.cull)
                 continue
 
             def sharp(reflector: Reflector, textured: bool, model=model) -> moderngl.Program | None:
@@ -416,7 +407,7 @@ class Renderer:
             def left_out(reflector: Reflector) -> bool:
                 return view.skipped in reflector.omitted
 
-            o.draw_calls(self._textures, look.cull, layer, program_of, sharp, left_out)
+            o.draw_calls(self._textures, look.cull, program_of, sharp, left_out)
         if self._bright is not None and look.is_light and not mirrored:
             program = ready_program()
             _place(program, view.view_projection, look.models[0])
@@ -501,15 +492,6 @@ class Renderer:
         if self._linear is not None:
             self._linear.release()
         self._programs.release()
-
-
-def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[int, int, int, int] | None]]:
-    """Return (layer, (x, y, width, height) in pixels) per part of the picture; None: the whole."""
-    if split is None:
-        return [(0, None)]
-    w, h = size
-    at = min(max(round(split * w), 0), w)
-    return [(layer, area) for layer, area in ((0, (0, 0, at, h)), (1, (at, 0, w - at, h))) if area[2] > 0]
 
 
 def _place(program, view_projection: np.ndarray, model: np.ndarray, eye: np.ndarray | None = None) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, meshes_of
 from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
-from app.rest.results import Asked, Change, Comparison, FinePicture, GatherProgress
-from app.settings import CHANGE, REFERENCE, Pin, Settings, State
+from app.rest.results import Asked, Change, FinePicture, GatherProgress
+from app.settings import CHANGE, Pin, Settings, State
 from app.worker import Task
 from gi_core.base.pause import Progress, pause, steps
 from gi_core.scene.pose import to_world, to_world_directions
@@ -396,51 +396,6 @@ def placed(pins: Sequence[Pin], poses: Mapping[str, Pose]) -> tuple[np.ndarray, 
             points[k : k + 1] = to_world(poses[pin.object], points[k : k + 1])
             normals[k : k + 1] = to_world_directions(poses[pin.object], normals[k : k + 1])
     return points, normals
-
-
-class ComparisonJob(Job):
-    """Computes the light of another estimator for the right side of a wipe, by a twin that shares the photons."""
-
-    result: Comparison | None
-
-    def __init__(self, solver: Solver) -> None:
-        super().__init__(solver)
-        self._twin: Solver | None = None
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        return f"computing {self._key.replace('_', ' ')}"
-
-    def key(self, settings: Settings) -> str | None:
-        return None if settings.compare in ("", REFERENCE) else settings.compare
-
-    def begin(self) -> Iterator:
-        self._twin = self._twin or self._solver.twin()
-        return _compared(self._solver, self._twin, self._key)
-
-    def take(self, result: Comparison | None) -> bool:
-        self.result = result
-        return False
-
-    def restart(self) -> None:
-        super().restart()
-        self.result = None
-
-    def drop(self) -> None:
-        super().drop()
-        self._twin = None
-
-
-def _compared(solver: Solver, twin: Solver, estimator: str) -> Iterator[Comparison | None]:
-    """Yield None per step of the twin, then the result."""
-    fields = {**solver.setting._asdict(), "estimator": estimator}
-    twin.configure(photons=solver.photons, light="photons", **fields)
-    yield None
-    for _ in twin.solve_steps():
-        yield None
-    twin.move_all(solver.poses)
-    drawn = solver.drawn(twin.irradiance)
-    yield Comparison(estimator, twin.frame.photons, twin.irradiance, drawn)
 
 
 def state_of(solver: Solver) -> tuple:

@@ -1,4 +1,4 @@
-"""Error of the current light, measured at rest: frame time, noise, reference, comparison with another estimator.
+"""Error of the current light, measured at rest: frame time, noise, reference.
 
 Results belong to the solver's irradiance and are dropped when it changes. A reference belongs to poses, to all or
 sampled receivers, and to levels of lamps; the last three are kept. Errors are relative to the light of each place
@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.rest.jobs import ComparisonJob, Job
+from app.rest.jobs import Job
 from app.rest.results import MeasuredPoint, ReferencePicture, Report
-from app.settings import REFERENCE, Settings
+from app.settings import Settings
 from app.worker import Task
 from gi_core.geometry.error import (
     CLOUD_REACH,
@@ -153,13 +153,12 @@ class ReferenceJob:
 
 
 class LiveError(Job):
-    """Its own steps time frames; a comparison and references follow."""
+    """Its own steps time frames; references follow."""
 
     name = "timing frames"
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         super().__init__(solver)
-        self.comparison = ComparisonJob(solver)
         self.report: Report | None = None
         self.point: MeasuredPoint | None = None  # of the chart
         self._clock, self._settings = clock, Settings()
@@ -183,10 +182,8 @@ class LiveError(Job):
             self.light = self._solver.irradiance
             self.report = self.point = None
             self.restart()
-            self.comparison.restart()
         self._settings = settings
         super().want(settings)
-        self.comparison.want(settings)
 
     def reference(self, poses: Mapping[str, Pose], everywhere: bool) -> ReferenceJob | None:
         """Return the reference at these poses: at all receivers, or at those of the report."""
@@ -206,11 +203,9 @@ class LiveError(Job):
         gathering, at_some = "gathering the reference", functools.partial(self._gather, False)
         of_numbers = Task(gathering if self._few else f"{gathering} for the error", at_some)
         yield from super().tasks()
-        yield from self.comparison.tasks()
         if numbers and rough:
             yield of_numbers
-        picture = REFERENCE in self._settings.beside_estimate
-        if picture and (everywhere is None or everywhere.noise > PICTURE_NOISE):
+        if self._settings.needs_reference and (everywhere is None or everywhere.noise > PICTURE_NOISE):
             yield Task(gathering, functools.partial(self._gather, True))
         if numbers:
             yield of_numbers

@@ -69,15 +69,6 @@ class ReferencePicture(NamedTuple):
     seen: float  # share of receivers with at least one round, 0 .. 1
 
 
-class Comparison(NamedTuple):
-    """The same light by another estimator."""
-
-    estimator: str
-    photons: int
-    irradiance: np.ndarray  # (R, 3) [W/m2]
-    drawn: Drawn
-
-
 class Change(NamedTuple):
     """The change since light A; both lights are of the same photons and paths."""
 
@@ -110,7 +101,6 @@ class RestResults(NamedTuple):
     report: Report | None = None
     point: MeasuredPoint | None = None  # of the error chart
     reference: ReferencePicture | None = None  # None: unknown or not wanted
-    comparison: Comparison | None = None
     surfaces: tuple[SurfaceLight, ...] = ()  # those that are measured so far
     fine: FinePicture | None = None  # None: the picture has receivers alone
     held: HeldResult | None = None  # None: lamps hold no targets
@@ -120,7 +110,7 @@ class RestResults(NamedTuple):
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""
-        names = "reference", "comparison", "change"
+        names = "reference", "change"
         return all(getattr(self, name) is getattr(other, name) for name in names)
 
 

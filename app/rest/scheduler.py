@@ -12,7 +12,7 @@ from app.cli.progress import time_left
 from app.rest.jobs import AskedJob, ChangeJob, FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
-from app.settings import REFERENCE, Settings
+from app.settings import Settings
 from app.worker import Task
 from gi_core.base.pause import Interrupted
 
@@ -90,26 +90,22 @@ class RestWork:
     def results(self) -> RestResults:
         """Return the results for the solver's present light."""
         e, E = self.live_error, self._solver.irradiance
-        reference = e.picture if REFERENCE in self._settings.beside_estimate else None
+        reference = e.picture if self._settings.needs_reference else None
         light = self.at_poses.light
         held = self.hold.result
         surfaces = (*(held.lights if held else ()), *self.surfaces.lights)
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
         error = self._stated[1] if self._stated[0] is E else math.nan
-        measured = (e.report, e.point, e.comparison.result) if e.light is E else (None, None, None)
-        report, point, comparison = measured
+        report, point = (e.report, e.point) if e.light is E else (None, None)
         more = self.fine.light, held, self.hold.fraction, self.asked.answer, self.change.result
-        return RestResults(
-            self.gathering.progress, error, at_poses, report, point, reference, comparison, surfaces, *more
-        )
+        return RestResults(self.gathering.progress, error, at_poses, report, point, reference, surfaces, *more)
 
     def end(self) -> None:
         """Save the static light and the references as far as they are, and end all steps, in their own thread."""
         self.gathering.keep()
         self.live_error.keep()
-        e = self.live_error
-        first = self.gathering, self.at_poses, self.fine, self.hold, self.asked, self.change, self.surfaces
-        for job in (*first, e, e.comparison):
+        rest = self.hold, self.asked, self.change, self.surfaces, self.live_error
+        for job in (self.gathering, self.at_poses, self.fine, *rest):
             job.drop()
 
 

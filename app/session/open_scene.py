@@ -202,7 +202,7 @@ class OpenScene:
     @property
     def gathered(self) -> GatherProgress | None:
         """Progress of the static part's gathered light; None: the settings ask for photons only."""
-        return self.light.snapshot.rest.gathered if self.settings.of_solver["light"] == "best" else None
+        return self.light.snapshot.rest.gathered if self.settings.light_chosen == "best" else None
 
     @property
     def _method_parts(self) -> MethodParts | None:

@@ -21,7 +21,7 @@ from app.draw.picture_files import write_exr, write_png
 from app.draw.shot import Layers, Shot, layers
 from app.rest.scheduler import RestWork
 from app.session.solver_jobs import Snapshot, snapshot_of
-from app.settings import REFERENCE, Settings
+from app.settings import Settings
 from gi_core.scene import Pose
 from gi_core.scene.types import RADIOMETRIC, UNITS, Units
 
@@ -32,7 +32,6 @@ class Picture(NamedTuple):
     settings: Settings
     camera: Turntable
     light: int = 0  # version of the light, see Session.version
-    split: float | None = None  # of the width; the comparison is right of it
     scale: Scale | None = None  # of false colours
     units: Units = RADIOMETRIC
 
@@ -45,7 +44,6 @@ class Picture(NamedTuple):
         photons, paths = "photons", f"gathered, {snapshot.paths} paths per receiver"
         static = f"{snapshot.source.value}; error {100 * rest.gathered.error:.2g} %"
         settled = rest.at_poses is not None and rest.at_poses.used
-        right = "-" if self.split is None else f"{s.compare} right of {self.split:.4g} of the width"
         entries = {
             "software": f"gi-viewer {version()}",
             "commit": commit() or "-",
@@ -66,8 +64,7 @@ class Picture(NamedTuple):
             "show": s.show,
             "false_colours": "-" if self.scale is None else self.scale.text(self.units),
             "cull": s.cull,
-            "light_shown": REFERENCE if s.reference and rest.reference else "estimate",
-            "comparison": right,
+            "light_shown": "reference" if s.reference and rest.reference else "estimate",
             "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
             f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
         }

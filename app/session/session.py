@@ -180,7 +180,7 @@ class Session(OpenScene):
     @property
     def is_current(self) -> bool:
         """Whether the picture, and the numbers that belong to it, have the settings asked for."""
-        return self.light.is_current and self.settings.of_solver == self.requests.applied.of_solver
+        return self.light.is_current and self.settings.method == self.requests.applied.method
 
     @property
     def in_motion(self) -> bool:
@@ -309,8 +309,7 @@ class Session(OpenScene):
     def _apply(self) -> None:
         """Apply the requested settings; only the work that depends on a change is repeated."""
         old, new = self.requests.applied, self.settings
-        was = old.of_solver
-        changed = {name: value for name, value in new.of_solver.items() if value != was[name]}
+        changed = {name: value for name, value in new.method.items() if value != old.method[name]}
         try:
             if changed and not self.light.configure(changed, LIGHT_TIME):
                 return  # busy: again in the next frame

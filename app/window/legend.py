@@ -115,7 +115,7 @@ class ScaleFit:
         if ends is not None:
             self.scale = fixed_scale(*ends, quantity).with_lines(lines)
             return
-        lit, camera = replace(s.lit, drawn=shown.sides[0].drawn), view.camera.relative_to(s.model.origins[0])
+        lit, camera = replace(s.lit, drawn=shown.side.drawn), view.camera.relative_to(s.model.origins[0])
         seen = visible_light(lit, camera, view.aspect, s.settings.cull)
         self.scale = automatic_scale(seen, quantity).with_lines(lines)
 

@@ -170,7 +170,6 @@ MOUSE = (
     ("Shift or middle drag", "pan"),
     ("Wheel", "move the camera nearer or farther"),
     ("Double-click", "make this point the orbit centre"),
-    ("Drag a comparison", "move the line between two pictures"),
     ("Drop files", "open a scene; on the picture, meshes become objects, photometric files lamps"),
 )
 

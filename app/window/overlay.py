@@ -52,14 +52,12 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
 
 
 def _draw_shown(viewport: Viewport, area: tuple[float, float, float, float], em: float) -> None:
-    """Label the picture: sides of a wipe, reference, error legend, pending work, an estimator just chosen."""
+    """Label the picture: reference, error legend, pending work, an estimator just chosen."""
     shown, (x, y, w, _) = viewport.shown, area
     if shown is None:
         return
-    if len(shown.sides) == 2:
-        viewport.wipe.draw(area, (shown.sides[0].label, shown.sides[1].label))
-    elif shown.named:
-        label.write(shown.sides[0].label, x + em, y + em)
+    if shown.named:
+        label.write(shown.side.label, x + em, y + em)
     elif name := viewport.named_estimator():
         label.write(name, x + em, y + em)
     if shown.coming:

@@ -37,7 +37,7 @@ class Preview:
                 renderer.set_scene(look.meshes)
             for o, mesh in enumerate(look.meshes):
                 light = weights(mesh, look.drawn.weights)
-                renderer.set_colours(o, *colours(mesh, look.drawn.irradiance, with_reflectance=True), 0, light)
+                renderer.set_colours(o, *colours(mesh, look.drawn.irradiance, with_reflectance=True), light)
             self._uploaded, self._drawn = look, None
         space = imgui.get_content_region_avail()
         width, height = max(space.x, 1.0), max(space.y, 1.0)
@@ -116,19 +116,18 @@ class Painter:
             self.ctx.finish()
 
     def _upload(self, session: Session, viewport: Viewport) -> None:
-        """Upload the colours, one layer per side of a wipe."""
+        """Upload the colours."""
         viewport.shown = shown = view_content.shown(session)
-        lit = [view_content.lit(session, shown, side) for side in shown.sides]
-        self.renderer.set_scene(lit[0].meshes)
-        self.renderer.dim(lit[0].meshes)
-        self.renderer.set_gloss(lit[0].gloss)
-        self.renderer.set_lights(bare_lights(lit[0]))
-        self.renderer.set_light_faces(light_faces(session.model, lit[0].levels))
-        for layer, side in enumerate(lit):
-            colours = view_content.paint(side, shown.errors, shown.recomputed)
-            for o, (painted, of_side) in enumerate(zip(colours, side.weights, strict=True)):
-                self.renderer.set_colours(o, *painted, layer, of_side)
-                self.renderer.set_irradiance(o, side.drawn.irradiance, layer)
+        lit = view_content.lit(session, shown)
+        self.renderer.set_scene(lit.meshes)
+        self.renderer.dim(lit.meshes)
+        self.renderer.set_gloss(lit.gloss)
+        self.renderer.set_lights(bare_lights(lit))
+        self.renderer.set_light_faces(light_faces(session.model, lit.levels))
+        colours = view_content.paint(lit, shown.errors, shown.recomputed)
+        for o, (painted, weight) in enumerate(zip(colours, lit.weights, strict=True)):
+            self.renderer.set_colours(o, *painted, weight)
+            self.renderer.set_irradiance(o, lit.drawn.irradiance)
 
     def close(self) -> None:
         if self.renderer is not None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from app.draw.picking import Hit
     from app.session.session import Session
     from app.window.camera_control import View
-    from app.window.view_content import Shown, Side
+    from app.window.view_content import Shown
 
 
 class Pointer:
@@ -30,8 +30,8 @@ class Pointer:
         self.reading: Reading | None = None  # light there
         self._asked: tuple | None = None  # arguments of the last pick
 
-    def update(self, session: Session, view: View, shown: Shown | None, side: Side | None) -> None:
-        """Find surface and light; side: of the picture under the cursor, None before the first light, as `shown`."""
+    def update(self, session: Session, view: View, shown: Shown | None) -> None:
+        """Find surface and light; shown: None before the first light."""
         mouse = imgui.get_io().mouse_pos
         asked = (tuple(mouse), view.camera, session.version, session.settings.cull, id(shown))  # drawn later
         if asked == self._asked:
@@ -39,7 +39,7 @@ class Pointer:
         self._asked = asked
         hit = pick(session, view, mouse)
         self.pointed, self.hover = hit, hit if hit is not None and hit.object > 0 else None
-        self.reading = None if hit is None or side is None else _read(hit, session, view, shown, side)
+        self.reading = None if hit is None or shown is None else _read(hit, session, view, shown)
         session.receiver = -1
         if hit is not None:
             ray, poses = hit.point - view.camera.eye(), session.light.snapshot.poses
@@ -55,12 +55,12 @@ def pick(session: Session, view: View, mouse) -> Hit | None:
     return session.picker.pick(*view.ray(mouse), session.pose_list, session.settings.cull)
 
 
-def _read(hit: Hit, s: Session, view: View, shown: Shown, side: Side) -> Reading:
+def _read(hit: Hit, s: Session, view: View, shown: Shown) -> Reading:
     """Return the light of the picture at a hit under the cursor; on a map of changes light A too."""
     io = imgui.get_io()
     _, direction = view.ray(io.mouse_pos)
     height = round(view.size[1] * io.display_framebuffer_scale.y)
-    light = lit(s, shown, side)
+    light = lit(s, shown)
     reading, of = read(light, hit, direction, view.camera, height), shown.errors
     if not isinstance(of, Change):
         return reading
@@ -127,5 +127,5 @@ class Pins:
         if shown is None:
             self.shown = ()
             return
-        light = lit(s, shown, shown.sides[0])
+        light = lit(s, shown)
         self.shown = tuple(read_pin(pin, s.picker, light) for pin in s.settings.pins)

@@ -1,4 +1,4 @@
-"""Content of the viewport: estimate, reference, or two of them side by side; as radiance or as errors."""
+"""Content of the viewport: estimate or reference, as radiance or as errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
 from app.draw.draw_mesh import dimmed
 from app.draw.false_colour import round_scale
-from app.settings import CHANGE, ERRORS, REFERENCE
+from app.settings import CHANGE, ERRORS
 from gi_core.display.dilation import Drawn
 from gi_core.gather.estimate import Source
 from gi_core.geometry.error import luminance, signed_error
@@ -38,7 +38,7 @@ CERTAIN_CHANGE = 2.0  # standard errors, from which a change is coloured
 
 
 class Side(NamedTuple):
-    """One side of the picture, or the whole."""
+    """Light of the picture."""
 
     label: str
     drawn: Drawn  # irradiance (R, 3) [W/m2], nan where unknown, and interpolation weights
@@ -81,7 +81,7 @@ def certain_change(now: np.ndarray, before: np.ndarray, deviation: np.ndarray) -
 class Shown(NamedTuple):
     """Content of the picture."""
 
-    sides: tuple[Side, ...]  # left to right
+    side: Side
     coming: str  # a sentence about parts still to be computed; "": none
     errors: Errors | Change | None  # of an error map, or of a map of changes; None: light
     named: bool  # the picture needs a label
@@ -92,7 +92,7 @@ class Shown(NamedTuple):
 def shown(session: Session) -> Shown:
     """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
-    reference, other = light.rest.reference, light.rest.comparison
+    reference = light.rest.reference
     estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.source, light.deviation)
     exact = None if reference is None else Side(_label_of(reference), reference.drawn)
     errors: Errors | Change | None = None
@@ -102,22 +102,17 @@ def shown(session: Session) -> Shown:
         errors = _change(session)
     if errors is None and reference is not None and reference.seen < 1:
         exact = None  # an error map may have holes, a picture may not
-    left = exact if s.reference and exact is not None else estimate
-    right = exact if s.compare == REFERENCE else None
-    if other is not None and other.estimator == s.compare:
-        right = _estimate(other.estimator, other.photons, other.drawn)
-    sides: tuple[Side, ...] = (left,) if right is None else (left, right)
+    side = exact if s.reference and exact is not None else estimate
     method = session.light.method
     recomputed = method.recomputed if s.show_recomputed and errors is None and method is not None else None
     fine = light.rest.fine
-    of_paths = all(side is estimate or side is exact for side in sides)
-    if fine is None or errors is not None or recomputed is not None or not of_paths:
+    if errors is not None or recomputed is not None:
         fine = None
-    else:
-        sides = tuple(side._replace(drawn=fine.light.of(side.drawn)) for side in sides)
+    if fine is not None:
+        side = side._replace(drawn=fine.light.of(side.drawn))
     return Shown(
-        sides,
-        _coming(session, right, reference, errors),
+        side,
+        _coming(session, reference, errors),
         errors,
         s.reference or errors is not None,
         recomputed,
@@ -125,25 +120,23 @@ def shown(session: Session) -> Shown:
     )
 
 
-def lit(session: Session, shown: Shown, side: Side) -> LitScene:
-    """Return the lit scene of a side of the picture."""
-    lit, meshes = session.lit, session.meshes
+def lit(session: Session, shown: Shown) -> LitScene:
+    """Return the lit scene of the picture."""
+    lit, meshes, side = session.lit, session.meshes, shown.side
     if shown.mesh is not None:
         meshes = *dimmed((shown.mesh,), lit.levels), *meshes[1:]
     return replace(lit, meshes=meshes, drawn=side.drawn, deviation=side.deviation)
 
 
-def _coming(
-    session: Session, right: Side | None, reference: ReferencePicture | None, errors: Errors | Change | None
-) -> str:
+def _coming(session: Session, reference: ReferencePicture | None, errors: Errors | Change | None) -> str:
     """Return the sentence about parts still to be computed."""
     s, moves = session.settings, session.motion.is_active
     if s.show == CHANGE and errors is None:
         return "change: no light is kept; Keep as A does" if session.kept is None else "change: computed at rest"
-    names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
-    if REFERENCE in s.beside_estimate and (reference is None or reference.seen < 1):
-        names.append(REFERENCE if reference is None else f"{REFERENCE} ({100 * reference.seen:.0f} % of receivers)")
-    return f"{' and '.join(names)}: {'computed at rest' if moves else 'computing'}" if names else ""
+    if not s.needs_reference or (reference is not None and reference.seen >= 1):
+        return ""
+    share = "" if reference is None else f" ({100 * reference.seen:.0f} % of receivers)"
+    return f"reference{share}: {'computed at rest' if moves else 'computing'}"
 
 
 def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:

@@ -21,57 +21,18 @@ from app.session.open_scene import Finished
 from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import FALSE_COLOURS
-from app.window import drag, label, theme
+from app.window import drag
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl, View
 from app.window.drag import MobileDrag
 from app.window.label import Box
 from app.window.lamp_handles import LampHandles
 from app.window.legend import ScaleFit, of_errors
 from app.window.pointer import Pins, Pointer, pick
-from app.window.view_content import Shown, Side
+from app.window.view_content import Shown
 from gi_core.scene.types import UNITS, part_named
 
 BESIDE = 1e-3  # of the scene's size: a point so far before a surface
 FADING_SECONDS, FADING_STEPS = 0.5, 4  # of the outline of a surface, with a picture per step
-
-
-class Wipe:
-    """A vertical line across the picture, to drag, between two labelled pictures.
-
-    `at`: position of the line, as a share of the width; `held`: it is dragged.
-    """
-
-    def __init__(self) -> None:
-        self.at = 0.5
-        self.held = False
-
-    def handle(self, io, left: float, width: float, hovered: bool) -> bool:
-        """Read the mouse of this frame; return whether the line takes it."""
-        near = hovered and abs(io.mouse_pos.x - (left + self.at * width)) <= 0.5 * imgui.get_font_size()
-        if near and imgui.is_mouse_clicked(0):
-            self.held = True
-        takes = near or self.held
-        if self.held and imgui.is_mouse_pos_valid():
-            self.at = min(max((io.mouse_pos.x - left) / max(width, 1.0), 0.02), 0.98)
-        self.held &= imgui.is_mouse_down(0)
-        if takes:
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-        return takes
-
-    def draw(self, area: tuple[float, float, float, float], names: tuple[str, str]) -> None:
-        """Draw the line and both labels into an area (x, y, width, height)."""
-        wipe_line = (1.0, 1.0, 1.0, 0.85)
-        em = imgui.get_font_size()
-        x, y, w, h = area
-        line = x + self.at * w
-        draw = imgui.get_window_draw_list()
-        draw.add_line((line, y), (line, y + h), imgui.get_color_u32(wipe_line), 0.1 * em)
-        middle = y + h / 2
-        draw.add_circle_filled((line, middle), 0.55 * em, imgui.get_color_u32((*theme.FRAME, 0.95)))
-        draw.add_circle((line, middle), 0.55 * em, imgui.get_color_u32(wipe_line), 0, 0.1 * em)
-        gap = 0.6 * em
-        label.write(names[0], line - gap, y + em, right=True)
-        label.write(names[1], line + gap, y + em)
 
 
 class Viewport:
@@ -86,7 +47,6 @@ class Viewport:
         self.mobile_drag = MobileDrag()
         self.lamps = LampHandles()
         self.scale_fit = ScaleFit()
-        self.wipe = Wipe()
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the selected surface of the static part; None: it has none selected
         self._surface: tuple[str, np.ndarray] | None = None  # material of that surface, and its faces
@@ -157,9 +117,7 @@ class Viewport:
         control.advance(seconds)
         if self.session.ready and self.shown is not None:
             self.lamps.update(self.session, view, hovered)
-        if self._may_wipe and self.wipe.handle(io, view.origin[0], view.size[0], hovered):
-            self.pointer.leave()
-        elif (grab := self.mobile_drag.grab) is not None:
+        if (grab := self.mobile_drag.grab) is not None:
             self.mobile_drag.follow(self.session, view)
             if self.mobile_drag.grab is None:
                 self._select_by(grab)
@@ -169,7 +127,7 @@ class Viewport:
             if not control.steer(io, seconds):
                 self._release()
         elif hovered:
-            self.pointer.update(self.session, view, self.shown, self._side_under_cursor)
+            self.pointer.update(self.session, view, self.shown)
             self._press(io)
         else:
             self.pointer.leave()
@@ -180,20 +138,6 @@ class Viewport:
     def _is_covered(self, mouse) -> bool:
         left, top, right, bottom = self.covered or (0.0, 0.0, 0.0, 0.0)
         return left <= mouse[0] < right and top <= mouse[1] < bottom
-
-    @property
-    def _may_wipe(self) -> bool:
-        two = self.shown is not None and len(self.shown.sides) == 2
-        held = self.mobile_drag.grab is not None or self.lamps.takes_mouse
-        return two and not held and not self.control.is_steering
-
-    @property
-    def _side_under_cursor(self) -> Side | None:
-        """The side of a wipe, or the whole picture; None before the first light."""
-        if self.shown is None:
-            return None
-        u, _ = self.view.uv(imgui.get_io().mouse_pos)
-        return self.shown.sides[-1 if u > self.wipe.at else 0]
 
     def _press(self, io) -> None:
         """Act on a button that went down in this frame."""
@@ -331,10 +275,9 @@ class Viewport:
     @property
     def picture(self) -> Picture:
         """Parameters of the current picture."""
-        split = self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None
         s = self.session
         scale = self.scale_fit.scale if s.settings.show in FALSE_COLOURS else None
-        return Picture(s.settings, self.view.camera, s.version, split, scale, UNITS[s.scene.units])
+        return Picture(s.settings, self.view.camera, s.version, scale, UNITS[s.scene.units])
 
     @property
     def legend(self) -> Legend | None:
@@ -399,7 +342,7 @@ class Viewport:
 
     def look(self, outlined: bool = True) -> Look:
         """Return the current picture for the renderer."""
-        settings, camera, _, split, scale, _ = self.picture
+        settings, camera, _, scale, _ = self.picture
         near = camera.relative_to(self.session.model.origins[0])
         pixels = imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y
         selected, pointed, material, opacity = self._marked if outlined else ((), -1, "", 0.0)
@@ -418,7 +361,6 @@ class Viewport:
             as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),
             scale=scale,
             line_scale=pixels,
-            split=split,
             gains=self.session.gains if settings.white_balance else NEUTRAL,
             eye=near.eye(),
         )

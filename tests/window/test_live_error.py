@@ -104,17 +104,16 @@ def test_noise_of_the_reference_is_no_error_of_the_light(solver, monkeypatch):
     assert all(r.total == pytest.approx(known[-1].total, rel=0.25) for r in known)
 
 
-@pytest.mark.parametrize("light, compare", [("photons", ""), ("photons", "impact_count"), ("best", "")])
-def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, compare):
-    """Timed frames, those of a comparison, new gathered light: the job ends at once and goes on at the next rest."""
+@pytest.mark.parametrize("light", ["photons", "best"])
+def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light):
+    """Timed frames, new gathered light: the job ends at once and goes on at the next rest."""
     twin = solver.twin()
     twin.configure(light=light)
-    settings = Settings(measure_errors=light == "photons" and not compare, compare=compare)
+    settings = Settings(measure_errors=light == "photons")
     work, job = RestWork(twin, time.perf_counter), Rest(settings)
 
     def results():
-        e = work.live_error
-        return e.report is not None, e.comparison.result is not None, twin.frame.gathered
+        return work.live_error.report is not None, twin.frame.gathered
 
     with pytest.raises(Interrupted), breaking_off(lambda: True):
         for _ in range(1000):
@@ -124,7 +123,7 @@ def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, 
         assert job.run(twin, work).end.problem is None
         if any(results()):
             break
-    assert results() == (light == "photons" and not compare, bool(compare), light == "best")
+    assert results() == (light == "photons", light == "best")
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
@@ -201,7 +200,7 @@ def beside_a_face_without_area() -> Scene:
 
 
 @pytest.mark.filterwarnings("error")
-def test_map_reference_and_wipe_of_unknown_light_give_no_warning(monkeypatch):
+def test_map_and_reference_of_unknown_light_give_no_warning(monkeypatch):
     """The reference is nan where no path starts; numpy warned on the terminal as it was drawn."""
     monkeypatch.setattr(module, "NOISE_OF_ERROR", 0.5)
     monkeypatch.setattr(module, "PICTURE_NOISE", 0.1)
@@ -210,7 +209,7 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning(monkeypatch):
     finish(live_error, PICTURE)
     E, known = live_error.picture.drawn.irradiance, solver.receivers.areas > 0
     assert np.isnan(E).any() and np.isfinite(E[known]).all()
-    rest = SimpleNamespace(reference=live_error.picture, comparison=None, fine=None)
+    rest = SimpleNamespace(reference=live_error.picture, fine=None)
     snapshot = SimpleNamespace(
         gathered=False,
         source=Source.PHOTONS,
@@ -221,36 +220,13 @@ def test_map_reference_and_wipe_of_unknown_light_give_no_warning(monkeypatch):
         rest=rest,
     )
     light, meshes = SimpleNamespace(snapshot=snapshot, method=None), draw_meshes(solver.surfaces)
-    for chosen in ({"compare": "reference"}, {"show": "error"}, {"reference": True}):
+    for chosen in ({"show": "error"}, {"reference": True}):
         known = {"light": light, "model": solver.model, "motion": SimpleNamespace(is_active=False)}
         session = SimpleNamespace(settings=Settings(**chosen), **known)
         shown = view_content.shown(session)
-        assert len(shown.sides) == 1 + ("compare" in chosen) and (shown.errors is None) == ("show" not in chosen)
-        for side in shown.sides:
-            lit = LitScene(solver.model, solver.poses, solver.levels, meshes, side.drawn)
-            assert all(np.isfinite(c).all() for pair in view_content.paint(lit, shown.errors) for c in pair)
-
-
-def test_comparison_equals_a_solver_of_that_estimator(solver):
-    alone = solve(support.room(), "photon_map", photons=20_000, radius=0.06)
-    live_error = LiveError(solver, time.perf_counter)
-    other = Settings(measure_errors=False, compare="photon_map")
-    before = solver.irradiance
-    finish(live_error, other)
-    assert live_error.comparison.result.estimator == "photon_map"
-    assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
-    assert solver.irradiance is before and solver.setting.estimator == "tangent_plane"
-    pose = solver.poses["block"]
-    moved = pose._replace(position=(0.6, 0.3, 0.5))
-    solver.move("block", moved)
-    alone.move("block", moved)
-    live_error.want(other)
-    assert live_error.comparison.result is None, "that of another light"
-    finish(live_error, other)
-    assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
-    solver.move("block", pose)
-    assert first_task((live_error,), Settings(measure_errors=False)) is None
-    assert live_error.comparison.result is None and live_error.comparison._twin is None, "its memory is given back"
+        assert (shown.errors is None) == ("show" not in chosen)
+        lit = LitScene(solver.model, solver.poses, solver.levels, meshes, shown.side.drawn)
+        assert all(np.isfinite(c).all() for pair in view_content.paint(lit, shown.errors) for c in pair)
 
 
 def test_reference_at_start_poses_is_loaded_again(solver, folder):
@@ -357,42 +333,39 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     s = session
     rest(s, lambda: not s.refining)
     plain = view_content.shown(s)
-    assert [side.label for side in plain.sides] == ["Tangent plane, 8,192 photons"] and not plain.named
+    assert plain.side.label == "Tangent plane, 8,192 photons" and not plain.named
     s.light.snapshot = s.light.snapshot._replace(source=Source.WHOLE_PATHS)
-    assert [side.label for side in view_content.shown(s).sides] == ["Gathered light, changed by 8,192 photons"]
+    assert view_content.shown(s).side.label == "Gathered light, changed by 8,192 photons"
     s.light.snapshot = s.light.snapshot._replace(source=Source.PHOTONS)
     # In a drag nothing is gathered.
     s.begin_drag()
     s.move({"block": s.poses["block"]._replace(position=(0.4, 0.35, 0.5))})
     rest(s, lambda: s.light.snapshot.poses["block"].position[1] == 0.35)
-    s.want(replace(s.settings, compare="reference", show="error"))
+    s.want(replace(s.settings, show="error"))
     s.tick(FRAME)
     now = view_content.shown(s)
-    assert len(now.sides) == 1 and "reference" in now.coming and now.errors is None
+    assert "reference" in now.coming and now.errors is None
     s.end_drag()
     version = s.version
-    rest(s, lambda: len(view_content.shown(s).sides) == 2 and not view_content.shown(s).coming)
+    rest(s, lambda: not view_content.shown(s).coming)
     now = view_content.shown(s)
     assert s.version > version, "it is drawn when it is there"
-    assert now.sides[1].label.startswith("Reference") and now.errors.scale > 0
-    # Where the estimate is too bright the map is red, where it is too dark blue, the reference is all light grey.
-    (front, _), *_ = view_content.paint(view_content.lit(s, now, now.sides[0]), now.errors)
-    off = luminance(now.sides[0].drawn.irradiance - now.errors.reference)[s.meshes[0].front]
+    assert now.errors.scale > 0
+    # Where the estimate is too bright the map is red, where it is too dark blue.
+    (front, _), *_ = view_content.paint(view_content.lit(s, now), now.errors)
+    off = luminance(now.side.drawn.irradiance - now.errors.reference)[s.meshes[0].front]
     assert (front[off > 0.1, 0] > front[off > 0.1, 2]).all() and (front[off < -0.1, 2] > front[off < -0.1, 0]).all()
-    (right, _), *_ = view_content.paint(view_content.lit(s, now, now.sides[1]), now.errors)
-    assert np.ptp(right) < 0.01
-    s.want(replace(s.settings, show="radiance", reference=True, compare=""))
+    s.want(replace(s.settings, show="radiance", reference=True))
     s.tick(FRAME)
-    assert view_content.shown(s).sides[0].label.startswith("Reference") and view_content.shown(s).named
+    assert view_content.shown(s).side.label.startswith("Reference") and view_content.shown(s).named
     # Another pose: nothing is known of it.
     s.begin_drag()
     s.move({"block": s.poses["block"]._replace(position=(0.4, 0.3, 0.5))})
     rest(s, lambda: s.light.snapshot.poses["block"].position[0] == 0.4)
-    assert (
-        view_content.shown(s).sides[0].label.startswith("Tangent plane") and "reference" in view_content.shown(s).coming
-    )
+    now = view_content.shown(s)
+    assert now.side.label.startswith("Tangent plane") and "reference" in now.coming
     s.end_drag()
-    rest(s, lambda: view_content.shown(s).sides[0].label.startswith("Reference"))
+    rest(s, lambda: view_content.shown(s).side.label.startswith("Reference"))
 
 
 @pytest.mark.parametrize("estimator", ["impact_count", "photon_map"])
@@ -420,4 +393,4 @@ def test_nothing_is_measured_while_errors_are_off(session):
 
 
 def test_settings_of_the_window_are_not_those_of_the_command_line():
-    assert Settings().compare == "" and Settings().measure_errors and not Settings().reference
+    assert Settings().measure_errors and not Settings().reference

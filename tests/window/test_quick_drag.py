@@ -11,7 +11,6 @@ from app.session.session import Motion
 from app.window import drag
 from app.window.camera_control import ORBIT, CameraControl, View
 from app.window.drag import MobileDrag
-from app.window.viewport import Wipe
 from gi_core.scene import Camera, Pose
 
 SIZE = 800.0, 600.0
@@ -116,12 +115,3 @@ def test_the_camera_follows_a_drag_and_no_click(io, view, end, turns):
     assert frame(lambda: control.steer(io, 0.0)) is False and not control.is_steering
     wanted = before.orbit((END[0] - START[0]) / SIZE[1], (END[1] - START[1]) / SIZE[1]) if turns else before
     assert view.camera == wanted and (wanted != before) == turns
-
-
-def test_the_wipe_is_where_it_was_released(io):
-    wipe = Wipe()
-    frame()
-    flick(io, (400.0, 300.0), (600.0, 300.0))
-    for _ in range(3):
-        frame(lambda: wipe.handle(io, 0.0, SIZE[0], True))
-    assert wipe.at == pytest.approx(0.75) and not wipe.held

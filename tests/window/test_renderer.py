@@ -143,34 +143,6 @@ def test_vertex_colours_come_from_the_receivers():
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("samples", [1, 4])
-def test_wipe_shows_one_layer_per_side(ctx, samples):
-    """A square across the middle, red in one layer and blue in the other, ready for the display."""
-    mesh, front, back = square((0.8, 0.1, 0.1))
-    renderer = Renderer(ctx, samples)
-    renderer.set_scene((mesh,))
-    renderer.set_colours(0, front, back)
-    renderer.set_colours(0, np.tile(np.float32((0.1, 0.2, 0.9)), (4, 1)), back, 1)
-    renderer.resize(*SIZE)
-    to_clip = EYE.projection(SIZE[0] / SIZE[1]) @ EYE.view()
-    seen = {}
-    for split in (None, 0.4, 0.0, 1.0):
-        renderer.draw(Look(to_clip, (IDENTITY,), exposure=3.0, as_is=True, split=split))
-        seen[split] = renderer.pixels()[SIZE[1] // 2].astype(int)
-    left, right = np.round(255 * np.array([[0.8, 0.1, 0.1], [0.1, 0.2, 0.9]]))
-    at = round(0.4 * SIZE[0])
-    inside = np.flatnonzero((np.abs(seen[None] - left) <= 1).all(axis=1))
-    assert len(inside) > 20 and inside[0] < at < inside[-1], "unchanged: without exposure and tone map"
-    for x in inside:
-        assert seen[0.4][x] == pytest.approx(left if x < at else right, abs=1)
-    assert seen[0.0][inside] == pytest.approx(np.tile(right, (len(inside), 1)), abs=1)
-    assert (seen[1.0] == seen[None]).all()
-    assert (seen[0.4][[0, -1]] == background()).all(), "both parts are cleared"
-    renderer.release()
-    assert ctx.error == "GL_NO_ERROR"
-
-
-@pytest.mark.gl
 def test_geometry_is_uploaded_once(ctx):
     """Other emission is no other geometry; a moved vertex is."""
     mesh, *_ = square((0.8, 0.1, 0.1))

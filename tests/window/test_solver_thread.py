@@ -13,7 +13,7 @@ from app.session.picture import Picture
 from app.session.reload import Reload
 from app.session.session import Session
 from app.session.solver_thread import MovingMedian
-from app.settings import ERRORS, REFERENCE
+from app.settings import ERRORS
 from app.window import panel, view_content
 from app.window.viewport import Viewport
 from gi_core.scene import Pose
@@ -61,7 +61,7 @@ def draw_panel(window) -> None:
 
 @widgets()
 def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
-    """Opening, drag, settings, panel, metering, wipe, error map and the parameters of a picture."""
+    """Opening, drag, settings, panel, metering, error map and the parameters of a picture."""
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
     opened = support.opened(replace(support.SETTINGS, photons=2000, budget=16.0, exposure=0.0), support.room(1))
     session = Session(opened.settings, Log(), open_with=lambda settings: None)
@@ -78,8 +78,8 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     def frame(**tick) -> None:
         session.tick(0.02, budget=0.02, **tick)
         what = view_content.shown(session)
-        seen.update(side.label.split(",")[0] for side in what.sides)
-        view_content.paint(view_content.lit(session, what, what.sides[-1]), what.errors)
+        seen.add(what.side.label.split(",")[0])
+        view_content.paint(view_content.lit(session, what), what.errors)
         draw_panel(window)
         session.metered(camera)
         session.models()
@@ -100,9 +100,7 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     until(lambda: not session.refining)
     session.want(replace(session.settings, radius=0.08, exposure=0.0))
     until(lambda: session.light.snapshot.setting.radius == 0.08 and not session.refining)
-    session.want(replace(session.settings, compare="impact_count"))
-    until(lambda: "Impact count" in seen)
-    session.want(replace(session.settings, compare=REFERENCE, show=ERRORS))
+    session.want(replace(session.settings, reference=True, show=ERRORS))
     until(lambda: "Reference" in seen)
     entries = Picture(session.settings, camera).metadata(session.light.snapshot)
     assert entries["photons"] == "2000" and entries["radius"] == "0.08 m"

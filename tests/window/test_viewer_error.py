@@ -1,4 +1,4 @@
-"""Errors in the window: numbers, map and legend, the reference by a key, a wipe under the mouse, the chart."""
+"""Errors in the window: numbers, map and legend, the reference by a key, the chart."""
 
 from dataclasses import replace
 
@@ -77,49 +77,16 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(hand, viewer, monkey
 
 
 @in_window(settings=MEASURED, photons=20_000)
-def test_reference_key_and_wipe_between_two_pictures(hand, viewer):
-    K = keys()
-    viewport, settings = viewer.viewport, lambda: viewer.session.settings
+def test_reference_key(hand, viewer):
+    K, settings = keys(), lambda: viewer.session.settings
     estimate = hand.pixels()
     hand.press(K._0)
-    hand.wait(lambda: shown(viewer).sides[0].label.startswith("Reference"))
+    hand.wait(lambda: shown(viewer).side.label.startswith("Reference"))
     reference = hand.pixels()
     assert (np.abs(reference.astype(int) - estimate).max(axis=2) > 4).mean() > 0.05
     hand.press(K._0)
-    hand.wait(lambda: not settings().reference and shown(viewer).sides[0].label.startswith("Tangent plane"))
+    hand.wait(lambda: not settings().reference and shown(viewer).side.label.startswith("Tangent plane"))
     assert (hand.pixels() == estimate).all()
-
-    hand.open_research()
-    hand.ctx.combo_click("##Compare with/Photon map")
-    hand.wait(lambda: len(shown(viewer).sides) == 2)
-    assert [side.label for side in shown(viewer).sides] == [
-        "Tangent plane, 20,000 photons",
-        "Photon map, 20,000 photons",
-    ]
-    camera, pose = viewport.view.camera, viewer.session.poses["block"]
-    w, h = viewport.view.size
-    line = (viewport.view.origin[0] + 0.5 * w, viewport.view.origin[1] + 0.2 * h)
-    hand.drag(line, (line[0] - 0.2 * w, line[1]))
-    assert viewport.wipe.at == pytest.approx(0.3, abs=0.02)
-    unmoved = viewport.view.camera == camera and viewer.session.poses["block"] == pose
-    assert unmoved, "the line moves, nothing else does"
-    both, at = hand.pixels(), round(viewport.wipe.at * viewer.painter.renderer.size[0])
-    differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
-    assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
-
-    # Away from the line the mouse works as usual.
-    hand.drag((line[0] + 0.1 * w, line[1]), (line[0] + 0.15 * w, line[1]))
-    assert viewport.view.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
-
-    # During motion only the estimate is shown; the comparison returns at rest.
-    hand.press(K.space)
-    hand.wait(lambda: len(shown(viewer).sides) == 1)
-    assert "photon map" in shown(viewer).coming
-    hand.press(K.space)
-    hand.wait(lambda: len(shown(viewer).sides) == 2)
-    hand.ctx.combo_click("##Compare with/None")
-    hand.wait(lambda: len(shown(viewer).sides) == 1)
-    assert not viewer.session.settings.compare
 
 
 @in_window(settings=MEASURED)
@@ -197,9 +164,9 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     A, error = reading.before
     assert reading.irradiance == pytest.approx(0.5 * A, rel=0.02) and 0 < error < 0.1 * A
     assert f"light A {A:.3g}, change {reading.irradiance - A:+.3g} ± " in viewer.viewport.readout()
-    pointer, drawn, side = viewer.viewport.pointer, viewer.viewport.shown, viewer.viewport.shown.sides[0]
+    pointer, drawn = viewer.viewport.pointer, viewer.viewport.shown
     for content, has_A in ((drawn, True), (drawn._replace(errors=None), False)):  # the mouse rests
-        pointer.update(viewer.session, viewer.viewport.view, content, side)
+        pointer.update(viewer.session, viewer.viewport.view, content)
         assert (pointer.reading.before is not None) == has_A, "light is drawn after its version is known"
     (now,), (of_A,) = viewer.session.light.snapshot.rest.surfaces, viewer.session.kept.surfaces
     assert now.numbers.mean[0] == pytest.approx(0.5 * of_A.numbers.mean[0], rel=0.02)

@@ -24,10 +24,10 @@ def test_dragged_mobile_and_its_light_move_in_the_same_frame(hand, viewer):
     # A plain drag: another place at the same height. Each frame's picture belongs to that frame's pose.
     upload = viewer.painter.renderer.set_colours
 
-    def watched(o, front, back, layer, weights):
+    def watched(o, front, back, weights):
         if o == 0:
             seen.append((session.version, session.poses["block"], session.irradiance))
-        upload(o, front, back, layer, weights)
+        upload(o, front, back, weights)
 
     viewer.painter.renderer.set_colours = watched
     start_at = hand.at(BLOCK_FRONT)

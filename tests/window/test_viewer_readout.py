@@ -80,26 +80,6 @@ def test_illuminance_under_the_cursor_is_the_closed_form(hand, viewer, monkeypat
     assert viewport.pointer.reading is None, "no surface"
 
 
-@in_window(scene=lamp_over_floor)
-def test_each_side_of_a_wipe_reads_its_own_light(hand, viewer):
-    viewport = viewer.viewport
-    hand.open_research()
-    hand.ctx.combo_click("##Compare with/Photon map")
-    hand.wait(lambda: len(viewport.shown.sides) == 2)
-    sides = viewport.shown.sides
-    for side, x in zip(sides, (-0.3, 0.3), strict=True):
-        at = hand.at((x, 0.0, 0.0))
-        assert (at[0] - viewport.view.origin[0]) / viewport.view.size[0] == pytest.approx(0.5, abs=0.4)
-        hand.move(at)
-        light = viewport.pointer.reading.irradiance
-        brighter = side.drawn._replace(irradiance=2 * side.drawn.irradiance)
-        viewport.shown = viewport.shown._replace(sides=(side._replace(drawn=brighter),) * 2)
-        hand.move((at[0] + 1, at[1]))
-        hand.move(at)
-        assert viewport.pointer.reading.irradiance == pytest.approx(2 * light, rel=1e-6)
-        viewport.shown = viewport.shown._replace(sides=sides)
-
-
 @in_window(scene=lambda: replace(lamp_over_floor(), units="radiometric"))
 def test_units_are_chosen_in_the_panel(hand, viewer, folder):
     """Read-out, lamps, saved scene and false colours follow at once; the light stays, and another scene has its own."""

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from app import values
 from app.rest.results import GatherProgress
-from app.settings import CLICKED, POINTED, REFERENCE, Settings
+from app.settings import CLICKED, POINTED, Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
 
@@ -36,7 +36,6 @@ SWITCHES = {  # field -> estimator, name, explanation
 LABELS = {"bvh": "BVH", "grid3d": "3D grid", "bsp": "BSP tree"}
 GLOSS_NAMES = {"quadtree": "QuadTree (summarised)", "list": "List", "all_rays": "QuadTree (all rays)"}
 LIGHT_NAMES = {"best": "Best available", "photons": "Photons only"}
-NO_COMPARISON = "None"
 
 
 def motion(s: Settings, window: Window, actions: set[str]) -> Settings:
@@ -175,14 +174,11 @@ def method(s: Settings, window: Window, actions: set[str]) -> Settings:
         if changed:
             s = replace(s, neighbours=k)
         ui.tip("Nearest photon hits per estimate of photon_map.")
-    compared = s.compare not in ("", REFERENCE)
-    with ui.idle("a comparison with an estimator shows the light of photons alone" if compared else ""):
-        chosen = ui.choice(replace(s, light="photons") if compared else s, "Light", "light", LIGHT_NAMES,
-                      "Best available: path tracing lights movable objects in each frame. It lights the static part "
-                      "once its noise is below the photons'.\n"
-                      "Photons only, as in the report: the estimator lights everything. Choosing another estimator "
-                      "selects this mode; each estimator keeps its own mode.")  # fmt: skip
-        s = s if compared else chosen
+    s = ui.choice(s, "Light", "light", LIGHT_NAMES,
+                  "Best available: path tracing lights movable objects in each frame. It lights the static part "
+                  "once its noise is below the photons'.\n"
+                  "Photons only, as in the report: the estimator lights everything. Choosing another estimator "
+                  "selects this mode; each estimator keeps its own mode.")  # fmt: skip
     if snapshot.gloss is not None:
         s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
                       "How rays at glossy vertices are kept.\n"
@@ -207,7 +203,7 @@ def _progress(name: str, g: GatherProgress | None, otherwise: str, about: str) -
 
 
 def error(s: Settings, window: Window, actions: set[str]) -> Settings:
-    """Error against the unbiased reference, measured at rest, and side-by-side comparison."""
+    """Error against the unbiased reference, measured at rest."""
     r = window.session.light.snapshot.rest.report
     about = "Measure errors while nothing moves. A drag interrupts the measurement."
     s = ui.switch(s, "Measure errors", "measure_errors", about)
@@ -245,18 +241,6 @@ def error(s: Settings, window: Window, actions: set[str]) -> Settings:
         f"Noise of the reference, included in the total.{paths}",
     )
     imgui.end_disabled()
-    return _compare(s)
-
-
-def _compare(s: Settings) -> Settings:
-    from gi_core.estimators import ESTIMATORS  # already loaded here
-
-    names = {"": NO_COMPARISON, **{key: ui.title(key) for key in ESTIMATORS}, REFERENCE: ui.title(REFERENCE)}
-    s = ui.choice(
-        s, "Compare with", "compare", names,
-        "Show another estimator of the same photons, or the reference, right of a line that you drag across the "
-        "picture. It is computed while nothing moves. With an estimator, both sides show the light of photons alone.",
-    )  # fmt: skip
     return ui.switch(s, "Show reference", "reference", "Show the reference in place of the estimate. Key 0.")
 
 

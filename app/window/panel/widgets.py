@@ -106,8 +106,8 @@ def idle(reason: str) -> Iterator[None]:
 
 
 def only(estimator: str, s: Settings) -> str:
-    """Return the reason for idle() of a widget of one estimator, where neither side of the picture is its light."""
-    return "" if estimator in (s.estimator, s.compare) else f"only {estimator} uses it"
+    """Return the reason for idle() of a widget of one estimator, where the picture is not its light."""
+    return "" if estimator == s.estimator else f"only {estimator} uses it"
 
 
 def explained(text: str) -> str:

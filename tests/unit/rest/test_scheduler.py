@@ -68,10 +68,10 @@ def test_all_work_at_rest_is_done_and_stored_in_a_new_folder(folder, capfd):
     assert not folder.exists()
     rest(session)
     assert session.light.snapshot.rest.gathered.fraction == 1.0 and session.light.snapshot.rest.report.done
-    session.want(replace(session.settings, show="error", compare="impact_count"))
+    session.want(replace(session.settings, show="error"))
     rest(session)
     shown = view_content.shown(session)
-    assert shown.errors is not None and len(shown.sides) == 2 and not shown.coming
+    assert shown.errors is not None and not shown.coming
     assert errors(session) == [] and capfd.readouterr().err == ""
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
     assert np.array_equal(store.load().state.mean, session.light._solver.frame_light.static.gathered.state.mean)
@@ -136,7 +136,6 @@ JOBS = {
     "gathering the static light": "app.rest.jobs.StaticJob.step",
     "gathering the light at these poses": "app.rest.jobs.PoseJob.step",
     "timing frames": "app.rest.live_error.LiveError.step",
-    "computing impact count": "app.rest.jobs.ComparisonJob.step",
     "gathering the reference": "app.rest.live_error.ReferenceJob.step",
 }
 
@@ -154,8 +153,6 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     session = opened()
     rest(session)
     at_poses = session.light.snapshot.rest.at_poses
-    session.want(replace(session.settings, compare="impact_count"))
-    rest(session)
     line = f"{job} has failed and stops until F5: out of luck"
     assert len(calls) == 1 and errors(session) == [line]
     error_output = capfd.readouterr().err
@@ -166,7 +163,6 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
         "gathering the static light": session.light.snapshot.rest.gathered.fraction == 1.0,
         "gathering the light at these poses": at_poses is not None and at_poses.fraction == 1.0,
         "timing frames": len(measured.seconds) > 0 and measured.twin is None,
-        "computing impact count": results.comparison is not None,
         "gathering the reference": report is not None and report.done,
     }
     assert done == {name: name != job for name in JOBS}

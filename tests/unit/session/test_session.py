@@ -23,7 +23,7 @@ from app.session.picture import Picture
 from app.session.reload import QUIET, Reload, settings_for, words_of
 from app.session.session import Asked
 from app.session.solver_jobs import snapshot_of
-from app.settings import REFERENCE, LampLevel, Settings
+from app.settings import LampLevel, Settings
 from app.window import files
 from app.worker import ARENAS, Worker
 from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
@@ -44,7 +44,7 @@ def test_different_light_has_different_parameters():
     by_photons = metadata()
     assert by_photons == metadata()
     assert by_photons["static_light"] == by_photons["mobile_light"] == "photons" and by_photons["control"] == "True"
-    assert by_photons["error"] == "not measured" and by_photons["commit"] and by_photons["comparison"] == "-"
+    assert by_photons["error"] == "not measured" and by_photons["commit"]
     solver.configure(light="best")
     solver.solve()
     best = metadata()
@@ -72,16 +72,14 @@ def early_error(entries: dict[str, str]) -> float:
     return 0.99 * float(entries["static_light"].split()[-2]) / 100
 
 
-def test_the_wipe_and_the_reference_are_parameters():
+def test_the_reference_is_a_parameter():
     solver = solve(support.room(1), photons=500, radius=0.06)
-    work, settings = RestWork(solver, lambda: 0.0), Settings(compare=REFERENCE, reference=True, exposure=1.0)
+    work, settings = RestWork(solver, lambda: 0.0), Settings(reference=True, exposure=1.0)
     while work.live_error.picture is None:
         work.next_task(settings).run()
     plain = Picture(settings, home_camera(solver))
-    wiped = plain._replace(split=0.3)
-    entries = wiped.metadata(snapshot_of(solver, work))
-    assert entries["light_shown"] == "reference" and entries["comparison"] == "reference right of 0.3 of the width"
-    assert plain != wiped != wiped._replace(settings=replace(settings, tone_map="clip"))
+    assert plain.metadata(snapshot_of(solver, work))["light_shown"] == "reference"
+    assert plain != plain._replace(settings=replace(settings, tone_map="clip"))
 
 
 def test_an_edit_that_compiles_kernels_says_so_at_once():
