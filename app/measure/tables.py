@@ -1,4 +1,4 @@
-"""Tables of measurements: columns with their texts, as Markdown or HTML; HTML pages in one file, with pictures.
+"""Tables of measurements: columns with their texts; HTML pages in one file, with pictures.
 
 Pages have a style for wide and narrow windows, light and dark.
 """
@@ -9,7 +9,6 @@ import base64
 import io
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
@@ -34,33 +33,13 @@ def cells(columns: Sequence[Column], rows: Iterable[Any]) -> tuple[list[str], li
     return [c.head for c in columns], [[c.cell(row) for c in columns] for row in rows]
 
 
-def digits(value: float, unit: str = "", most: float = 100) -> str:
-    """Return three digits of a number, or all before the decimal point from `most` on."""
-    return (f"{value:.3g}" if value < most else f"{value:,.0f}") + unit
+def milliseconds(value: float) -> str:
+    """Return three digits of a number [ms], or all before the decimal point."""
+    return (f"{value:.3g}" if value < 1000 else f"{value:,.0f}") + " ms"
 
 
-def fixed(value: float, places: int = 2) -> str:
-    return f"{value:,.{places}f}"
-
-
-def percent(value: float, places: int = 1) -> str:
-    return f"{100 * value:.{places}f} %" if math.isfinite(value) else ""
-
-
-milliseconds = partial(digits, unit=" ms", most=1000)
-
-
-def markdown_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table, "" without lines."""
-    if not lines:
-        return ""
-    rule = ["---"] + ["---:"] * (len(head) - 1)
-    return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *lines))
-
-
-def section(title: str, body: str) -> str:
-    """Return a Markdown section, "" without a body."""
-    return f"## {title}\n\n{body}" if body else ""
+def percent(value: float) -> str:
+    return f"{100 * value:.1f} %" if math.isfinite(value) else ""
 
 
 STYLE = """
@@ -74,11 +53,9 @@ p { max-width: 62em; } .wide { overflow-x: auto; } .wide > svg { width: 100%; mi
 table { border-collapse: collapse; font-size: 0.88em; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.25em 0.7em; text-align: right; border-bottom: 1px solid var(--faint); white-space: nowrap; }
 th { border-bottom: 2px solid var(--line); vertical-align: bottom; }
-th.over { border-bottom: 1px solid var(--line); text-align: center; }
 th.text, td.text { text-align: left; white-space: normal; min-width: 11em; vertical-align: top; }
 figure { margin: 0.8em 0 0; }
-.row { display: grid; grid-template-columns: repeat(auto-fill, minmax(260px, 1fr)); gap: 1em; }
-img { max-width: 100%; height: auto; display: block; } .row img { width: 100%; }
+img { max-width: 100%; height: auto; display: block; }
 figcaption { font-size: 0.88em; margin: 0.3em 0 1em; }
 """
 
@@ -93,8 +70,8 @@ def document(title: str, parts: Iterable[str]) -> str:
     return f"<!doctype html>\n<html lang='en'><head>{head}</head><body>\n{body}\n</body></html>\n"
 
 
-def html_table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequence[tuple[str, int]] = ()) -> str:
-    """Return an HTML table that scrolls if it is too wide; over: headings of groups of columns, with their counts."""
+def html_table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Return an HTML table that scrolls if it is too wide."""
     lines = list(lines)
     # cells longer than 24 characters are text and may be wrapped
     words = [k == 0 or any(len(line[k]) > 24 for line in lines) for k in range(len(head))]
@@ -103,8 +80,7 @@ def html_table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequen
         marked = zip([' class="text"' if is_text else "" for is_text in words], texts, strict=True)
         return "<tr>" + "".join(f"<{kind}{mark}>{escape(text)}</{kind}>" for mark, text in marked) + "</tr>"
 
-    common = "".join(f'<th class="over" colspan="{n}">{escape(text)}</th>' for text, n in over)
-    rows = f"<tr>{common}</tr>" * bool(over) + cells("th", head) + "".join(cells("td", line) for line in lines)
+    rows = cells("th", head) + "".join(cells("td", line) for line in lines)
     return f"<div class='wide'><table>{rows}</table></div>"
 
 

@@ -10,7 +10,6 @@ from app import settings
 from app.draw import fine_mesh
 from app.measure import atlas
 from app.measure.atlas import row
-from app.measure.chart import page
 from app.measure.chart import settings as chart_settings
 from gi_core.display.fine_points import fine_points
 from gi_core.photons import pilot
@@ -45,14 +44,13 @@ def small_room(folder: Path, name: str = "room.toml") -> Path:
 
 def small_charts(patch: pytest.MonkeyPatch) -> None:
     """Make every part of `chart` small; without --quick too."""
-    less = {"photons": (4096, 8192), "limit_photons": 32_768, "truth": 0.1, "picture_truth": 0.3}
+    less = {"photons": (4096, 8192), "limit_photons": 32_768, "truth": 0.1}
     quick = chart_settings.QUICK._replace(gathered_seconds=0.3, **less)
     full = chart_settings.FULL._replace(
         radii=(1.0, 2.0), paths=(1, 4), frames=3, points=60, poses=2, gathered_noise=0.05, gathered_seconds=0.1, **less
     )
     patch.setattr(chart_settings, "QUICK", quick)
     patch.setattr(chart_settings, "FULL", full)
-    patch.setattr(page, "SHOT_SIZE", (60, 40))
 
 
 def one_row() -> Iterator[row.AtlasRow]:
@@ -63,7 +61,7 @@ def one_row() -> Iterator[row.AtlasRow]:
 def small_work(patch: pytest.MonkeyPatch) -> None:
     """Make all measurements, pictures, time for gathering and the default settings of bare meshes small."""
     small_charts(patch)
-    least = {"limit_photons": 8192, "truth": 0.5, "picture_truth": 1.0, "gathered_seconds": 0.0, "radii": (1.0,)}
+    least = {"limit_photons": 8192, "truth": 0.5, "gathered_seconds": 0.0, "radii": (1.0,)}
     for name in ("QUICK", "FULL"):  # they run, and their numbers are not read
         patch.setattr(chart_settings, name, getattr(chart_settings, name)._replace(**least))
     patch.setattr(pilot, "PHOTONS", 1024)

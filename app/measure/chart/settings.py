@@ -31,7 +31,6 @@ class Effort(NamedTuple):
     points: int  # receivers per pose at which errors are measured
     poses: int
     truth: float  # l1 noise of the truth at those receivers
-    picture_truth: float  # l1 noise of the truth in the page's pictures
     gathered_noise: float  # of gathered static light before smoothing
     gathered_seconds: float  # CPU time of light gathered at a pose
     limit_photons: int  # of an estimator's limit
@@ -46,12 +45,11 @@ FULL = Effort(
     1500,
     3,
     0.01,
-    0.02,
     0.01,
     60.0,
     1 << 22,
 )
-QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.1, 0.05, 3.0, 1 << 18)
+QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.05, 3.0, 1 << 18)
 
 
 def effort(quick: bool) -> Effort:
@@ -72,11 +70,6 @@ class Choice(NamedTuple):
     textbook: bool = False  # photon_map counts the k-th hit, as in the report
     paths: int = 0  # per receiver of a mobile and frame; 0: mobiles are lit by photons
     rested: bool = False  # light is gathered at each pose; the frame time is that of the frame before
-
-    @classmethod
-    def of(cls, row: dict) -> Choice:
-        """Return the setting of a row of results.csv."""
-        return cls(*(row[name] for name in cls._fields))
 
     @property
     def family(self) -> tuple:
