@@ -36,7 +36,6 @@ def info(settings: Settings) -> list[str]:
         solver = make_solver(scene, settings)
         chosen = settings.with_method_of(solver)
         bar("tracing", 0.5)
-        control = _control(solver, settings)
         # 20_000 photons: the escaped share has an error of a third of a percent
         solver.configure(estimator=CHEAPEST, photons=min(20_000, chosen.photons))
         solver.solve()
@@ -46,37 +45,11 @@ def info(settings: Settings) -> list[str]:
             *_lights(scene, solver, settings),
             *_choices(settings, chosen, estimator, solver),
         ]
-        rows += [control, ("disc search", _search(solver)), ("rays", _rays(solver))]
+        rows.append(("rays", _rays(solver)))
     notes = [f"note: {note}" for note in scene.notes]
     notes += [f"warning: {text}" for text in warnings_of(solver).values()]
     materials = material_lines(scene, solver.model)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
-
-
-def _control(solver: Solver, settings: Settings) -> tuple[str, str]:
-    """Return the share of receivers that artifact control corrects; this needs geometry but no photons."""
-    from gi_core.estimators import DEFAULT
-
-    if not settings.control:
-        return "artifact control", "off"
-    solver.configure(estimator=DEFAULT, photons=0)
-    solver.solve()
-    facts = solver.frame.control_facts
-    text = f"{100 * facts.share:.1f} % of the receivers"
-    if solver.scene.mobiles:
-        text += f"; {facts.stale:,} near mobiles and {facts.on_mobiles:,} on them are in contact"
-    return "artifact control", text
-
-
-def _search(solver: Solver) -> str:
-    """Return the structure of the disc search, built without regions, which do not affect it."""
-    from gi_core.discs.search import SEARCHES
-    from gi_core.estimators import DEFAULT
-
-    solver.configure(estimator=DEFAULT, control=False, photons=0)
-    solver.solve()
-    names = ", ".join(name for name in SEARCHES if name != solver.setting.search)
-    return f"{solver.frame.search_summary}; there are also {names}"
 
 
 def _rays(solver: Solver) -> str:
