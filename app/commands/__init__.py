@@ -13,6 +13,6 @@ COMMANDS = {
     "measure": "illuminance on calculation surfaces and at probes: mean, minimum, uniformity, targets",
     "report": "luminaires, surfaces with targets, pictures and power as one page",
     "reference": "path trace the unbiased light of a scene and keep it; resumes a run that was stopped",
-    "chart": "error against frame time of many settings: table, chart and page; resumes a run that was stopped",
+    "chart": "error against frame time of many settings: table, chart and page",
     "atlas": "failures of each method with prediction, measurement and remedy: a page",
 }

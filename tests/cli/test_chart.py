@@ -14,14 +14,12 @@ from app.measure.chart.measure import AtCase, Measurer, Walk, errors, flicker, m
 from app.measure.chart.settings import (
     FULL,
     REPORT,
-    Choice,
     beside,
     choice_like,
     choices,
 )
 from app.measure.chart.truth import PoseTruth, cases, choose, drawn_gloss, gloss_truth, steady_and_moved
-from app.measure.results import KEY, Results
-from app.settings import LampLevel, Settings, UsageError, make_solver, open_scene
+from app.settings import LampLevel, Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
@@ -29,7 +27,6 @@ from tests.support.scene_builders import box, complete, merge, quad, sphere
 from tests.support.small_scale import small_charts
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
-UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40, ""), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +44,7 @@ def measured(small, tmp_path_factory):
     out = tmp_path_factory.mktemp("measured")
     run = run_of(out)
     run.measure()
-    return out, run.results.rows
+    return out, run.rows
 
 
 def command(out, *more) -> int:
@@ -64,7 +61,7 @@ def table(out) -> list[dict]:
 
 
 @pytest.mark.slow
-def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monkeypatch):
+def test_a_run_is_measured_and_drawn(small, tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib")
     out = tmp_path / "chart"
     measured = []
@@ -82,12 +79,6 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     assert "<svg" in page
     assert 'src="http' not in page and "href=" not in page.replace("xlink:href=", "")  # no rows of other machines
     assert (out / "chart.png").read_bytes()[:4] == b"\x89PNG" and "</svg>" in (out / "chart.svg").read_text()
-
-    lines = (out / "results.csv").read_text().splitlines(keepends=True)
-    (out / "results.csv").write_text("".join(lines[:3] + lines[4:]))
-    measured.clear()
-    assert command(out) == 0
-    assert len(measured) == 1 and len(table(out)) == len(first)
 
 
 def test_more_photons_and_paths_are_nearer_the_truth(measured):
@@ -142,7 +133,7 @@ def test_missing_matplotlib_gets_one_sentence(tmp_path, monkeypatch, capsys):
     assert "pip install matplotlib" in capsys.readouterr().err
 
 
-def test_interrupt_prints_how_to_resume(tmp_path, capsys, monkeypatch):
+def test_interrupt_prints_what_is_kept(tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib")
 
     def interrupted(_):
@@ -150,7 +141,7 @@ def test_interrupt_prints_how_to_resume(tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr(measure.Run, "measure", interrupted)
     assert command(tmp_path) == 130
-    assert "stopped; 0 settings are in" in (said := capsys.readouterr().err) and "goes on from there" in said
+    assert "stopped; 0 settings are in" in capsys.readouterr().err
 
 
 def test_a_scene_without_mobiles_is_refused(tmp_path, capsys, monkeypatch):
@@ -195,35 +186,6 @@ def test_the_truth_has_the_levels_of_the_lamps(small):
     walk = Walk([solvers[0].poses], [full], full.rows, full.weights, *[np.ones(len(full.rows), bool)] * 2, 1.0)
     seen = [rival_light(s, walk, 1, 0)[0].irradiance for s in solvers]
     assert np.array_equal(0.25 * seen[0], seen[1])
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda t: t[:-9],
-        lambda t: t[:-2] + b",1,2\r\n",
-        lambda t: t + b"\xe9\r\n",
-        lambda t: t.replace(b"1.25", b"fast"),
-    ],
-    ids=["cut", "more", "Latin-1", "no number"],
-)
-def test_a_damaged_table_gets_one_sentence(damage, tmp_path):
-    more = ("photons",), ("frame_ms",)
-    Results(tmp_path, UNDER, *more).add({"photons": 8, "frame_ms": 1.25, "curve": "a"})
-    file = tmp_path / "results.csv"
-    file.write_bytes(damage(file.read_bytes()))
-    with pytest.raises(UsageError, match="results.csv is damaged in line 2, in "):
-        Results(tmp_path, UNDER, *more)
-
-
-def test_rows_of_other_levels_are_not_used(tmp_path):
-    """Rows of a table without the column have the levels of the scene file."""
-    old = {k: v for k, v in UNDER.items() if k != "lamps"}
-    Results(tmp_path, old, ("photons",)).add({"photons": 8})
-    assert Results(tmp_path, UNDER, ("photons",)).has({"photons": 8})
-    dimmed = UNDER | {"lamps": measure.lamps_of(Settings(lamps=(LampLevel("lamp", 0.25),)))}
-    assert dimmed["lamps"] == "lamp 0.25, 0.25, 0.25"
-    assert not Results(tmp_path, dimmed, ("photons",)).has({"photons": 8})
 
 
 def test_the_choice_of_receivers_stands_for_all():
@@ -291,22 +253,6 @@ def test_rows_of_the_report_find_theirs():
         rows = [{**right, "mark": 2, **wrong} for wrong in ({"control": True}, {"radius": 0.04}, {"traced": 5})]
         found = dict((t, r) for t, r in beside([*rows, right], 2.0))
         assert found[then]["mark"] == 1 and sum(r is not None for r in found.values()) == 1
-
-
-# -- results.csv --------------------------------------------------------------------------------------
-
-
-def test_rows_of_other_machines_and_commits_stay_and_do_not_count(tmp_path):
-    setting = Choice("tangent_plane", 100, 100, 0.1, 5, True, "best")._asdict()
-    a = Results(tmp_path, UNDER, Choice._fields)
-    a.add({**setting, "frame_ms": 1.25})
-    b = Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields)
-    assert a.has(setting) and not b.has(setting) and b.rows == []
-    b.add({**setting, "frame_ms": 2.0, "new": 7})  # a newer program knows more
-    again = Results(tmp_path, UNDER, Choice._fields)
-    assert [r["frame_ms"] for r in again.rows] == [1.25] and len(again.every) == 2
-    assert not again.has({**setting, "radius": 0.2}) and again.rows[0]["control"] is True
-    assert Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields).rows[0]["new"] == 7
 
 
 def test_gloss_towards_the_camera_is_near_its_truth():

@@ -1,8 +1,8 @@
 """Settings of the chart measured on one scene: frame time along the path, error in each class, flicker; and the rival,
 path tracing from every vertex in every frame, without photons.
 
-All solvers are twins of one, so photons are traced once. A run measures missing settings family by family, and writes
-them to the table. A family shares its limit at very many photons.
+All solvers are twins of one, so photons are traced once. A run measures settings family by family, and writes each to
+the table. A family shares its limit at very many photons.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from app.measure.chart.settings import (
     effort,
 )
 from app.measure.chart.truth import PoseTruth, background_of, drawn_gloss, light_of, steady_and_moved
-from app.measure.results import KEY, Failure, Results, attempted, load, processor
+from app.measure.results import Failure, attempted, load, processor, write_rows
 from app.settings import STEP_PER_FRAME, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.gather.reference import Gatherer
@@ -301,9 +301,6 @@ class Measurer:
         return limit
 
 
-NUMBERS = "radius", "neighbours", "photons", "frame_ms", "frame_p95_ms", "first_frame_ms", "total all"
-
-
 class Run:
     """One scene with its walk, its truth and the settings to measure."""
 
@@ -319,16 +316,16 @@ class Run:
             self.choices += [c for c in choices_like_the_report(settings.scene, self.base) if c not in self.choices]
         families = list(dict.fromkeys(c.family for c in self.choices))
         self.choices.sort(key=lambda c: families.index(c.family))
-        under = (
-            settings.scene,
-            commit() or "unknown",
-            processor(),
-            settings.seed,
-            self.frames,
-            self.points,
-            lamps_of(settings),
-        )
-        self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields, NUMBERS)
+        self.under = {
+            "scene": settings.scene,
+            "commit": commit() or "unknown",
+            "processor": processor(),
+            "seed": settings.seed,
+            "frames": self.frames,
+            "asked_points": self.points,
+            "lamps": lamps_of(settings),
+        }
+        self.file, self.rows = out / "results.csv", list[dict]()
         self.lap = motion.walk(motion.paths_of(self.base), STEP_PER_FRAME * self.base.scene_size, self.frames)
         poses = min(self.effort.poses, self.frames)
         self.failures: list[Failure] = []
@@ -336,7 +333,7 @@ class Run:
 
     def about(self) -> dict[str, object]:
         """Return the conditions of the measurement."""
-        return self.results.under | {
+        return self.under | {
             "triangles": int(self.base.surfaces.first_face[-1]),
             "receivers": len(self.base.irradiance),
             "scene_size": self.base.scene_size,
@@ -348,12 +345,9 @@ class Run:
         }
 
     def measure(self) -> None:
-        """Measure every setting that is missing, and the rival; failed ones go to `failures`."""
+        """Measure every setting, and the rival; failed ones go to `failures`."""
         fixed = 60_000  # photons of about the same time as the fixed cost of a row
-        todo = [c for c in self.choices if not self.results.has(c._asdict())]
-        rival = [c for c in rival_choices(self.effort.paths) if not self.results.has(c._asdict())]
-        if not todo and not rival:
-            return
+        todo, rival = self.choices, list(rival_choices(self.effort.paths))
         walk = self._walk()
         families = (self.measurer.family(tuple(group), walk) for _, group in groupby(todo, key=lambda c: c.family))
         rivals = (self.measurer.rival(choice, walk) for choice in rival)
@@ -362,7 +356,8 @@ class Run:
             if isinstance(row, Failure):
                 self.failures.append(row)
                 continue
-            self.results.add(row)
+            self.rows.append(self.under | row)
+            write_rows(self.file, self.rows)
             done += fixed + row["photons"]
             left = time_left((time.monotonic() - started) * max(total - done, 0) / done)
             self.bar(f"measuring settings{left}", min(done / total, 1.0))

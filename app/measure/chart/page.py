@@ -21,7 +21,7 @@ from app.settings import Settings, open_moving_scene
 def chart(
     settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None,
 ) -> tuple[str, list[Failure]]:  # fmt: skip
-    """Measure the settings missing in `out`/results.csv, draw all of them; return a summary with the files.
+    """Measure all settings, write `out`/results.csv, draw them; return a summary with the files.
 
     Settings that could not be measured are returned beside it; the others are drawn without them.
 
@@ -34,10 +34,9 @@ def chart(
         try:
             run.measure()
         except KeyboardInterrupt:
-            kept = f"stopped; {len(run.results.rows)} settings are in {run.results.file}"
-            raise KeyboardInterrupt(f"{kept}: the same command goes on from there") from None
+            raise KeyboardInterrupt(f"stopped; {len(run.rows)} settings are in {run.file}") from None
         bar("drawing", 0.0)
-        rows, about = run.results.rows, run.about()
+        rows, about = run.rows, run.about()
         draw(rows, about, out)
         write_page(rows, about, out)
     soon = [r for r in rows if r["frame_ms"] <= SOON_ENOUGH]
