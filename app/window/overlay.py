@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from app.draw.legend import PLATE, PLATE_OPACITY, ROUND_EM
 from app.session.log import ERROR, INFO, WARNING, Log, LogEntry
 from app.session.reload import Reload
 from app.session.session import Session
@@ -18,8 +17,7 @@ from app.window.viewport import Viewport
 from gi_core.scene.errors import utf8
 
 if TYPE_CHECKING:
-    from app.window.camera_control import View
-    from app.window.label import Box
+    pass
 
 
 KEY_HINT = "H: help    Tab: panel"
@@ -116,27 +114,3 @@ def draw_status(log: Log, readout: str, state: str, now: float) -> None:
         # 12 messages of the log, in the status line's tooltip
         lines = "\n".join(e.text for e in list(log.entries)[-12:])
         imgui.set_tooltip(lines or "Light under the cursor; messages.")
-
-
-def panel_handle_box(view: View) -> Box:
-    """Return the handle's box, in the middle of the picture's right edge."""
-    handle_em = (1.1, 3.2)
-    em, (x, y), (w, h) = imgui.get_font_size(), view.origin, view.size
-    right, middle = x + w, y + h / 2
-    return right - handle_em[0] * em, middle - handle_em[1] * em / 2, right, middle + handle_em[1] * em / 2
-
-
-def draw_panel_handle(view: View, is_shown: bool) -> bool:
-    """Draw the handle; return whether it was clicked. is_shown: the panel."""
-    left, top, right, bottom = panel_handle_box(view)
-    imgui.set_cursor_screen_pos((left, top))
-    clicked = imgui.invisible_button("panel handle", (right - left, bottom - top))
-    hovered, em = imgui.is_item_hovered(), imgui.get_font_size()
-    imgui.set_item_tooltip(f"{'Hide' if is_shown else 'Show'} the panel. Key Tab.")
-    drawing, half = imgui.get_window_draw_list(), (0.28 if is_shown else -0.28) * em
-    plate = imgui.get_color_u32((*PLATE, 1.0 if hovered else PLATE_OPACITY))
-    drawing.add_rect_filled((left, top), (right, bottom), plate, ROUND_EM * em)
-    x, y = (left + right) / 2, (top + bottom) / 2
-    tip, ends = (x + half, y), ((x - half, y - 2 * abs(half)), (x - half, y + 2 * abs(half)))
-    drawing.add_triangle_filled(tip, *ends, imgui.get_color_u32((*(theme.ACCENT if hovered else theme.TEXT), 1.0)))
-    return clicked

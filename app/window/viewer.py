@@ -26,7 +26,7 @@ from app.session.session import LIGHT_TIME, Session
 from app.session.solver_thread import MovingMedian
 from app.settings import Settings, UsageError
 from app.window import menus, method_marks, overlay, panel, readout_marks, spot_card, window
-from app.window.actions import act, views
+from app.window.actions import act
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
 from app.window.menus import Menus
@@ -256,10 +256,6 @@ class Viewer:
         if self._ready and self.session.settings.cells:
             self.painter.ray_cells.draw(self.viewport)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
-        if self._ready:
-            self.viewport.covered = overlay.panel_handle_box(self.viewport.view)
-            if overlay.draw_panel_handle(self.viewport.view, views.panel_of(self).is_visible):
-                self._do("toggle panel")
 
     def draw_panel(self) -> None:
         self._draw_part("panel", self._draw_panel)
@@ -288,7 +284,7 @@ class Viewer:
         self._draw_part("menus", lambda: self.menus.draw(self.painter.ctx, self.session))
 
     def _draw_dialogs(self) -> None:
-        """Draw open dialogs and act on their answers; reload files that have changed."""
+        """Draw open dialogs and act on their answers."""
         self.files.dialog.poll()
         self.files.dialog.draw()
         s = self.session.settings

@@ -24,7 +24,6 @@ from app.settings import FALSE_COLOURS
 from app.window import drag
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl, View
 from app.window.drag import MobileDrag
-from app.window.label import Box
 from app.window.lamp_handles import LampHandles
 from app.window.legend import ScaleFit, of_errors
 from app.window.pointer import Pins, Pointer, pick
@@ -53,7 +52,6 @@ class Viewport:
         self._until = {"outline": 0.0, "name": 0.0}  # s of ImGui's clock: of a surface, of an estimator
         self.chosen_part = ""  # of the mobile pressed last, or chosen in the panel
         self.shown: Shown | None = None  # content of the colour buffers
-        self.covered: Box | None = None  # by a control, where the mouse is not for the picture
         self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
         self._drawn: tuple | None = None  # parameters of the last draw
         self.is_redrawn = False  # this frame's picture is not that of the frame before
@@ -113,7 +111,7 @@ class Viewport:
         if view.camera is None:
             return
         io = imgui.get_io()
-        hovered = imgui.is_window_hovered() and view.contains(io.mouse_pos) and not self._is_covered(io.mouse_pos)
+        hovered = imgui.is_window_hovered() and view.contains(io.mouse_pos)
         control.advance(seconds)
         if self.session.ready and self.shown is not None:
             self.lamps.update(self.session, view, hovered)
@@ -134,10 +132,6 @@ class Viewport:
         if hovered and io.mouse_wheel:
             control.zoom(io.mouse_wheel)
         self._show_cursor(hovered, io)
-
-    def _is_covered(self, mouse) -> bool:
-        left, top, right, bottom = self.covered or (0.0, 0.0, 0.0, 0.0)
-        return left <= mouse[0] < right and top <= mouse[1] < bottom
 
     def _press(self, io) -> None:
         """Act on a button that went down in this frame."""

@@ -6,7 +6,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.settings import Pin
-from app.window import label, legend, overlay
+from app.window import label, legend
 from app.window.label import SLACK
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, in_window, keys
@@ -45,19 +45,13 @@ def test_help_shows_its_texts_whole_in_a_small_window(hand, viewer, monkeypatch)
 
 
 @in_window(settings=SMALL)
-def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(hand, viewer):
-    view, session = viewer.viewport.view, viewer.session
+def test_a_narrow_window_starts_without_the_panel_and_tab_shows_it(hand, viewer):
+    view = viewer.viewport.view
     assert view.size[0] == 640
-    camera, poses = view.camera, session.poses
     for width in (288, 640, 288):
-        left, top, right, bottom = overlay.panel_handle_box(view)
-        hand.move(((left + right) / 2, (top + bottom) / 2))
-        hand.ctx.mouse_down(0)
-        hand.move(((left + right) / 2 + 3, (top + bottom) / 2 + 3))
-        hand.ctx.mouse_up(0)
+        hand.press(keys().tab)
         hand.ctx.yield_(5)
         assert view.size[0] == pytest.approx(width, abs=3)
-    assert (view.camera, session.poses) == (camera, poses), "the mouse was not for the picture"
     hand.ctx.set_ref("Panel")
     hand.ctx.item_click("Reset poses")
 

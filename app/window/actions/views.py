@@ -23,13 +23,8 @@ def reset_all(window: Window) -> None:
     window.viewport.control.go_home()
 
 
-def panel_of(window: Window):
-    """Return the panel's window."""
-    return window.params.docking_params.dockable_window_of_name("Panel")
-
-
 def toggle_panel(window: Window) -> None:
-    panel = panel_of(window)
+    panel = window.params.docking_params.dockable_window_of_name("Panel")
     panel.is_visible = not panel.is_visible
 
 
