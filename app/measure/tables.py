@@ -1,4 +1,4 @@
-"""Tables of measurements: columns with their texts; HTML pages in one file, with pictures.
+"""Pages of measurements in HTML, one file each, with tables and pictures.
 
 Pages have a style for wide and narrow windows, light and dark.
 """
@@ -7,40 +7,10 @@ from __future__ import annotations
 
 import base64
 import io
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
-from typing import Any, NamedTuple
 
 import numpy as np
-
-
-class Column(NamedTuple):
-    """A column of a table of rows."""
-
-    head: str
-    of: Callable[[Any], Any]  # value of a row; None or NaN: an empty cell
-    text: Callable[[Any], str] = str  # with unit and digits
-
-    def cell(self, row: Any) -> str:
-        value = self.of(row)
-        is_missing = value is None or value == "" or (isinstance(value, float) and math.isnan(value))
-        return "" if is_missing else self.text(value)
-
-
-def cells(columns: Sequence[Column], rows: Iterable[Any]) -> tuple[list[str], list[list[str]]]:
-    """Return the heads of columns, and the cells of each row."""
-    return [c.head for c in columns], [[c.cell(row) for c in columns] for row in rows]
-
-
-def milliseconds(value: float) -> str:
-    """Return three digits of a number [ms], or all before the decimal point."""
-    return (f"{value:.3g}" if value < 1000 else f"{value:,.0f}") + " ms"
-
-
-def percent(value: float) -> str:
-    return f"{100 * value:.1f} %" if math.isfinite(value) else ""
-
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #222; --paper: #fff; --faint: #ddd; --line: #888; }

@@ -5,6 +5,7 @@ The page is one file: the chart, and the report's tables beside ours. `results.c
 
 from __future__ import annotations
 
+import math
 from html import escape
 from pathlib import Path
 
@@ -12,9 +13,9 @@ from app.cli.progress import opened
 from app.cli.writable import write_whole
 from app.measure.chart.figure import draw, need_matplotlib
 from app.measure.chart.measure import Run
-from app.measure.chart.settings import SCENES, beside
+from app.measure.chart.settings import SCENES, ReportRow, beside
 from app.measure.results import Failure
-from app.measure.tables import Column, cells, document, html_table, milliseconds, percent
+from app.measure.tables import document, html_table
 from app.settings import Settings, open_moving_scene
 
 
@@ -86,20 +87,10 @@ def _inline(svg: str) -> str:
     return f"<div class='wide'>{svg[svg.index('<svg') :]}</div>"
 
 
-REPORT_COLUMNS = (  # of a row of the report, and the measured row of the same setting or {}
-    Column("table", lambda p: p[0].table),
-    Column("estimator", lambda p: p[0].estimator),
-    Column("photons", lambda p: p[0].photons, "{:,}".format),
-    Column("frame, 2003", lambda p: 1e3 * p[0].seconds, "{:,.0f} ms".format),
-    Column("frame now", lambda p: p[1].get("frame_ms"), milliseconds),
-    Column("times faster", lambda p: 1e3 * p[0].seconds / p[1]["frame_ms"] if p[1] else None, "{:,.0f}".format),
-    Column("noise, 2003", lambda p: p[0].noise, percent),
-    Column("noise now", lambda p: p[1].get("noise all"), percent),
-    Column("bias, 2003", lambda p: p[0].bias, percent),
-    Column("bias now", lambda p: p[1].get("bias all"), percent),
-    Column("total, 2003", lambda p: p[0].total, percent),
-    Column("total now", lambda p: p[1].get("total all"), percent),
-)
+REPORT_HEAD = (
+    "table", "estimator", "photons", "frame, 2003", "frame now", "times faster",
+    "noise, 2003", "noise now", "bias, 2003", "bias now", "total, 2003", "total now",
+)  # fmt: skip
 REPORT_NOTE = (
     "Discs of 1 % of the scene, no artifact control. The report's errors are differences from pictures of "
     "tangent_plane with 5 or 100 million photons (noise of photon_map: from its own). Ours are differences of "
@@ -111,6 +102,17 @@ def _report(rows: list[dict], about: dict) -> list[str]:
     """Return the report's tables 2.1, 2.6, 2.7 and 2.8 redone."""
     if about["scene"] not in SCENES:
         return []
-    pairs = [(row, now or {}) for row, now in beside(rows, about["scene_size"])]
-    table = html_table(*cells(REPORT_COLUMNS, pairs))
+    table = html_table(REPORT_HEAD, [_line(row, now or {}) for row, now in beside(rows, about["scene_size"])])
     return ["<h2>The report's tables, redone</h2>", table, f"<p>{REPORT_NOTE}</p>"]
+
+
+def _line(row: ReportRow, now: dict) -> list[str]:
+    """Return a row of the report beside the measured row of the same setting, {}: there is none."""
+    of_2003, ms = 1e3 * row.seconds, now.get("frame_ms")
+    times = ["", ""] if ms is None else [f"{ms:,.1f} ms", f"{of_2003 / ms:,.0f}"]
+    errors = [_percent(e) for n in ("noise", "bias", "total") for e in (getattr(row, n), now.get(f"{n} all"))]
+    return [row.table, row.estimator, f"{row.photons:,}", f"{of_2003:,.0f} ms", *times, *errors]
+
+
+def _percent(error: float | None) -> str:
+    return "" if error is None or not math.isfinite(error) else f"{100 * error:.1f} %"
