@@ -1,13 +1,12 @@
-"""Lights of an open scene, as its edits leave them, those still being prepared too; levels of lamps that are due.
+"""Lights of an open scene, as its edits leave them, those still being prepared too.
 
-Directions of lights are angles in the panel. New lights fit the room. Levels follow the settings at once, or in a
-cross-fade.
+Directions of lights are angles in the panel. New lights fit the room.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -271,48 +270,6 @@ def _rectangle(points: np.ndarray, edges: np.ndarray, n: np.ndarray) -> tuple[np
 
 def _digits(value: float) -> float:
     return float(f"{value:.6g}")
-
-
-FADE = 1.0  # s of a cross-fade between light scenes
-
-Levels = dict[str, tuple[float, float, float]]
-
-
-class LampChanges:
-    """Levels of an open scene's lamps follow its settings."""
-
-    def __init__(self, settings: Settings, clock: Callable[[], float]) -> None:
-        self._clock = clock
-        self.held = False  # the panel holds a lamp's slider
-        self._followed = settings.lamps, settings.solo  # in the light on show, or asked for
-        self._start: tuple[Mapping[str, Sequence[float]], float] | None = None  # of a cross-fade: levels, and time
-
-    def adopt(self, settings: Settings) -> None:
-        """Begin with the light of a solver of these settings; it knows no solo."""
-        self._followed = settings.lamps, ""
-
-    def fade(self, shown: Mapping[str, Sequence[float]]) -> None:
-        """Reach the next levels within FADE, from those on show, (3,) by lamp."""
-        self._start = shown, self._clock()
-
-    def due(self, settings: Settings, names: Sequence[str]) -> Levels | None:
-        """Return the levels for this frame, None where the light has them."""
-        asked = settings.lamps, settings.solo
-        if self._start is None and asked == self._followed:
-            return None
-        self._followed = asked
-        levels = {name: level for name, level in settings.levels(names).items() if name in names}  # the others: removed
-        if self._start is not None:
-            shown, since = self._start
-            t = min((self._clock() - since) / FADE, 1.0)
-            levels = {n: _between(shown[n], level, t) for n, level in levels.items()}
-            self._start = self._start if t < 1 else None
-        return levels
-
-
-def _between(start: Sequence[float], end: Sequence[float], t: float) -> tuple[float, float, float]:
-    r, g, b = ((1 - t) * x + t * y for x, y in zip(start, end, strict=True))
-    return r, g, b
 
 
 EXPOSURE_STAYS = "the exposure stays as it was: key A meters it"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app.rest.results import MeasuredPoints
-from app.session.lights import EXPOSURE_STAYS, LampChanges, changes_exposure, flux_of
+from app.session.lights import EXPOSURE_STAYS, changes_exposure, flux_of
 from app.session.log import WARNING, Log
 from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
@@ -132,6 +132,8 @@ class Requests:
     applied: Settings  # those that the light on show has, or will have
     changed_at: float = 0.0  # [s], the last request
     filled: dict[str, object] = field(default_factory=dict)  # values of settings that were open
+    lamps: tuple = ((), "")  # levels and solo that the light on show has, or will have
+    holds_lamp: bool = False  # the panel holds a lamp's slider
 
 
 class Session(OpenScene):
@@ -152,7 +154,6 @@ class Session(OpenScene):
         self.start_exposure = 0.0  # [EV], of the scene's file, or metered at its first picture
         self.problem: BaseException | None = None  # of the opening ...
         self.doing = "opening"  # ... and its word for the log
-        self.lamp_changes = LampChanges(settings, clock)
         self.motion = Motion()
         self.history = History()
         self.inserted = Inserted({}, {})
@@ -227,16 +228,12 @@ class Session(OpenScene):
         self.light.show_method(self._method_parts)
 
     def _dim(self) -> None:
-        """Follow the settings of the lamps, at once or in a cross-fade."""
-        levels = self.lamp_changes.due(self.settings, self.model.emitters.lamps.names)
-        if levels is not None:
-            self.motion.moved_at = self.clock()
-            self.light.dim(levels)
-
-    def fade(self) -> None:
-        """Change to the levels asked for in a cross-fade, from those on show."""
-        shown = self.light.snapshot.levels.tolist()
-        self.lamp_changes.fade(dict(zip(self.model.emitters.lamps.names, shown, strict=True)))
+        """Follow the settings of the lamps."""
+        asked, names = (self.settings.lamps, self.settings.solo), self.model.emitters.lamps.names
+        if asked != self.requests.lamps:
+            self.requests.lamps, self.motion.moved_at = asked, self.clock()
+            # settings may name lamps that have been removed
+            self.light.dim({name: level for name, level in self.settings.levels(names).items() if name in names})
 
     def want(self, settings: Settings) -> None:
         """Request settings; they apply once they rest."""
@@ -248,12 +245,12 @@ class Session(OpenScene):
         """Request the panel's settings; held: its mouse button is down. Lamps change in one step of undo per press."""
         changed = {name: getattr(settings, name) for name in OF_LAMPS}
         if changed != {name: getattr(self.settings, name) for name in OF_LAMPS}:
-            self.edit(first=not self.lamp_changes.held, last=not held, **changed)
-            self.lamp_changes.held = held
+            self.edit(first=not self.requests.holds_lamp, last=not held, **changed)
+            self.requests.holds_lamp = held
             self._hint_at_exposure(held)
-        elif self.lamp_changes.held and not held:
+        elif self.requests.holds_lamp and not held:
             self.edit(first=False)
-            self.lamp_changes.held = False
+            self.requests.holds_lamp = False
             self._hint_at_exposure(held)
         self.want(settings)
 
@@ -295,7 +292,7 @@ class Session(OpenScene):
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.requests.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self.requests.applied = replace(self.settings, **filled)
-        self.lamp_changes.adopt(opened.settings)
+        self.requests.lamps = opened.settings.lamps, ""  # a solver knows no solo
         self._show(opened, SolverThread(opened.solver, self.log, self.clock, self._worker))
         logged = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
         for note in self.scene.notes:

@@ -73,7 +73,6 @@ def test_panel_dims_lamps(hand, viewer):
     lit({})
     (evening,) = dict(session.settings.light_scenes).values()
     session.want(session.settings.in_light_scene(evening))
-    session.fade()
     hand.wait(lambda: session.light.snapshot.levels[1][0] == 0.5)
     lit({"bulb": (0.5,) * 3})
     assert not errors(viewer)
@@ -172,7 +171,6 @@ def test_every_entry_of_the_light_scenes_can_be_chosen(hand, viewer):
     dim = (LampLevel("bulb", 0.5), LampLevel("lamp", on=False))
     for entry, lamps in (("dim", dim), (OF_FILE, ()), ("dim", dim)):
         ctx.combo_click(f"##Light scene/{entry}")
-        hand.wait(lambda: session.lamp_changes._start is None)
         assert session.settings.lamps == lamps
         hand.wait_for_light()
         level = 0.5 if lamps else 1.0

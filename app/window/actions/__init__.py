@@ -61,7 +61,6 @@ ACTIONS = {
     "fold surface": Action(lambda w, surface: w.viewport.view.folded.symmetric_difference_update({surface})),
     # Of keys, menus and buttons.
     "open": Action(files.choose_scene, (_ctrl(K.o),), "Ctrl+O", "open a scene", False, "Open..."),
-    "fade": Action(lambda w: w.session.fade(), (), "", "cross-fade to a light scene", False),
     "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files", label="Reload"),
     "save": Action(files.save, (_ctrl(K.s),), "Ctrl+S", "save the scene with its poses and settings", label="Save"),
     "save as": Action(

@@ -35,7 +35,7 @@ _typed = [""]  # name of the light scene to keep
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     session, selected = window.session, window.viewport.lamps.selected
     lamps = session.model.emitters.lamps.names
-    s = _light_scenes(s, session, actions)
+    s = _light_scenes(s, session)
     setting_of = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
     names = max((imgui.calc_text_size(name).x for name in lamps), default=0.0)
@@ -86,7 +86,7 @@ def _flux_field(lamp: LampLevel, k: int, session: Session) -> LampLevel:
     return lamp._replace(level=min(max(float(f"{flux / full:.9g}"), 0.0), BRIGHTEST)) if edited and full > 0 else lamp
 
 
-def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
+def _light_scenes(s: Settings, session: Session) -> Settings:
     """Draw the choice of light scenes, and a field that keeps the present levels as one."""
     ui.label("Light scene")
     names = session.model.emitters.lamps.names
@@ -97,11 +97,9 @@ def _light_scenes(s: Settings, session: Session, actions: set[Any]) -> Settings:
     now = next(shown, None)
     names_shown = {name: (name or NAMELESS, "") for name in choices}
     chosen = ui.one_of("Light scene", "as set below" if now is None else now, names_shown, now)
-    ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
-           "within a second. Keep adds one.")  # fmt: skip
+    ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. Keep adds one.")
     if chosen is not None:
         s = s.in_light_scene(choices[chosen])
-        actions.add("fade")
     ui.label("Keep as")
     em = imgui.get_font_size()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - 3.6 * em)
