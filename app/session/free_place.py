@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from itertools import groupby, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from app.session.open_scene import OpenScene
 
 
-SUNK = 0.05  # of an object: it may stand so deep in the floor, which need not be level, and a copy in others
+SUNK = 0.05  # of an object: it may stand so deep in the floor, which need not be level
 
 
 def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.ndarray | None) -> Pose | None:
@@ -31,7 +30,9 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
     """
     low, high = session.box_of((name,), poses)
     at = np.array(poses[name].position)
-    lows, highs = _boxes(session, [session.box_of((other,), poses) for other in poses if other != name])
+    boxes = [session.box_of((other,), poses) for other in poses if other != name]
+    faces = session.scene.static.vertices[session.scene.static.faces]
+    lows, highs = (np.concatenate([f(faces, axis=1), *([b[k]] for b in boxes)]) for k, f in enumerate((np.min, np.max)))
     up = frame_of(session.scene.up)[2]
     foot = SUNK * float((high - low) @ np.abs(up)) * up
     low, high = low + np.maximum(foot, 0), high + np.minimum(foot, 0)
@@ -99,13 +100,6 @@ def _reach(model: Model, poses: Mapping[str, Pose], without: Iterable[str], orig
     return np.where(face >= 0, t.astype(np.float64), np.inf)
 
 
-def _boxes(session: OpenScene, boxes: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return corners low and high (n, 3) [m] of all boxes: static faces', and these."""
-    corners = session.scene.static.vertices[session.scene.static.faces]
-    lows = np.concatenate([corners.min(axis=1), *([low] for low, _ in boxes)])
-    return lows, np.concatenate([corners.max(axis=1), *([high] for _, high in boxes)])
-
-
 AWAY = 1e3  # of the scene's size: where the object itself is out of the rays' way
 GAP = 1e-5  # of the scene's size between object and floor: their faces must not coincide
 
@@ -124,56 +118,19 @@ def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None
     return poses[name]._replace(position=three(poses[name].position - (drop - GAP * size) * up))
 
 
-FARTHEST = 4  # place tried along each way
-
-
 def beside(session: OpenScene, camera: Turntable, names: tuple[str, ...]) -> np.ndarray:
-    """Return the shift (3,) [m] to a free place beside objects: right of them in the picture, left, behind, in front.
+    """Return the shift (3,) [m] of copies beside objects, as far right in the picture as they go.
 
-    Then places further away, on a grid. Where no place is free, the copy may stand in others, and where none is in the
-    scene's box, to the right.
+    Of four shifts the first counts that keeps them in the box of the scene, else that to the right.
     """
-    low, high = session.box_of(names)
-    shifts = _aside(high - low, session.scene.up, camera.basis()[0])
-    inside = [s for s in shifts if _holds(session, low + s, high + s)]
-    boxes = _boxes_of_all(session)
-    free = (s for s in inside if not _meets(boxes, low + s, high + s))
-    return next(free, (inside or shifts)[0])
+    (low, high), up = session.box_of(names), np.abs(session.scene.up)
+    # 0.05 of the box of the objects lies between it and the copies'
+    across, along = np.diag(1.05 * (high - low))[np.argsort(up, kind="stable")[:2]]
+    right, margin = camera.basis()[0], SUNK * (high - low)
+    shifts = sorted((across, -across, along, -along), key=lambda s: -float(s @ right))
 
+    def is_inside(shift: np.ndarray) -> bool:
+        lowest, highest = low + shift + margin, high + shift - margin
+        return bool((lowest >= session.chosen.low).all() and (highest <= session.chosen.high).all())
 
-def _aside(size: np.ndarray, up: tuple[float, float, float], right: np.ndarray) -> list[np.ndarray]:
-    """Return shifts (3,) by multiples of a size (3,) and a gap along the two horizontal axes, the nearest first.
-
-    Of places equally near, the first one is that farthest along `right` (3,).
-    """
-    # 0.05 of the box of the objects lies between it and the copy's
-    a, b = np.diag(size * 1.05)[sorted(range(3), key=lambda k: abs(up[k]))[:2]]
-    ways = range(-FARTHEST, FARTHEST + 1)
-    near = sorted(((i, j) for i, j in product(ways, ways) if (i, j) != (0, 0)), key=lambda p: abs(p[0]) + abs(p[1]))
-    rings = groupby(near, key=lambda p: abs(p[0]) + abs(p[1]))
-    return [s for _, ring in rings for s in sorted((i * a + j * b for i, j in ring), key=lambda s: -float(s @ right))]
-
-
-def _holds(session: OpenScene, low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether a box lies in that of the scene."""
-    margin = SUNK * (high - low)
-    return bool((low + margin >= session.chosen.low).all() and (high - margin <= session.chosen.high).all())
-
-
-def _boxes_of_all(session: OpenScene) -> tuple[np.ndarray, np.ndarray]:
-    """Return corners low and high (n, 3) [m] of the boxes of static faces, mobiles, and copies not yet on show."""
-    from gi_core.files.edits import Duplicate
-
-    boxes = [session.box_of((name,)) for name in session.poses]
-    for edit in session.edits:
-        if isinstance(edit, Duplicate) and edit.name not in session.poses and edit.of in session.poses:
-            shift = np.subtract(edit.pose.position, session.poses[edit.of].position)
-            low, high = session.box_of((edit.of,))
-            boxes.append((low + shift, high + shift))
-    return _boxes(session, boxes)
-
-
-def _meets(boxes: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether a box overlaps one of the boxes, low and high corners (n, 3) [m]."""
-    margin, (lows, highs) = SUNK * (high - low), boxes
-    return bool(((lows < high - margin) & (highs > low + margin)).all(axis=1).any())
+    return next(filter(is_inside, shifts), shifts[0])

@@ -107,19 +107,6 @@ def test_a_held_slider_is_followed_and_undone_as_one_step(hand, viewer):
 
 
 @in_window()
-def test_copies_in_quick_succession_stand_apart(hand, viewer):
-    """Those asked for while others are still being prepared, and more than there are sides."""
-    viewer.viewport.select(("block",))
-    for _ in range(6):
-        viewer._do("duplicate")
-    hand.wait(lambda: len(viewer.session.poses) == 7 and viewer.reload.coming is None)
-    low, high = map(np.array, zip(*(viewer.session.box_of((name,)) for name in viewer.session.poses), strict=True))
-    for k in range(7):
-        others = np.arange(7) != k
-        assert not ((low[others] < high[k] - 0.02) & (high[others] > low[k] + 0.02)).all(axis=1).any()
-
-
-@in_window()
 def test_an_edit_that_changes_nothing_is_no_step_of_undo(hand, viewer):
     """A press on a slider's knob may change a value by less than it is rounded to."""
     change(hand, viewer, lambda: viewer._do(("refinish", "white", "", (("reflectance", RED),))))
