@@ -1,16 +1,12 @@
-"""Menu bar, keyboard and help, from the table of actions; pictures of the shipped scenes."""
+"""Menu bar, keyboard and help, from the table of actions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from importlib import resources
 from pathlib import Path
 
-import moderngl
-import numpy as np
 from imgui_bundle import hello_imgui, imgui
-from PIL import Image
 
 from app.session.session import Session
 from app.window.actions import ACTIONS, ESTIMATOR_KEYS
@@ -42,11 +38,10 @@ INTERFACE_SIZES = (0.8, 1.0, 1.25, 1.5, 2.0)  # of font and layout, besides the 
 
 
 class Menus:
-    """`load_preferences` after the window opens, `draw` once per frame, both others before it closes."""
+    """`load_preferences` after the window opens, `draw` once per frame, `save_preferences` before it closes."""
 
     def __init__(self, files: Files, do: Callable[[str], None], open_scene: Callable[[str], None]) -> None:
         self._files, self._do, self._open = files, do, open_scene
-        self._thumbnails: dict[str, moderngl.Texture] = {}
         self._size = 1.0  # of the interface
 
     def load_preferences(self) -> None:
@@ -57,21 +52,25 @@ class Menus:
     def save_preferences(self) -> None:
         hello_imgui.save_user_pref(PREFERENCE, f"{self._size:g}")
 
-    def draw(self, ctx: moderngl.Context | None, session: Session) -> None:
+    def draw(self, session: Session) -> None:
         """Draw the menu bar."""
         imgui.get_style().font_scale_main = self._size
         for title, entries in MENUS.items():
             if imgui.begin_menu(title):
                 for entry in entries:
-                    self._entry(entry, ctx, session)
+                    self._entry(entry, session)
                 imgui.end_menu()
 
-    def _entry(self, entry: str, ctx: moderngl.Context | None, session: Session) -> None:
+    def _entry(self, entry: str, session: Session) -> None:
         if entry == LINE:
             imgui.separator()
         elif entry == SHIPPED:
+            from gi_core.files.find import shipped_scenes
+
             if imgui.begin_menu(SHIPPED):
-                self._shipped(ctx)
+                for name in shipped_scenes():
+                    if imgui.menu_item(name, "", False)[0]:
+                        self._open(name)
                 imgui.end_menu()
         elif entry == RECENT:
             if imgui.begin_menu(RECENT, bool(self._files.recent)):
@@ -91,7 +90,7 @@ class Menus:
         elif entry == SHAPE:
             if imgui.begin_menu(SHAPE, session.ready):
                 for kind in SHAPES:
-                    self._entry(f"insert {kind}", ctx, session)
+                    self._entry(f"insert {kind}", session)
                 imgui.end_menu()
         else:
             action = ACTIONS[entry]
@@ -119,39 +118,6 @@ class Menus:
         for size in INTERFACE_SIZES:
             if imgui.menu_item(f"{100 * size:.0f} %", "", self._size == size)[0]:
                 self._size = size
-
-    def _shipped(self, ctx: moderngl.Context | None) -> None:
-        from gi_core.files.find import shipped_scenes
-
-        em = imgui.get_font_size()
-        width, height = (n * em for n in (6.5, 4.06))
-        for name in shipped_scenes():
-            gap = 0.4 * em
-            if imgui.selectable(f"##{name}", False, 0, (width + 9 * em, height + 2 * gap))[0]:
-                self._open(name)
-            drawing, corner = imgui.get_window_draw_list(), imgui.get_item_rect_min()
-            left, top = corner.x + gap, corner.y + gap
-            if (texture := self._thumbnail(ctx, name)) is not None:
-                drawing.add_image(imgui.ImTextureRef(texture.glo), (left, top), (left + width, top + height))
-            colour = imgui.get_color_u32(imgui.Col_.text)
-            drawing.add_text((left + width + em, top + height / 2 - em / 2), colour, name)
-
-    def _thumbnail(self, ctx: moderngl.Context | None, name: str) -> moderngl.Texture | None:
-        """Return the picture of a shipped scene, None without one."""
-        file = resources.files("scenes") / "thumbnails" / f"{name}.png"
-        if ctx is None or not file.is_file():
-            return None
-        if name not in self._thumbnails:
-            with file.open("rb") as stream:
-                pixels = np.asarray(Image.open(stream, formats=("PNG",)).convert("RGB"))
-            texture = ctx.texture((pixels.shape[1], pixels.shape[0]), 3, pixels.tobytes(), alignment=1)
-            self._thumbnails[name] = texture
-        return self._thumbnails[name]
-
-    def release(self) -> None:
-        for texture in self._thumbnails.values():
-            texture.release()
-        self._thumbnails.clear()
 
 
 K = imgui.Key

@@ -281,7 +281,7 @@ class Viewer:
         overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
 
     def draw_menus(self) -> None:
-        self._draw_part("menus", lambda: self.menus.draw(self.painter.ctx, self.session))
+        self._draw_part("menus", lambda: self.menus.draw(self.session))
 
     def _draw_dialogs(self) -> None:
         """Draw open dialogs and act on their answers."""
@@ -312,7 +312,6 @@ class Viewer:
         self.menus.save_preferences()
         self.folds.save()
         self.files.save_preferences()
-        self.menus.release()
         implot.destroy_context()
         self.reload.close()
         self.session.close()

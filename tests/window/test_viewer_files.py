@@ -12,7 +12,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from imgui_bundle import imgui
-from PIL import Image
 
 from app import __main__ as cli
 from app.cli import saved_scene
@@ -22,7 +21,6 @@ from app.settings import Settings, open_scene
 from app.window import dialogs
 from app.window.actions.lamps import use_file
 from app.window.files import Files
-from gi_core.files.find import shipped_scenes
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
@@ -235,9 +233,9 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
         opened = []
         viewer.menus._open = opened.append
         hand.ctx.set_ref("##MainMenuBar")
-        hand.ctx.menu_click("File/Shipped scenes/##tree")
+        hand.ctx.menu_click("File/Shipped scenes/tree")
         hand.ctx.menu_click("File/Open recent/mine.toml##0")
-        assert opened == ["tree", str(folder / "mine.toml")] and set(viewer.menus._thumbnails) >= {"tree", "cornell"}
+        assert opened == ["tree", str(folder / "mine.toml")]
 
     viewer = play(script, open_with=loader)
     assert [e for e in errors(viewer) if "photons must be a whole number" not in e] == []
@@ -383,11 +381,3 @@ for ask in (dialog.open, dialog.save):
     ran = subprocess.run(command, env={**os.environ, **given}, text=True, capture_output=True, timeout=support.PATIENCE)
     assert ran.stdout == f"{tmp_path}/chosen.glb\n" * 2, ran.stderr
     assert (tmp_path / "arguments").read_text().count("Title") == 2
-
-
-def test_every_shipped_scene_has_a_thumbnail():
-    from importlib import resources
-
-    for name in shipped_scenes():
-        with (resources.files("scenes") / "thumbnails" / f"{name}.png").open("rb") as stream:
-            assert Image.open(stream).size == (208, 130)
