@@ -13,8 +13,3 @@ def __getattr__(name: str):
     if name in ("render", "show"):
         return getattr(import_module("app.interactive"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def load_ipython_extension(shell) -> None:
-    """Show scenes and solvers as pictures: `%load_ext app` in a notebook."""
-    import_module("app.interactive").register(shell)

@@ -1,8 +1,7 @@
-"""Pictures in Python and in notebooks: `app.render`, `app.show`, `%load_ext app`."""
+"""Pictures in Python and in notebooks: `app.render`, `app.show`."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,9 +13,6 @@ from gi_core.solver import Solver
 
 if TYPE_CHECKING:
     from app.draw.shot import Shot
-
-PREVIEW = Settings(size=(480, 320))  # in a notebook
-PREVIEW_SECONDS = 2.0  # s, of a scene
 
 
 def render(
@@ -51,24 +47,6 @@ def show(scene: Scene, **settings) -> int:
         return scene if asked.scene == scene.name else read_scene(asked)
 
     return run(Settings(scene=scene.name, **settings), open_with=partial(Opening, load=load))
-
-
-def png(scene: Scene | Solver) -> bytes:
-    """Return a PNG file of a scene in light gathered within two seconds, or of a solver in its present light."""
-    from app.draw import picture_files
-
-    if isinstance(scene, Solver):
-        shot = _shot(scene, PREVIEW)
-    else:
-        shot = _shot(scene, replace(PREVIEW, photons=30_000), PREVIEW_SECONDS)
-    return picture_files.png(shot.take())
-
-
-def register(shell) -> None:
-    """Show scenes and solvers as pictures in an IPython shell."""
-    formatter = shell.display_formatter.formatters["image/png"]
-    for kind in (Scene, Solver):
-        formatter.for_type(kind, png)
 
 
 def _shot(scene: Scene | Solver, settings: Settings, seconds: float = 0.0, camera: Camera | None = None) -> Shot:

@@ -1,11 +1,9 @@
 """Python and notebooks: linear pictures as arrays, short reprs, the notebook of the documentation."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import app
 from app import interactive
@@ -13,7 +11,7 @@ from app.draw.tonemap import to_display
 from app.session.opening import Before
 from app.settings import Settings, UsageError
 from gi_core.files.edits import Finish
-from gi_core.scene import Camera, Pose
+from gi_core.scene import Camera
 from gi_core.solver import Solver
 from tests.cli.test_render import card, checkered_room, shot_of
 from tests.support.document_examples import ROOT
@@ -51,26 +49,6 @@ def test_another_camera_sees_another_place(solver):
     assert np.abs(above - app.render(solver, size=(48, 48))).max() > 0.05
 
 
-def test_scenes_and_solvers_are_pictures_in_a_notebook(solver, monkeypatch):
-    """By IPython's own formatter; a solver is drawn as it is, moves included."""
-    from IPython.core.interactiveshell import InteractiveShell
-
-    monkeypatch.setattr(interactive, "PREVIEW_SECONDS", 0.0)
-    monkeypatch.setattr(interactive, "PREVIEW", Settings(size=(96, 64), light="photons"))
-    shell = InteractiveShell()
-    app.load_ipython_extension(shell)
-    moved = solver.twin()
-    moved.move("block", Pose((0.3, 0.3, 0.6)))
-    pictures = []
-    for thing in (room(), solver, moved):
-        data, _ = shell.display_formatter.format(thing)
-        assert len(data["text/plain"]) < 120
-        pictures.append(np.array(Image.open(io.BytesIO(data["image/png"]))).astype(int))
-    assert pictures[0].shape == (64, 96, 3) and pictures[0].std() > 20
-    assert (np.abs(pictures[1] - pictures[2]).max(axis=2) > 20).mean() > 0.02
-    assert "image/png" not in shell.display_formatter.format(3)[0]
-
-
 def test_reprs_are_short(solver):
     scene = checkered_room()
     assert repr(scene) == '<Scene "room": 770 triangles, 1 lamp, block>'
@@ -105,7 +83,6 @@ def test_show_opens_the_window_with_the_scene(monkeypatch):
 
 
 SMALLER = {  # of the notebook, so that it runs within seconds
-    "import app\n": "import app.interactive\napp.interactive.PREVIEW_SECONDS = 0.1\n",
     "seconds=3)": "seconds=0.1)",
     "(4_096, 16_384, 65_536)": "(4_096, 8_192)",
     "photons=50_000": "photons=10_000",
@@ -114,7 +91,7 @@ SMALLER = {  # of the notebook, so that it runs within seconds
 
 
 def test_the_notebook_runs_and_draws(tmp_path, monkeypatch):
-    """Three pictures and the chart of the documentation's notebook."""
+    """A picture and the chart of the documentation's notebook."""
     import nbformat
     from nbclient import NotebookClient
 
@@ -127,7 +104,7 @@ def test_the_notebook_runs_and_draws(tmp_path, monkeypatch):
     assert all(any(small in cell.source for cell in notebook.cells) for small in SMALLER.values())
     NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(ROOT)}}).execute()
     drawn = [pictures_of(cell) for cell in notebook.cells]
-    assert drawn == stored and sum(drawn) == 4
+    assert drawn == stored and sum(drawn) == 2
 
 
 def pictures_of(cell) -> int:
