@@ -148,8 +148,7 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     viewer.session.want(replace(viewer.session.settings, lamps=(LampLevel(name, 0.5),)))
     hand.wait_for_light()
     hand.wait(lambda: shown(viewer).errors is not None and np.nan_to_num(shown(viewer).errors.values).any())
-    hand.wait(lambda: viewer.session.light.all_done)
-    hand.ctx.yield_(3)
+    hand.wait(lambda: viewer.session.light.all_done and viewer.painter.uploaded == viewer.session.version)
     A, now, _ = viewer.session.light.snapshot.rest.change  # of the same photons
     values, change_now = shown(viewer).errors.values, luminance(now) - luminance(A)
     lit = np.isfinite(values) & (before > 6 * deviation)
@@ -175,8 +174,8 @@ def test_changes_since_a_kept_light_are_mapped(hand, viewer, rough_light):
     viewer.session.want(replace(viewer.session.settings, lamps=()))
     hand.wait_for_light()
     viewer.session.move({"block": viewer.session.poses["block"]._replace(position=(0.3, 0.0, 0.3))})
-    hand.wait(lambda: viewer.session.light.all_done and shown(viewer).errors is not None)
     hand.ctx.yield_(3)
+    hand.wait(lambda: viewer.session.light.all_done and viewer.painter.uploaded == viewer.session.version)
     values, (A, now, error) = shown(viewer).errors.values, viewer.session.light.snapshot.rest.change
     change_now, known = luminance(now) - luminance(A), np.isfinite(error)
     certain = (np.abs(change_now) >= 2 * error) & (change_now != 0)
