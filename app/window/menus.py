@@ -14,11 +14,11 @@ from app.window.actions.objects import SHAPES
 from app.window.dialogs import UNSAVED
 from app.window.files import Files
 
-SHIPPED, RECENT, VIEWS, LINE = "Shipped scenes", "Open recent", "Kept views", ""
+SHIPPED, RECENT, WATCHES, VIEWS, LINE = "Shipped scenes", "Open recent", "Reload changed files", "Kept views", ""
 SIZE, SHAPE = "Interface size", "Insert shape"
 MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the seven above
     "File": (
-        "open", SHIPPED, RECENT, "reload", LINE, "save", "save as", "copy command", LINE,
+        "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
         "save picture", "save picture as", "export", "report", LINE, "quit",
     ),
     "Edit": (
@@ -92,6 +92,8 @@ class Menus:
                 for kind in SHAPES:
                     self._entry(f"insert {kind}", session)
                 imgui.end_menu()
+        elif entry == WATCHES:
+            _, self._files.watches = imgui.menu_item(WATCHES, "", self._files.watches)
         else:
             action = ACTIONS[entry]
             shortcut = action.keys.partition(",")[0]

@@ -218,6 +218,9 @@ class Viewer:
             # An idle window checks for signals twice per second.
             if window.wait_for_input(0.0 if resting else 0.5) or self.files.dialog.is_open:
                 break
+            if self.files.changed_on_disk(time.monotonic()):
+                self._do("reload")
+                break
             if resting and self._is_due(refresh):
                 break
         if self.clock.slept:
@@ -298,6 +301,8 @@ class Viewer:
             self._waits_for_save = False
             if not self.files.has_changed(self.session):  # else the dialog was cancelled, or saving has failed
                 self.files.question.go_on()
+        if self.files.changed_on_disk(time.monotonic()) and self.session.ready:
+            self._do("reload")
 
     def open_scene(self, scene: str) -> None:
         open_files(self, [scene])

@@ -292,7 +292,7 @@ def test_a_scene_saved_while_edits_are_prepared_has_them(hand, viewer, folder):
 @pytest.mark.parametrize("begun", [True, False])
 @in_window()
 def test_a_reload_while_an_edit_is_prepared_keeps_it(hand, viewer, begun):
-    """The edit may just have been asked for."""
+    """A file that changes on disk reloads the scene at any time; the edit may just have been asked for."""
 
     def edit_and_reload() -> None:
         viewer._do(("refinish", "white", "", (("reflectance", RED),)))

@@ -1,4 +1,4 @@
-"""Files in the window: saving, opening, recent files, the question before it closes."""
+"""Files in the window: saving, opening, recent files, changes on disk, the question before it closes."""
 
 import os
 import shlex
@@ -20,7 +20,7 @@ from app.session.opening import Opening
 from app.settings import Settings, open_scene
 from app.window import dialogs
 from app.window.actions.lamps import use_file
-from app.window.files import Files
+from app.window.files import Files, Watch
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
@@ -339,8 +339,45 @@ def test_the_copied_command_and_reset_settings(play, monkeypatch):
     assert errors(play(script, settings, support.opening(scene))) == []
 
 
-def test_a_scene_names_all_its_files(tmp_path):
-    """Also where a luminaire lies outside its folder, and textures."""
+def test_changed_files_are_read_again(play, folder, monkeypatch):
+    monkeypatch.setattr("app.window.files.PERIOD", 0.0)
+    file, loader = folder / "room.glb", Loader()
+    file.write_bytes(b"one")
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        hand.ctx.yield_(5)
+        assert len(loader.asked) == 1
+        file.write_bytes(b"another")
+        hand.wait(lambda: viewer.session is not first)
+        hand.wait_for_light()
+        assert len(loader.asked) == 2 and viewer.log.last.text == f"reloaded: {file}"
+        viewer.files.watches = False
+        file.write_bytes(b"a third time")
+        hand.ctx.yield_(10)
+        assert len(loader.asked) == 2
+
+    assert errors(play(script, replace(support.SETTINGS, scene=str(file)), loader)) == []
+
+
+def test_a_file_counts_as_changed_once_it_rests(tmp_path):
+    a, seen = tmp_path / "a.glb", Watch()
+    a.write_bytes(b"1")
+    seen.follow([str(a)])
+    assert not seen.changed(10.0)
+    a.write_bytes(b"22")
+    assert not seen.changed(10.5), "not yet time for another look"
+    assert not seen.changed(11.0), "it may still be written"
+    assert seen.changed(12.0) and not seen.changed(13.0)
+    a.unlink()
+    assert not any(seen.changed(float(t)) for t in range(14, 18)), "gone: nothing to read"
+    a.write_bytes(b"333")
+    assert [seen.changed(float(t)) for t in range(18, 21)] == [False, True, False]
+
+
+def test_all_files_of_a_scene_are_watched(tmp_path):
+    """Also where a luminaire lies outside its folder, and textures; files that are gone are not."""
     (tmp_path / "room").mkdir()
     write_textured_room(tmp_path / "room")
     for name in ("room/m.glb", "x.glb"):
@@ -357,6 +394,12 @@ def test_a_scene_names_all_its_files(tmp_path):
     files = [name for names in open_scene(settings).files for name in names]
     names = ["a.toml", "m.glb", "room.mtl", "room.obj", "spot.ies", "wood.png", "x.glb"]
     assert sorted(map(os.path.basename, files)) == names
+    for name in names:
+        seen = Watch()
+        seen.follow([*files, str(tmp_path / "gone")])
+        (file,) = tmp_path.rglob(name)
+        os.utime(file, (1.0, 1.0))
+        assert [seen.changed(10.0), seen.changed(20.0)] == [False, True], name
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a shell script stands for the system's dialog")

@@ -229,7 +229,7 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
         down = viewer.session.scene.lights[-1]
         assert down.name == "down" and down.position == pytest.approx((0.2, 0.99, 0.8), abs=0.02)
         assert viewer.session.file_of(viewer.viewport.lamps.selected) == str(file) and max(down.flux) > 0
-        assert str(file) in sum(viewer.session.scene.files, ()), "saving knows it"
+        assert str(file) in viewer.files._watch._files, "a changed file is read again"
         assert is_that_of_a_new_solver(viewer.session)
         document, _ = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
         assert 'file = "down.ies"' in document.read_text() and str(folder) not in document.read_text()
