@@ -1,13 +1,16 @@
-"""Files of pictures: PNG with parameters as tEXt entries, of the window too; OpenEXR layers."""
+"""Files of pictures: PNG with parameters as tEXt entries, of the window too; OpenEXR layers, films.
+
+OpenEXR is written by the library of that name, films by PyAV, picture by picture.
+"""
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -18,6 +21,8 @@ from app.draw.legend import Legend, Marks, with_legend, with_marks
 from gi_core.scene.errors import utf8
 
 if TYPE_CHECKING:  # heavy, and PNG needs no layers
+    from av import VideoFrame
+
     from app.draw.renderer import Look, Renderer
     from app.draw.shot import Layers
 
@@ -75,6 +80,48 @@ def write_channels(path: Path, channels: Mapping[str, np.ndarray], parameters: M
     except RuntimeError as problem:  # of the library
         raise OSError(f"{path} cannot be written: {problem}") from None
     return path
+
+
+CODECS = {  # encoder of PyAV, pixels that it takes, its options; crf: hardly visible losses
+    ".mp4": ("libx264", "yuv420p", {"crf": "18"}),
+    ".gif": ("gif", "pal8", {}),
+    ".webp": ("libwebp", "yuv420p", {"quality": "90"}),
+}
+
+
+def write_video(path: Path, pictures: Iterable[np.ndarray], rate: int) -> Path:
+    """Write pictures (h, w, 3) uint8 as they come, `rate` per second; return the full path.
+
+    MP4 has an even width and height: an odd last column or row is repeated. GIF rounds times to 1/100 s. The file
+    appears whole or not at all. Raises OSError.
+    """
+    import av
+
+    path, suffix = path.resolve(), path.suffix.lower()
+    codec, pixels, options = CODECS[suffix]
+    endless = {} if suffix == ".mp4" else {"loop": "0"}
+    with replacing(path) as part, av.open(os.fspath(part), "w", suffix[1:], options=endless) as file:
+        stream: Any = file.add_stream(codec, rate=rate, options=options)
+        stream.pix_fmt = pixels
+        for k, picture in enumerate(pictures):
+            if suffix == ".mp4":
+                picture = np.pad(picture, [(0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)], "edge")
+            if k == 0:
+                stream.height, stream.width = picture.shape[:2]
+            frame = _with_palette(picture) if suffix == ".gif" else av.VideoFrame.from_ndarray(picture, "rgb24")
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+    return path
+
+
+def _with_palette(picture: np.ndarray) -> VideoFrame:
+    """Return a picture in 256 colours of its own."""
+    import av
+
+    image, palette = Image.fromarray(picture).quantize(), np.full((256, 4), 255, np.uint8)
+    colours = np.array(image.getpalette(), np.uint8).reshape(-1, 3)
+    palette[: len(colours), 1:] = colours  # alpha, red, green, blue
+    return av.VideoFrame.from_ndarray((np.asarray(image), palette), "pal8")  # type: ignore[arg-type]
 
 
 def next_free(folder: Path) -> Path:

@@ -305,7 +305,7 @@ def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command,
 @pytest.mark.parametrize(
     "words",
     [
-        *(f"render --{o}" for o in ("frames 1e12", "scale 1e9", "photons 1e30")),
+        *(f"render --{o}" for o in ("frames 1e12", "rate 1e23", "scale 1e9", "photons 1e30")),
         *(f"render --{o}" for o in ("radius 1e300", "neighbours 1e9", "max-edge 1e-200", "exposure 1e300")),
         *(f"render --{o}" for o in ("seconds 1e300", "lamp a=1e30", "frames 0", "isolines 1e-320")),
         *(f"render --{o}" for o in ("pose a=1e300,0,0", "camera 1e200,0,0,0,0,0,40", "illuminance-range 0,5e-324")),

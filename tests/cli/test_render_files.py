@@ -18,7 +18,7 @@ from app.cli.progress import warnings_of
 from app.commands import render
 from app.commands.render import numbered
 from app.draw import motion
-from app.draw.picture_files import write_png
+from app.draw.picture_files import write_png, write_video
 from app.draw.tonemap import to_display
 from app.rest.scheduler import gather
 from app.session.log import Log
@@ -121,6 +121,59 @@ def test_frames_as_exr_files(tmp_path, room_instead_of_a_file):
     assert [p.name for p in paths] == ["a.0001.exr", "a.0002.exr"] and not np.array_equal(a, b)
 
 
+@pytest.mark.parametrize("suffix", [".gif", ".webp", ".mp4"])
+def test_films_have_every_frame_at_the_rate(suffix, tmp_path, room_instead_of_a_file):
+    """Frames are those of numbered pictures, but for the losses of the format; odd sizes are padded in MP4."""
+    settings = replace(SMALL, size=(95, 71))
+    (path,) = render.render(settings, tmp_path / f"a{suffix}", frames=4, rate=20)
+    pictures = [np.array(Image.open(p)) for p in render.render(settings, tmp_path / "a.png", frames=4)]
+    assert path.name == f"a{suffix}" and not list(tmp_path.glob("*.part"))
+    if suffix == ".mp4":
+        import av
+
+        with av.open(str(path)) as file:
+            stream = file.streams.video[0]
+            assert stream.average_rate == 20 and (stream.width, stream.height) == (96, 72)
+            seen = [frame.to_ndarray(format="rgb24")[:71, :95] for frame in file.decode(stream)]
+    else:
+        film = Image.open(path)
+        assert film.n_frames == 4
+        seen = []
+        for k in range(4):
+            film.seek(k)
+            seen.append(np.array(film.convert("RGB")))
+            assert film.info["duration"] == 50 and film.info["loop"] == 0
+    assert len(seen) == 4
+    apart = [[np.abs(s.astype(int) - p).mean() for p in pictures] for s in seen]
+    assert np.argmin(apart, axis=1).tolist() == [0, 1, 2, 3] and np.diag(apart).max() < 6
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+def test_pictures_of_a_film_are_written_one_by_one(suffix, tmp_path):
+    """Pillow kept all of them in memory until the last."""
+    random, written = np.random.default_rng(0), []
+
+    def pictures():
+        for _ in range(20):
+            yield random.integers(0, 256, (240, 320, 3), np.uint8)
+            written.append(sum(p.stat().st_size for p in tmp_path.iterdir()))
+
+    path = write_video(tmp_path / f"a{suffix}", pictures(), 20)
+    assert Image.open(path).n_frames == 20 and written[-1] > 0.7 * path.stat().st_size
+
+
+def test_a_stopped_film_leaves_no_file(tmp_path, room_instead_of_a_file, monkeypatch):
+    def stop(self, *_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.draw.motion.spread", lambda paths, frames: [{}, {"block": None}])
+    monkeypatch.setattr("gi_core.solver.Solver.move_all", stop)
+    for suffix in (".mp4", ".gif"):
+        with pytest.raises(KeyboardInterrupt):
+            render.render(SMALL, tmp_path / f"a{suffix}", frames=2)
+    assert not list(tmp_path.iterdir())
+
+
 TAKES = "pixels takes %d GB of memory, more than 4; lower --size or --scale, or name a .png file"
 INSTEAD = "name a .png file", "leave --still out"
 
@@ -128,9 +181,13 @@ INSTEAD = "name a .png file", "leave --still out"
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--out a.mp4 --frames 2", "--out must name a file of .png, .exr, got a.mp4"),
+        ("--out a.mp4", "--out a.mp4 is a film: give --frames N, or name a .png file"),
+        ("--out a.jpg", "--out must name a file of .png, .exr, .mp4, .gif, .webp, got a.jpg"),
+        ("--out a.gif --frames 2 --size 9999x9999", f"--out a.gif of 9999x9999 {TAKES % 5}"),
         ("--out a.exr --size 9999x9999", f"--out a.exr of 9999x9999 {TAKES % 7}"),
         ("--out a.png --still --size 4096x4096", f"--out a.png of 4096x4096 {TAKES % 8}".replace(*INSTEAD)),
+        ("--out a.gif --frames 2 --rate 101", "--out a.gif has at most 100 pictures per second, got --rate 101"),
+        ("--out a.webp --frames 2 --size 1x16384", "--out a.webp has at most 16383 pixels per side, got 16384"),
         ("--out a.exr --size 16384x9 --scale 2", "--out a.exr has at most 16384 pixels per side, got 32768"),
     ],
 )
@@ -140,10 +197,11 @@ def test_pictures_that_cannot_be_are_refused_before_the_work(words, message, cap
     assert one_line(capsys.readouterr().err) == f"gi-viewer: {message}\n"
 
 
-def test_a_missing_library_is_named_before_the_work(monkeypatch, tmp_path, capsys):
-    monkeypatch.setitem(sys.modules, "OpenEXR", None)
-    assert cli.main(["render", "no such scene.glb", "--frames", "2", "--out", str(tmp_path / "a.exr")]) == 2
-    said = "gi-viewer: OpenEXR, which writes .exr files, is not installed: pip install OpenEXR\n"
+@pytest.mark.parametrize("module, suffix", [("OpenEXR", "exr"), ("av", "mp4"), ("av", "gif")])
+def test_a_missing_library_is_named_before_the_work(module, suffix, monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, module, None)
+    assert cli.main(["render", "no such scene.glb", "--frames", "2", "--out", str(tmp_path / f"a.{suffix}")]) == 2
+    said = f"gi-viewer: {module}, which writes .{suffix} files, is not installed: pip install {module}\n"
     assert one_line(capsys.readouterr().err) == said
 
 

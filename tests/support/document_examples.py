@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.commands.render import numbered
+from app.commands.render import STILLS
 from gi_core.files import load
 from gi_core.files.find import find_scene, shipped_scenes
 from gi_core.model import Model
@@ -133,8 +133,8 @@ def run(arguments: list[str]) -> int:
     for option in OUTPUTS:
         if option in small:
             file = Path(small[small.index(option) + 1])
-            if option == "--out" and "--frames" in small and small[0] == "render":
-                file = numbered(file, 1)
+            if option == "--out" and "--frames" in small and file.suffix in STILLS:
+                file = file.with_stem(f"{file.stem}.0001")
             assert file.stat().st_size > 0
     return code
 
