@@ -1,5 +1,6 @@
 """Error measurement at rest: correct numbers, for the current light, in short tasks, without delaying a drag."""
 
+import shutil
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -46,6 +47,18 @@ def solver():
     return solve(support.room(), photons=20_000, radius=0.06)
 
 
+@pytest.fixture(scope="module")
+def measured(solver, tmp_path_factory):
+    """Return the finished measurement of the solver's light, its report, the number of pieces, and what it stored."""
+    folder = tmp_path_factory.mktemp("measured")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder / "references"))
+        live_error = LiveError(solver, time.perf_counter)
+        pieces = finish(live_error)
+    stored = shutil.copytree(folder / "references", folder / "stored")  # before other tests go on
+    return live_error, live_error.report, pieces, stored
+
+
 def finish(live_error, wants=NUMBERS, pieces=3000):
     """Do all the work; return the number of pieces."""
     for k in range(pieces):
@@ -73,10 +86,8 @@ def test_sunlight_outside_does_not_hide_the_error_in_a_room():
     assert 0.35 * in_room < live_error.report.total < 1.6 * in_room
 
 
-def test_live_error_equals_that_against_another_reference(solver):
-    live_error = LiveError(solver, time.perf_counter)
-    finish(live_error)
-    r = live_error.report
+def test_live_error_equals_that_against_another_reference(solver, measured):
+    live_error, r, *_ = measured
     assert r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     reference, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
@@ -143,9 +154,8 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     assert 0.5 * r.total < np.hypot(r.noise, r.reference_noise) < 1.2 * r.total
 
 
-def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
-    live_error = LiveError(solver, time.perf_counter)
-    finish(live_error)
+def test_new_setting_uses_the_same_reference_and_adds_a_point(solver, measured):
+    live_error, *_ = measured
     reference = live_error.reference(solver.poses, False)
     rounds = reference.rounds
     twin = solver.twin()
@@ -229,13 +239,13 @@ def test_map_and_reference_of_unknown_light_give_no_warning(monkeypatch):
         assert all(np.isfinite(c).all() for pair in view_content.paint(lit, shown.errors) for c in pair)
 
 
-def test_reference_at_start_poses_is_loaded_again(solver, folder):
-    first = LiveError(solver, time.perf_counter)
-    gathered = finish(first)
+def test_reference_at_start_poses_is_loaded_again(solver, measured, monkeypatch):
+    _, first, gathered, folder = measured
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder))
     (file,) = folder.iterdir()
     again = LiveError(solver, time.perf_counter)
     assert finish(again) < gathered / 2
-    assert again.report.total == pytest.approx(first.report.total, rel=2e-3)  # it has one more step of paths
+    assert again.report.total == pytest.approx(first.total, rel=2e-3)  # it has one more step of paths
     pose = solver.poses["block"]
     solver.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
     finish(again)

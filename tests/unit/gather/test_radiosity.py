@@ -44,6 +44,13 @@ def fine_room() -> Scene:
     return Scene(walls, materials, (), (PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)),), up=(0, 0, 1))
 
 
+@pytest.fixture(scope="module")
+def truth() -> tuple[np.ndarray, np.ndarray]:
+    """Irradiance at the receivers of the fine room by 700 sets of whole paths, and its standard error."""
+    model = Model(fine_room())
+    return reference_irradiance(model.scene, *model.evaluation_points, 700, 5)
+
+
 def final(scene: Scene, seed: int = 0, threads: int = 2) -> tuple[Radiosity, np.ndarray]:
     """Return the gathering at a scene's static receivers, and their areas."""
     model = Model(scene, threads)
@@ -111,11 +118,11 @@ def test_early_light_has_no_clouds():
 
 
 @pytest.mark.slow
-def test_radiosity_equals_the_reference_within_its_noise():
+def test_radiosity_equals_the_reference_within_its_noise(truth):
     """Walls have many receivers, so that interpolation between them is accurate."""
     scene = fine_room()
     gather, areas = final(scene)
-    truth, error = reference_irradiance(scene, *gather._starts[:2], 700, 5)
+    truth, error = truth
     assert relative_error(truth + error, truth, areas).l1 < 0.03
     pairs(gather, 1)
     first = relative_error(gather.mean, truth, areas).l1
@@ -179,11 +186,10 @@ def test_frames_over_gathered_light_equal_from_scratch():
 
 
 @pytest.mark.slow
-def test_radiosity_beats_photons_and_whole_paths_replace_it(monkeypatch):
+def test_radiosity_beats_photons_and_whole_paths_replace_it(truth, monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.013)
     solver = solve(fine_room(), photons=50_000, radius=0.02, light="best")
-    points, normals = evaluation_points(solver.surfaces, solver.receivers)
-    truth, _ = reference_irradiance(solver.scene, points, normals, 700, 5)
+    truth, _ = truth
     photons = relative_error(solver.static_irradiance, truth, solver.receivers.areas).l1
     noises, off, fractions, g = [], [], [], None
     for progress in solver.gather_steps():
