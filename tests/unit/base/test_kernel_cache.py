@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from gi_core.base import kernel_cache
 from gi_core.base.jit import cache_folder, source_hash
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -107,21 +108,30 @@ def trap(file: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("change", ["mode", "mode of a file", "mode of a subfolder", "owner", "file"])
-def test_foreign_files_are_not_loaded(run, folder, tmp_path, change):
+def test_foreign_files_are_not_loaded(run, folder, tmp_path):
     trapped = trap(tmp_path / "ran")
-    if change == "mode":
-        folder.chmod(0o777)
-    elif change.startswith("mode of"):  # as of umask 0
+    folder.chmod(0o777)
+    hits, elsewhere, (problem,) = run()
+    assert hits == NONE and not trapped.exists() and elsewhere != folder and not elsewhere.exists()
+    assert problem.startswith(f"{folder} ") and "compiled at every start" in problem and problem.isprintable()
+
+
+@pytest.mark.parametrize("change", ["mode of a file", "mode of a subfolder", "owner", "file"])
+def test_a_folder_of_foreign_files_is_replaced(folder, change, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder))
+    monkeypatch.setattr(kernel_cache, "problems", [])
+    assert kernel_cache.usable_folder(folder) == folder and not kernel_cache.problems
+    if change.startswith("mode of"):  # as of umask 0
         folder.chmod(0o755)
         next(folder.rglob("*.nbc") if change == "mode of a file" else folder.glob("*/")).chmod(0o777)
     elif os.geteuid():
         pytest.skip("only root can give files away")
     else:
         os.chown(folder if change != "file" else next(folder.rglob("*.nbi")), 12345, -1)
-    hits, elsewhere, (problem,) = run()
-    assert hits == NONE and not trapped.exists() and elsewhere != folder and not elsewhere.exists()
-    assert problem.startswith(f"{folder} ") and "compiled at every start" in problem and problem.isprintable()
+    elsewhere = kernel_cache.usable_folder(folder)
+    assert elsewhere != folder and not list(elsewhere.iterdir()) and os.environ["NUMBA_CACHE_DIR"] == str(elsewhere)
+    (problem,) = kernel_cache.problems
+    assert problem.startswith(f"{folder} ") and "compiled at every start" in problem
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])

@@ -181,9 +181,9 @@ def test_a_change_of_lamps_has_little_noise(monkeypatch):
 
 def test_a_change_of_poses_has_the_noise_of_what_mobiles_change(monkeypatch):
     """Errors of the same static light cancel: stated error is near the scatter, and far below both lights' own."""
-    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.03)
+    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.05)
     changes, stated, apart = [], [], []
-    for seed in range(4):
+    for seed in range(3):
         solver = solve(coloured_room((box_mobile(),), grid=16), photons=50_000, light="best", seed=seed)
         solver.move("box", Pose((0.5, 0.5, 0.3)))
         for _ in solver.gather_steps():
