@@ -224,7 +224,7 @@ def lights_of_a_scene_file(folder):
 @bomb
 def turns_of_many_mobiles(folder):
     write_room(folder)
-    spin = "path = {times = [0, 100], positions = [[0,0,0],[0,0,0]], spin = 80000}\n"
+    spin = "path = {times = [0, 100], positions = [[0,0,0],[0,0,0]], spin = 46000}\n"
     mobiles = "".join(f'[[mobile]]\nname = "{i}"\nmesh = "cube.obj"\n{spin}' for i in range(300))
     (folder / "bomb.toml").write_text('[static]\nmesh = "room.obj"\n' + mobiles)
     return folder / "bomb.toml"

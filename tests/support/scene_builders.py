@@ -169,6 +169,15 @@ def coloured_room(mobiles=(), grid=2):
     return Scene(merge(room, panel, shelf), materials, mobiles, lights, up=(0.0, 0.0, 1.0), name="room")
 
 
+def fine_room(mobiles=()) -> Scene:
+    """A room with a lamp, a bulb, and many receivers on the walls."""
+    lit = quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
+    materials = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2)), lamp(8.0, 0.5)
+    lights = (PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)),)
+    walls = box((0, 0, 0), (1, 1, 1), 12, 0, inward=True)
+    return Scene(merge(walls, lit), materials, mobiles, lights, up=(0, 0, 1))
+
+
 ROOM_POINTS = (
     np.array([(0.5, 0.5, 0), (0.02, 0.5, 0), (0, 0.3, 0.6), (0.75, 0.4, 0.55 + 1e-6), (0.75, 0.4, 0.55 - 1e-6)]),
     np.array([(0, 0, 1), (0, 0, 1), (1, 0, 0), (-0.316227766, 0, 0.948683298), (0.316227766, 0, -0.948683298)]),

@@ -11,14 +11,13 @@ from app.session.cities import cities
 from app.session.lights import DAYLIGHT, NEW_DAYLIGHT, north_angle
 from app.settings import LampLevel
 from app.window import readout_marks
-from gi_core.files.edits import Darken, edited
+from gi_core.files.edits import Darken
 from gi_core.files.edits import Daylight as ChangeDaylight
 from gi_core.lights.daylight import daylit, sun_of
 from gi_core.scene.types import Daylight, DirectionalLight
-from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import in_window, keys
-from tests.window.test_viewer_edits import change
+from tests.window.test_viewer_edits import built, change
 
 MADRID = Daylight((40.4, -3.7), "2026-06-21", 14.0, 2.0)
 
@@ -29,12 +28,7 @@ def sunny_room():
 
 
 def is_that_of_a_new_solver(session) -> bool:
-    s = session.settings
-    given = {"photons": s.photons, "radius": s.radius, "neighbours": s.neighbours, "light": "photons"}
-    solver = Solver(edited(sunny_room(), s.edits), lamps=s.levels(()), **given)
-    solver.move_all(session.poses)
-    solver.solve()
-    return np.array_equal(solver.irradiance, session.irradiance)
+    return np.array_equal(session.irradiance, built(session, sunny_room))
 
 
 @in_window(scene=sunny_room)
@@ -48,7 +42,9 @@ def test_date_and_hour_move_the_sun(hand, viewer, folder):
     assert viewer.session.settings.edits == (ChangeDaylight((("hour", 10.5),)),)
     assert viewer.session.scene.daylight == viewer.session.daylight == MADRID._replace(hour=10.5)
     assert viewer.log.last.text == "edited: daylight"
-    assert not np.array_equal(viewer.session.irradiance, before) and is_that_of_a_new_solver(viewer.session)
+    assert not np.array_equal(viewer.session.irradiance, before) and np.array_equal(
+        viewer.session.irradiance, built(viewer.session, sunny_room)
+    )
     change(hand, viewer, lambda: ctx.item_input_value("**/##Date", "2026-03-21"))
     change(hand, viewer, lambda: ctx.item_input_value("**/##Place latitude", 52.0))
     wanted = MADRID._replace(hour=10.5, date="2026-03-21", place=(52.0, -3.7))
@@ -71,7 +67,9 @@ def test_night_comes_and_goes_though_the_sun_is_dimmed(hand, viewer):
     dimmed = viewer.session.irradiance
     hand.ctx.set_ref("Panel")
     change(hand, viewer, lambda: hand.ctx.item_input_value("**/##Hour", 1.0))
-    assert "sun" not in viewer.session.model.emitters.lamps.names and is_that_of_a_new_solver(viewer.session)
+    assert "sun" not in viewer.session.model.emitters.lamps.names and np.array_equal(
+        viewer.session.irradiance, built(viewer.session, sunny_room)
+    )
     assert "below the horizon" in viewer.session.scene.notes[-1]
     change(hand, viewer, lambda: viewer._do("undo"))
     assert np.array_equal(viewer.session.irradiance, dimmed)

@@ -38,11 +38,12 @@ def imgui_mouse() -> tuple[float, float]:
     return imgui.get_io().mouse_pos.x, imgui.get_io().mouse_pos.y
 
 
-def built(session) -> np.ndarray:
-    """Return irradiance of a new solver of the edited scene, with the session's settings and poses."""
+def built(session, scene=support.room) -> np.ndarray:
+    """Return irradiance of a new solver of the edited scene, with the session's settings, levels and poses."""
     s = session.settings
     given = {"photons": s.photons, "radius": s.radius, "neighbours": s.neighbours, "light": "photons"}
-    solver = Solver(edited(support.room(), s.edits), **given)
+    solver = Solver(edited(scene(), s.edits), **given)
+    solver.set_lamps({name: level for name, level in s.levels(()).items() if name in solver.lamps.names})
     solver.move_all(session.poses)
     solver.solve()
     return solver.irradiance

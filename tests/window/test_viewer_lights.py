@@ -15,7 +15,7 @@ from app.window.actions import lamps as actions
 from app.window.drag import TURN_SPEED
 from app.window.panel import widgets as ui
 from app.window.panel.lights import FILE
-from gi_core.files.edits import Darken, Light, edited
+from gi_core.files.edits import Darken, Light
 from gi_core.geometry.error import luminance
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene import PointLight, SpotLight
@@ -23,7 +23,7 @@ from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.photometry import write_ies
 from tests.support.viewer_hand import errors, in_window, keys
-from tests.window.test_viewer_edits import change
+from tests.window.test_viewer_edits import built, change
 
 BULB, SPOT = LightId("bulb"), LightId("spot")
 
@@ -36,14 +36,7 @@ def lit_room():
 
 
 def is_that_of_a_new_solver(session) -> bool:
-    s = session.settings
-    given = {"photons": s.photons, "radius": s.radius, "neighbours": s.neighbours, "light": "photons"}
-    solver = Solver(edited(lit_room(), s.edits), **given)
-    levels = s.levels(())
-    solver.set_lamps({name: level for name, level in levels.items() if name in solver.lamps.names})
-    solver.move_all(session.poses)
-    solver.solve()
-    return np.array_equal(solver.irradiance, session.irradiance)
+    return np.array_equal(session.irradiance, built(session, lit_room))
 
 
 @in_window(scene=lit_room)

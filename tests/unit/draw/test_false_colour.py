@@ -8,14 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from app.draw.colour_map import (
-    SEQUENTIAL,
-    UNKNOWN_COLOUR,
-    ZERO,
-    from_oklab,
-    sequential_colours,
-    signed_colours,
-)
+from app.draw.colour_map import SEQUENTIAL, UNKNOWN_COLOUR, ZERO, from_oklab, sequential_colours, signed_colours
 from app.draw.false_colour import (
     Scale,
     automatic_scale,

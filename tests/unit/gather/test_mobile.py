@@ -26,7 +26,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_invariants import AWAY, SCENE, fresh, moves, solved
-from tests.support.scene_builders import box, box_mobile, grey, lamp, merge, quad, sphere
+from tests.support.scene_builders import box, box_mobile, fine_room, grey, lamp, merge, quad, sphere
 
 GATHERED = {"light": "best"}
 
@@ -71,17 +71,11 @@ def test_inside_a_hollow_mobile_light_goes_to_and_fro():
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_mobile_gather_equals_the_reference():
     """Walls have many receivers, so that interpolation between them is accurate; two objects, side by side."""
     places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}
     things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
-    walls = merge(
-        box((0, 0, 0), (1, 1, 1), 12, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
-    )
-    materials = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2)), lamp(8.0, 0.5)
-    bulb = PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5))
-    scene = Scene(walls, materials, tuple(things), (bulb,), up=(0, 0, 1))
+    scene = fine_room(tuple(things))
     model, at = at_start(scene)
     receivers = model.receivers_at(model.start_poses())
     points, normals = evaluation_points(model.surfaces, receivers)

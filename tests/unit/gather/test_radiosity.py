@@ -18,10 +18,9 @@ from tests.support.scene_builders import (
     classroom,
     coloured_room,
     complete,
+    fine_room,
     grey,
     lamp,
-    merge,
-    quad,
     solve,
 )
 
@@ -33,15 +32,6 @@ POSE = Pose((0.55, 0.5, 0.35))
 @pytest.fixture(autouse=True)
 def quick(monkeypatch, tmp_path):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
-
-
-def fine_room() -> Scene:
-    """A room with a lamp, a bulb, and many receivers on the walls."""
-    walls = merge(
-        box((0, 0, 0), (1, 1, 1), 12, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
-    )
-    materials = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2)), lamp(8.0, 0.5)
-    return Scene(walls, materials, (), (PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)),), up=(0, 0, 1))
 
 
 @pytest.fixture(scope="module")
