@@ -83,23 +83,15 @@ MISTAKES = {
     "missing static": (SCENE.replace("[static]", "[other]"), "unknown key 'other'"),
     "no static": ('title = "t"', r"\[static\] is missing; write \[static\] and below it mesh = "),
     "static is a text": ('static = "room.obj"', r"\[static\] must be a table of keys, got 'room.obj'"),
-    "huge": (
-        SCENE.replace("[0.5, 0.5, 0.1]", "[1e300, 0, 0]"),
-        "position must be three finite numbers, at most 1e\\+15, got",
-    ),
-    "huge whole number": (
-        SCENE.replace("[0.5, 0.5, 0.1]", f"[{'9' * 400}, 0, 0]"),
-        "position must be three finite numbers",
-    ),
-    "scale out of sight": (
-        SCENE.replace("[static]", "[static]\nscale = 1e12"),
-        "a scene must be 1e-06 to 1e[+]09 m large",
-    ),
+    "huge": (SCENE.replace("[0.5, 0.5, 0.1]", "[1e300, 0, 0]"),
+        "position must be three finite numbers, at most 1e\\+15, got"),
+    "huge whole number": (SCENE.replace("[0.5, 0.5, 0.1]", f"[{'9' * 400}, 0, 0]"),
+        "position must be three finite numbers"),
+    "scale out of sight": (SCENE.replace("[static]", "[static]\nscale = 1e12"),
+        "a scene must be 1e-06 to 1e[+]09 m large"),
     "tiny edges": (SCENE.replace("max_edge = 10", "max_edge = 1e-9"), "max_edge 1e-09 makes more than 4,000,000"),
-    "endless spin": (
-        SCENE + "[mobile.path]\ntimes = [0, 1e6]\npositions = [[0, 0, 0], [1, 0, 0]]\nspin = 1e6",
-        "spin: a scene must have no more than 100,000 key frames, got",
-    ),
+    "endless spin": (SCENE + "[mobile.path]\ntimes = [0, 1e6]\npositions = [[0, 0, 0], [1, 0, 0]]\nspin = 1e6",
+        "spin: a scene must have no more than 100,000 key frames, got"),
     "spot of no width": (
         SCENE + '[[light]]\ntype = "spot"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\nintensity = [1, 1, 1]\n'
         "outer_degrees = 0",
@@ -118,54 +110,34 @@ MISTAKES = {
     "wrong type": (SCENE.replace('"test"', "3"), "title must be a text in quotes, got 3"),
     "wrong shape": (SCENE.replace("[0.5, 0.5, 0.1]", "[0.5, 0.5]"), "position must be three finite numbers, got"),
     "nan": (SCENE.replace("[0.5, 0.5, 0.1]", "[0.5, nan, 0.5]"), r"finite numbers, got \[0.5, nan, 0.5\]"),
-    "reflectance": (
-        SCENE + "[materials.wall]\nreflectance = [1, 0, 0]",
-        r'material "wall": reflectance must be three numbers >= 0 and < 1, got \[1, 0, 0\]',
-    ),
+    "reflectance": (SCENE + "[materials.wall]\nreflectance = [1, 0, 0]",
+        r'material "wall": reflectance must be three numbers >= 0 and < 1, got \[1, 0, 0\]'),
     "emission": (SCENE + "[materials.lamp]\nemission = [-1, 0, 0]", r"emission must be three numbers >= 0, got"),
-    "unused material": (
-        SCENE + "[materials.walls]\nreflectance = [0, 0, 0]",
-        "material \"walls\": no mesh has a material of that name; did you mean 'wall'",
-    ),
+    "unused material": (SCENE + "[materials.walls]\nreflectance = [0, 0, 0]",
+        "material \"walls\": no mesh has a material of that name; did you mean 'wall'"),
     "unknown material": (SCENE + 'material = "wal"', 'mobile "cube": there is no material "wal"'),
-    "emissive mobile": (
-        SCENE + 'material = "red"\n[materials.red]\nemission = [1, 1, 1]',
-        'mobile "cube": a mobile cannot emit light, its material "red" has emission',
-    ),
-    "duplicate mobiles": (
-        SCENE + '[[mobile]]\nname = "cube"\nmesh = "cube.obj"',
-        'mobile "cube": names must differ, this one is used twice',
-    ),
-    "duplicate lights": (
-        SCENE + '[[light]]\ntype = "sky"\nname = "a"\nradiance = [1, 1, 1]\n' * 2,
-        'light "a": names must differ',
-    ),
+    "emissive mobile": (SCENE + 'material = "red"\n[materials.red]\nemission = [1, 1, 1]',
+        'mobile "cube": a mobile cannot emit light, its material "red" has emission'),
+    "duplicate mobiles": (SCENE + '[[mobile]]\nname = "cube"\nmesh = "cube.obj"',
+        'mobile "cube": names must differ, this one is used twice'),
+    "duplicate lights": (SCENE + '[[light]]\ntype = "sky"\nname = "a"\nradiance = [1, 1, 1]\n' * 2,
+        'light "a": names must differ'),
     "missing mesh": (SCENE.replace("cube.obj", "cubes.obj"), "cubes.obj: there is no such mesh file"),
     "mesh format": (SCENE.replace("cube.obj", "cube.fbx"), "must be one of .glb .gltf .obj .ply .stl, got .fbx"),
-    "non-rigid": (
-        SCENE + "rotation = [2, 0, 0, 0]",
-        r"rotation: the quaternion \(w, x, y, z\) of a pose must have length 1, got 2; write \[1, 0, 0, 0\]",
-    ),
+    "non-rigid": (SCENE + "rotation = [2, 0, 0, 0]",
+        r"rotation: the quaternion \(w, x, y, z\) of a pose must have length 1, got 2; write \[1, 0, 0, 0\]"),
     "two rotations": (SCENE + "rotation = [1, 0, 0, 0]\nangle = 3", "rotation and axis/angle exclude each other"),
     "zero axis": (SCENE + "axis = [0, 0, 0]\nangle = 3", "axis must be three numbers that are not all 0"),
     "scale": (SCENE + "scale = 0", "scale must be a number > 0, got 0"),
-    "path lengths": (
-        SCENE + "[mobile.path]\ntimes = [0, 1]\npositions = [[0, 0, 0]]",
-        "positions must be a list with 2 entries of three numbers, got a list of 1",
-    ),
-    "path times": (
-        SCENE + "[mobile.path]\ntimes = [1, 1]\npositions = [[0, 0, 0], [1, 0, 0]]",
-        r"times must increase, got \[1.0, 1.0\]",
-    ),
+    "path lengths": (SCENE + "[mobile.path]\ntimes = [0, 1]\npositions = [[0, 0, 0]]",
+        "positions must be a list with 2 entries of three numbers, got a list of 1"),
+    "path times": (SCENE + "[mobile.path]\ntimes = [1, 1]\npositions = [[0, 0, 0], [1, 0, 0]]",
+        r"times must increase, got \[1.0, 1.0\]"),
     "light type": (SCENE + '[[light]]\ntype = "laser"', 'light 1: type must be one of "point", "spot"'),
-    "light key": (
-        SCENE + '[[light]]\ntype = "point"\nposition = [0, 0, 0]\nfluks = [1, 1, 1]',
-        "unknown key 'fluks'; did you mean 'flux'",
-    ),
-    "flux": (
-        SCENE + '[[light]]\ntype = "point"\nname = "ceiling"\nposition = [0, 0, 0]\nflux = [-1, 0, 2]',
-        r'light "ceiling": flux must be three numbers >= 0, got \[-1, 0, 2\]',
-    ),
+    "light key": (SCENE + '[[light]]\ntype = "point"\nposition = [0, 0, 0]\nfluks = [1, 1, 1]',
+        "unknown key 'fluks'; did you mean 'flux'"),
+    "flux": (SCENE + '[[light]]\ntype = "point"\nname = "ceiling"\nposition = [0, 0, 0]\nflux = [-1, 0, 2]',
+        r'light "ceiling": flux must be three numbers >= 0, got \[-1, 0, 2\]'),
     "spot": (
         SCENE + '[[light]]\ntype = "spot"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\nintensity = [1, 1, 1]\n'
         "inner_degrees = 30\nouter_degrees = 20",
@@ -179,7 +151,7 @@ MISTAKES = {
     "no rotation": (SCENE + "rotation = [0, 0, 0, 0]", r"length 1, got 0; write \[1, 0, 0, 0\]"),
     "two digits": (SCENE + "rotation = [0.7, 0, 0.7, 0]", r"got 0.9899; write \[0.7071, 0, 0.7071, 0\]"),
     "light is a table": (SCENE + "[light]\n", r"a light is written as a table \[\[light\]\], got"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

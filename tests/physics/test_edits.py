@@ -430,28 +430,20 @@ def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
 @pytest.mark.parametrize(
     ("edit", "rule"),
     [
-        (
-            Finish("chair", (("reflectance", (0.1, 0.1, 0.1)),)),
-            'no mobile or material is called \'chair\'; there is "box", "ball", "wall"',
-        ),
-        (
-            Finish("wall", (("reflectance", (0.1, 1.0, 0.1)),)),
-            "the material of 'wall': reflectance must be three numbers >= 0 and < 1",
-        ),
+        (Finish("chair", (("reflectance", (0.1, 0.1, 0.1)),)),
+         'no mobile or material is called \'chair\'; there is "box", "ball", "wall"'),
+        (Finish("wall", (("reflectance", (0.1, 1.0, 0.1)),)),
+         "the material of 'wall': reflectance must be three numbers >= 0 and < 1"),
         (Finish("ball", (("brdf", "wrad"),)), 'unknown reflection model "wrad"'),
         (Finish("ball", (("brdf", "ward"), ("gloss", 0.2))), "the material of 'ball'"),
         (Finish("ball", (("emission", (1.0, 1.0, 1.0)),)), "the material of 'ball'"),
-        (
-            Finish("box", (("roughness", 0.3),), part="leg"),
-            "mobile 'box' has no part 'leg'; there is \"wall\", \"crate\"",
-        ),
+        (Finish("box", (("roughness", 0.3),), part="leg"),
+         "mobile 'box' has no part 'leg'; there is \"wall\", \"crate\""),
         (Finish("chair", (), part="leg"), 'no mobile is called \'chair\'; there is "box", "ball"'),
         (Remove("chair"), 'no mobile is called \'chair\'; there is "box", "ball"'),
         (Duplicate("box", "ball", Pose()), "a new mobile must have a name of its own, got 'box'"),
-        (
-            Duplicate("b", "ball", Pose(quaternion=(2, 0, 0, 0))),
-            "the quaternion (w, x, y, z) of a pose must have length 1",
-        ),
+        (Duplicate("b", "ball", Pose(quaternion=(2, 0, 0, 0))),
+         "the quaternion (w, x, y, z) of a pose must have length 1"),
         (Promote("lamp", (0.5, 0.5, 0.99)), 'its material "lamp" emits light, and lamps must stand still'),
         (Insert("x", "nothing.glb"), "nothing.glb: there is no such mesh file"),
         (Insert("x", shape=(("type", "ball"),)), "shape 'x': type must be one of \"room\""),
@@ -464,7 +456,7 @@ def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
         (Light("x", (("type", "photometric"),), "no.ies"), "no.ies: the photometric file cannot be read"),
         (Darken("globe"), "remove a lamp: no lamp is called 'globe'"),
     ],
-)
+)  # fmt: skip
 def test_mistakes(edit, rule):
     with pytest.raises(SceneError) as caught:
         edited(room(), [edit])

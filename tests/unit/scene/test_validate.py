@@ -38,36 +38,28 @@ def with_light(light):
         (with_material(reflectance=(0.5, 0.5)), "reflectance must be three numbers"),
         (with_material(emission=(0, -1, 0)), "emission must be three numbers >= 0 and <= 1e+15, got (0, -1, 0)"),
         (with_material(emission=(0, float("nan"), 0)), "emission must be three numbers >= 0"),
-        (
-            with_static(vertices=ROOM.static.vertices * np.nan),
-            "the static part: vertices must be an array (n, 3) of finite numbers",
-        ),
-        (
-            with_static(vertices=ROOM.static.vertices[:, :2]),
-            "of finite numbers from -1e+15 to 1e+15, got float64 (62, 2) from 0 to 1",
-        ),
+        (with_static(vertices=ROOM.static.vertices * np.nan),
+         "the static part: vertices must be an array (n, 3) of finite numbers"),
+        (with_static(vertices=ROOM.static.vertices[:, :2]),
+         "of finite numbers from -1e+15 to 1e+15, got float64 (62, 2) from 0 to 1"),
         (with_static(faces=ROOM.static.faces + 1000), "faces must be an array (n, 3) of integers from 0 to "),
         (with_static(faces=ROOM.static.faces - 1), "faces must be an array (n, 3) of integers from 0 to "),
         (with_static(faces=ROOM.static.faces.astype(float)), "faces must be an array (n, 3) of integers from 0 to"),
         (with_static(face_material=ROOM.static.face_material[1:]), "face_material must be an array ("),
         (with_static(face_material=ROOM.static.face_material + 9), "of integers from 0 to 2, got int32 ("),
-        (
-            with_static(face_reflectance=np.full((len(ROOM.static.faces), 3), 1.0)),
-            "3) of finite numbers from 0 to 1, got float64 (",
-        ),
+        (with_static(face_reflectance=np.full((len(ROOM.static.faces), 3), 1.0)),
+         "3) of finite numbers from 0 to 1, got float64 ("),
         (with_light(PointLight("p", (0, 0, 0.5), (-1, 0, 0))), 'light "p": flux must be three numbers >= 0'),
         (with_light(PointLight("p", (0, 0, np.inf), WHITE)), 'light "p": position must be three finite numbers'),
-        (
-            with_light(SpotLight("s", (0, 0, 0), (0, 0, 0), WHITE, 1, 2)),
-            "direction must be three numbers that are not all 0",
-        ),
+        (with_light(SpotLight("s", (0, 0, 0), (0, 0, 0), WHITE, 1, 2)),
+         "direction must be three numbers that are not all 0"),
         (with_light(SpotLight("s", (0, 0, 0), (0, 0, 1), WHITE, 30, 20)), "got 30 and 20"),
         (with_light(DirectionalLight("d", (0, 0, 1), (np.nan,) * 3)), "irradiance must be three numbers >= 0"),
         (with_light(SkyLight("y", (1, 1, -1))), "radiance must be three numbers >= 0"),
         (replace(ROOM, up=(0, 0, 0)), "up must be three numbers that are not all 0"),
         (coloured_room((box_mobile(material=1),)), 'mobile "box": material "lamp" emits light'),
     ],
-)
+)  # fmt: skip
 def test_refused_in_one_sentence(scene, message):
     with pytest.raises(SceneError) as problem:
         Solver(scene, photons=10)
