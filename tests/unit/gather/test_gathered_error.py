@@ -17,11 +17,11 @@ SCENE = classroom(0.6)
 
 @pytest.fixture(scope="module")
 def truth() -> ReferenceSample:
-    """Whole paths at 400 receivers, of 2 % noise."""
+    """Whole paths at 400 receivers, of 3 % noise."""
     model = Model(SCENE)
     areas = model.object_receivers.areas
     rows, times = draw_by_area(np.flatnonzero(areas > 0), areas, 400, 5)
-    *_, truth = gather_sample(model, model.start_poses(), rows, times, 77, 0.02)
+    *_, truth = gather_sample(model, model.start_poses(), rows, times, 77, 0.03)
     return truth
 
 
