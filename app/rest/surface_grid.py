@@ -263,16 +263,20 @@ def _flat_parts(corners: np.ndarray, normals: np.ndarray, areas: np.ndarray) -> 
 
 
 def stands(model: Model, at: Transforms, points: np.ndarray, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Return whether the nearest surfaces below and above points (n, 3) [m] face them, (n,) bool.
+    """Return whether the nearest surfaces below and above points (n, 3) [m], and one beside them, face them, (n,) bool.
 
     Points are lifted along their normals. Below or above a point inside a solid is a back, and below one outside a room
-    is nothing.
+    is nothing. A pillar without ends has backs on all four sides.
     """
     o = points - model.origins[0]
     o = o + model.lifts_at(at, o, normals)[:, None] * normals
     (_, below), (_, above) = (_below(model, at, o, way) for way in (up, -up))
     faced = [_faces_up(model, at, np.maximum(face, 0), way) for face, way in ((below, up), (above, -up))]
-    return (below >= 0) & faced[0] & ((above < 0) | faced[1])
+    enclosed = np.ones(len(o), bool)
+    for way in (sign * axis for axis in frame_of(up)[:2] for sign in (-1, 1)):
+        _, beside = _below(model, at, o, way)
+        enclosed &= (beside >= 0) & ~_faces_up(model, at, np.maximum(beside, 0), way)
+    return (below >= 0) & faced[0] & ((above < 0) | faced[1]) & ~enclosed
 
 
 def _below(model: Model, at: Transforms, origins: np.ndarray, up: np.ndarray, static=False):

@@ -149,10 +149,10 @@ def level_quad(x0, y0, x1, y1, z, material=WALL, up=True):
     return quad((x0, y0, z), u, v, (4, 4), material)
 
 
-def walls(*corners, height=3.0):
-    """Return a wall per side of a polygon, two-sided."""
+def walls(*corners, height=3.0, material=SHEET):
+    """Return a wall per side of a polygon; one-sided ones face outwards where it turns left."""
     ends = zip(corners, corners[1:] + corners[:1], strict=True)
-    return [quad((*a, 0), (b[0] - a[0], b[1] - a[1], 0), (0, 0, height), (3, 3), SHEET) for a, b in ends]
+    return [quad((*a, 0), (b[0] - a[0], b[1] - a[1], 0), (0, 0, height), (3, 3), material) for a, b in ends]
 
 
 def room(*parts, lights=(), at=(0, 0, 0), scale=1.0) -> Scene:
@@ -177,6 +177,7 @@ def stairs() -> list:
     return [shell(), *steps, level_quad(5, 0, 6, 6, 1.8, SHEET)]
 
 
+PILLAR = walls((1.2, 1.2), (1.8, 1.2), (1.8, 1.8), (1.2, 1.8), height=2.9, material=WALL)
 CUPBOARD = box((4, 1, 0.2), (5.5, 5, 2), 2, SHEET)
 BLINDS = [level_quad(0.25 * k, 0, 0.25 * k + 0.23, 6, 2.4) for k in range(24)]
 DESKS = [box((x, 1, 0.7), (x + 1.5, 5, 0.75), 2) for x in (1, 3.5)]
@@ -194,6 +195,7 @@ ROOMS = {  # scene; height of the floor; points of 6 x 6 that count, 0.5 to 5.5 
     "blinds": (room(shell(), *BLINDS, lights=[(3, 3, 2.8)]), 0.0, 36),
     "desks": (room(shell(), *DESKS, lights=[(3, 3, 2.8)]), 0.0, 36),
     "closed two-sided cupboard": (room(shell(), CUPBOARD, lights=[(3, 3, 2.8)]), 0.0, 28),
+    "pillar without ends, with a gap": (room(shell(), *PILLAR, lights=[(3, 3, 2.8)]), 0.0, 35),
     "two floors": (room(shell(), shell(z=3.3), lights=[*ABOVE, *BELOW]), 0.0, 36),
     "two floors, light above": (room(shell(), shell(z=3.3), lights=ABOVE), 3.3, 36),
     "stairs": (room(*stairs(), lights=[(1, 3, 2.8)]), 0.0, 36),
