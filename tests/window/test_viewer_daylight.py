@@ -14,8 +14,9 @@ from app.window import readout_marks
 from gi_core.files.edits import Darken
 from gi_core.files.edits import Daylight as ChangeDaylight
 from gi_core.lights.daylight import daylit, sun_of
-from gi_core.scene.types import Daylight, DirectionalLight
+from gi_core.scene.types import Daylight, DirectionalLight, PointLight
 from tests.support import viewer_support as support
+from tests.support.lit_from_outside import sky_room
 from tests.support.viewer_hand import in_window, keys
 from tests.window.test_viewer_edits import built, change
 
@@ -142,3 +143,23 @@ def test_daylight_that_is_removed_can_be_added_again(hand, viewer):
     assert viewer.session.scene.daylight is None
     change(hand, viewer, lambda: viewer._do(("add lamp", DAYLIGHT)))
     assert viewer.session.scene.daylight == NEW_DAYLIGHT
+
+
+def dim_room():
+    """A room with a window, and a bulb of little light."""
+    return dataclasses.replace(sky_room(0.5), lights=(PointLight("bulb", (2.0, 2.0, 2.0), (1.0, 1.0, 1.0)),))
+
+
+@in_window(scene=dim_room)
+def test_the_exposure_is_metered_for_new_lamps_of_much_more_light(hand, viewer):
+    """Sun and sky turned a room white until a key was pressed."""
+    before = viewer.session.settings.exposure
+    change(hand, viewer, lambda: viewer._do(("add lamp", DAYLIGHT)))
+    hand.ctx.yield_(2)
+    exposure = viewer.session.settings.exposure
+    assert f"added: daylight; metered: {exposure:+.1f} EV" in [e.text for e in viewer.log.entries]
+    assert exposure < before - 1
+    change(hand, viewer, lambda: viewer.session.change_scene(Darken("sun"), Darken("sky")))
+    hand.ctx.yield_(2)
+    assert viewer.log.entries[-1].text.endswith("the exposure stays as it was: key A meters it")
+    assert viewer.session.settings.exposure == exposure
