@@ -223,11 +223,9 @@ class StaticGather:
         return 0.0 if self._sample is None else self._sample.error(E)
 
     def is_early(self, paths: int) -> bool:
-        """Whether there is no light but that of fewer than so many paths per receiver of phase 1."""
+        """Whether there are no whole paths, and fewer than so many new ones of phase 1 per receiver."""
         r = self._radiosity
-        gathered = self.estimate is not None and self.estimate.source is not Source.EDITED
-        of_phase_1 = self.state is None and (not gathered or r.paths > 0)
-        return not self.enough and of_phase_1 and r.paths < paths and not r.is_complete
+        return not self.enough and self.state is None and r.paths < paths and not r.is_complete
 
     @property
     def enough(self) -> bool:
