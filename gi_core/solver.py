@@ -311,7 +311,7 @@ class Solver:
             results.keep("gloss", key, light.gloss.kept(b, light.setting), 1)
             results.keep("light at poses", key, light.before_edit(b, f.photons, f.irradiance, f.own, at), 1)
         if light.direct.is_known:
-            results.keep("direct light", self._rays_key, light.direct.kept(), 1)
+            results.keep("direct light", self._rays_key, light.direct.kept(), KEPT)
         if gathered is not None:
             results.keep("static light", key, gathered.copied(None), KEPT)
         stands = (has_sums or light.is_gathered) and not light.static.shows_earlier

@@ -344,20 +344,15 @@ class Viewer:
                 raise
             self._ready = True
             self._news = self.reload.news(new) or self._news
-            if brighter:
-                added = set(new.model.emitters.lamps.names) - set(now.model.emitters.lamps.names)
-                self.log(f"{self._news}; {self._meter() if added else EXPOSURE_STAYS}", WARNING)
+            if brighter and set(new.model.emitters.lamps.names) - set(now.model.emitters.lamps.names):
+                self._do("meter")  # a new lamp is to be seen, a changed one to be compared
+            elif brighter:
+                self.log(f"{self._news}; {EXPOSURE_STAYS}", WARNING)
                 self._news = ""
         held = imgui.is_any_item_active() or self.viewport.lamps.held is not None or self.reload.is_editing
         if self._news and not held:  # once per held slider
             self.log(self._news)
             self._news = ""
-
-    def _meter(self) -> str:
-        """Meter the exposure from the view, and say so: a new lamp is to be seen, a changed one compared."""
-        exposure = self.session.metered(self.viewport.view.camera)
-        self.session.want(replace(self.session.settings, exposure=exposure))
-        return f"metered: {exposure:+.1f} EV"
 
     def _adopt(self, new: Session) -> None:
         """Show a ready session with its own geometry, camera and exposure."""
