@@ -27,7 +27,7 @@ from gi_core.rays.structures import checked
 from gi_core.scene.errors import SceneError
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
-from gi_core.scene.types import DirectionalLight, PlacedLight, Pose, Scene, SkyLight
+from gi_core.scene.types import DistantLight, PlacedLight, Pose, Scene
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
@@ -74,7 +74,7 @@ class Model:
         self.world = build_world(self.surfaces, self.accelerator, lights)
         # Directional and sky light must reach mobiles outside the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
-        distant = any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights)
+        distant = any(isinstance(light, DistantLight) for light in scene.lights)
         _check_reach(scene, self.surfaces, max(self.world.size, 2 * lit[1] * distant))
         self.emitters = build_emitters(scene, self.surfaces, *lit).guided(self._guide_of)
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach

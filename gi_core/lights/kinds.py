@@ -1,4 +1,5 @@
-"""Kinds of lights, one file each. A new one is a file with these names, and one line in each of the three lists here.
+"""Kinds of lights, one file each. A new one is a file with these names, its import and place in KINDS, its number, and
+a branch of emitted() and of arrived().
 
     RECORD                                     the record of `gi_core.scene.types`
     parameters(light, around, table) -> list   at most WIDTH numbers: place (3), axis (3), others; table: of a luminaire
@@ -19,12 +20,12 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.lights import area, photometric, point, sky, spot, sun
-from gi_core.scene.types import Light, PlacedLight
+from gi_core.scene.types import DistantLight, Light
 
 KINDS = area, point, spot, sun, sky, photometric
 AREA, POINT, SPOT, SUN, SKY, PHOTOMETRIC = range(len(KINDS))
 KIND_OF: dict[type, int] = {kind.RECORD: number for number, kind in enumerate(KINDS) if kind is not area}
-IS_DISTANT = np.array([kind is not area and kind.RECORD not in get_args(PlacedLight) for kind in KINDS])
+IS_DISTANT = np.array([kind is not area and kind.RECORD in get_args(DistantLight) for kind in KINDS])
 WIDTH = 12  # parameters of a light
 
 

@@ -230,7 +230,8 @@ class Daylight(NamedTuple):
 
 
 PlacedLight = PointLight | SpotLight | PhotometricLight
-Light = PlacedLight | DirectionalLight | SkyLight
+DistantLight = DirectionalLight | SkyLight
+Light = PlacedLight | DistantLight
 
 
 class LampLevel(NamedTuple):

@@ -1,6 +1,4 @@
-"""The truth of the chart: unbiased light at some poses, at a random sample of receivers of each class, and the truth of
-gloss: its radiance towards the camera at vertices that carry directional light.
-"""
+"""Truth of the chart at some poses: unbiased light at sampled receivers, and radiance of gloss towards the camera."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Every disc against every segment: the baseline of the other searches.
 
-Candidates are handled here and in accumulate.py: one inlined function for both made an estimate
-a fifth slower.
+Candidates are handled here and in predicate.py: one inlined function for both made an estimate a fifth slower.
 """
 
 from __future__ import annotations

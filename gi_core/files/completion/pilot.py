@@ -16,7 +16,7 @@ from gi_core.base.vectors import box, central_box, dot, length
 from gi_core.files.completion.camera_view import unit
 from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.rays.accelerator import Accelerator
-from gi_core.scene.types import DirectionalLight, PlacedLight, Scene, SkyLight
+from gi_core.scene.types import DistantLight, PlacedLight, Scene, SkyLight
 
 BOUNCES = 4
 COMPLETION_SEED = 0x5EED
@@ -196,7 +196,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     normals, areas = face_normals(mesh)
     emission = _emission(scene) * areas * is_lit(scene, rays)
     placed = [np.array(light.position) for light in scene.lights if isinstance(light, PlacedLight)]
-    distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
+    distant = [light for light in scene.lights if isinstance(light, DistantLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]
     n = 6000 // max(sum(kinds), 1)  # with BOUNCES segments each some 20,000 hits
     parts = []

@@ -18,7 +18,7 @@ from gi_core.files.formats.winding import consistent_winding
 from gi_core.geometry.mesh_parts import turned_mesh
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
-from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
+from gi_core.scene.types import DistantLight, Mesh, Scene
 
 
 def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
@@ -101,7 +101,7 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
     # Fronts of a closed body of negative volume look inwards.
     empty = closed & (np.where(volume > 0, back, front) == 0)
     # The pilot starts sunlight where it lands: it does not count there.
-    traced = winding.orientable & (not any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights))
+    traced = winding.orientable & (not any(isinstance(light, DistantLight) for light in scene.lights))
     keep_front = (empty & (volume > 0)) | (traced & (front >= plenty) & (back == 0))
     keep_back = (empty & (volume < 0)) | (traced & (back >= plenty) & (front == 0))
     keep_back &= ~keep_front
