@@ -1,7 +1,7 @@
 """The command line: `gi-viewer [SCENE]`, and the commands that need no window.
 
 Nothing heavy is imported before the arguments are known to be good: `--help` answers at once.
-Exit codes: 0 done, 1 done in part, 2 usage, 3 the scene cannot be used, 4 no OpenGL window (only with --no-fallback).
+Exit codes are those of `app.cli.terminal.Exit`.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ def shown(value: float, error: float, unit: str = "") -> str:
 
 
 def _rounded(value: float, error: float) -> str:
-    """Return a value to two digits of its standard error, without one to four digits."""
+    """Return a value, rounded to two digits of its standard error, or to four digits where it has none."""
     if error > 0:
         return f"{value:.{_digits(error)}f}"
     return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"

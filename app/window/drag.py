@@ -95,7 +95,7 @@ def on_plane(origin, direction, point, normal) -> np.ndarray | None:
 
 
 def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
-    """Move at constant height; near the horizon and above it, as far as in the image plane."""
+    """Return the point (3,) at constant height; near the horizon it moves as far as in the image plane."""
     origin, direction = grab.camera.ray(u, v, aspect)
     up = frame_of(grab.camera.up)[2]
     level = direction - (direction @ up) * up

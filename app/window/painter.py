@@ -116,7 +116,7 @@ class Painter:
             self.ctx.finish()
 
     def _upload(self, session: Session, viewport: Viewport) -> None:
-        """Upload the colours."""
+        """Upload meshes, lights, gloss and colours of the light on show."""
         viewport.shown = shown = view_content.shown(session)
         lit = view_content.lit(session, shown)
         self.renderer.set_scene(lit.meshes)

@@ -1,7 +1,7 @@
 """Edits of a scene after loading: materials, lights, mobiles inserted, copied or removed, static faces made mobile.
 
-An edited scene is a scene: it equals one that was built so, and its solver needs no history. `Solver.edited` keeps the
-photon paths that an edit does not touch.
+An edited scene equals one that was built so, and its solver needs no history. `edited_solver` of `gi_core.solver` keeps
+the photon paths that an edit does not touch.
 """
 
 from __future__ import annotations

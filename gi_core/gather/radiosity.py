@@ -181,7 +181,7 @@ class Radiosity:
         self._take_in(halves, [*self._hits, hits])
 
     def _trace(self, number: int, m: int, direct: np.ndarray, hits: np.ndarray) -> None:
-        """Trace set `number` of 2^m paths; write its hits (k, 2^m) and the light (n, 3 G) that needs none of them."""
+        """Trace set `number` of 2^m paths; write its hits (k, 2^m) and the direct light (n, 3 G) [W/m2]."""
         seed, bright, first = self._seed ^ (number << 20), self._on_faces.bright.lights, 0
         to_bright = PATHS_PER_SHADOW * max((1 << m) // BOUNCES_PER_BRIGHT, 1)
         of_sets = (1 << m, self._lights.area), (to_bright, bright)

@@ -46,7 +46,7 @@ def relative_error(E: np.ndarray, T: np.ndarray, weights: np.ndarray, rows=slice
 
 
 def small_sample_bias(samples):
-    """Return the expected standard deviation of so few normal numbers over the true one (c4 of statistics)."""
+    """Return the expected standard deviation of n normal numbers over the true one (c4), per sample size n."""
     counts, at = np.unique(samples, return_inverse=True)
     factors = [math.sqrt(2 / (n - 1)) * math.exp(math.lgamma(n / 2) - math.lgamma((n - 1) / 2)) for n in counts]
     return np.array(factors)[at].reshape(np.shape(samples))

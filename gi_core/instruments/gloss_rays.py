@@ -34,7 +34,7 @@ __all__ = [
 
 
 def single_rays(solver: Solver, receivers: np.ndarray) -> tuple[Directions, np.ndarray]:
-    """Return the rays of a solver of gloss LIST, and the rows (n,) int32 of receivers (n,) among them."""
+    """Return the single rays of a solver with gloss LIST, and the row (n,) int32 of each receiver (n,) in them."""
     light = solver.frame.gloss
     return light.directions()._replace(opened=OPENED[LIST]), np.searchsorted(light.rows, receivers).astype(np.int32)
 

@@ -116,7 +116,7 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
 
 
 def _joined(data: bytes) -> str:
-    """Return text, of UTF-16 if a mark says so, whose continued lines are joined."""
+    """Return the text of a file, decoded as UTF-16 after its byte-order mark, with continued lines joined."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", "replace").encode()
     return text_of(data, "replace").replace("\\\n", " ")
