@@ -1,7 +1,7 @@
 """Settings: the table of all of them, and one frozen record that the command line, the panel and the commands share.
 
 A setting is one entry of a group below: its type, its default, its option, and the columns of `Row`. Options, saved
-scenes, copied commands, resets, and what a change makes due are read from there. Nothing at the top imports numpy, so
+scenes, copied commands, resets, and the work after a change are read from there. Nothing at the top imports numpy, so
 that `--help` and `--version` stay instant.
 """
 
@@ -104,7 +104,7 @@ PLACED: dict[str, Any] = {**OF_SCENE, "counts": False}  # the window compares po
 
 @dataclass(frozen=True)
 class Source:
-    """The scene: its files, and what was done to it after they were read."""
+    """The scene: its files, and the changes after these were read."""
 
     scene: str = unlisted(  # a shipped name, a scene file (.toml) or a mesh file
         "cornell", kept="scene", resets=False, reads=True

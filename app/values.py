@@ -178,7 +178,7 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
 
 
 def _keys(text: str, table: str, example: str, read: Callable[[dict], Any]) -> Any:
-    """Return what `read` makes of the keys of a table of a scene file, with commas between them."""
+    """Return the value that `read` makes of the keys of a table of a scene file, with commas between them."""
     import tomllib
 
     from gi_core.scene.errors import SceneError

@@ -51,7 +51,7 @@ def picture(parser: argparse.ArgumentParser, *fields: str) -> None:
 
 
 def surface(add: Callable) -> None:
-    """Add --surface, and what belongs to the numbers of surfaces."""
+    """Add --surface, and the options of numbers of surfaces."""
     _add(add, "surfaces", "watts", "maintenance_factor", "hold")
 
 
@@ -67,7 +67,7 @@ def budget(add: Callable, off: str) -> None:
 
 
 def error(add: Callable) -> None:
-    """Add --error of what is path traced."""
+    """Add --error, the noise [%] at which path tracing stops."""
     text = "stop at this noise, relative to the light [%%] (1)"
     add("--error", type=values.percent, default=1.0, metavar="PCT", help=text)
 

@@ -392,7 +392,7 @@ def _copied(file: Path, parts: tuple[str, ...], document: Path, made: list[Path]
 
 
 def _may_copy(source: Path, copy: Path) -> bool:
-    """Return whether a file may be copied: there is no copy, or this one, or what it was a copy of has gone."""
+    """Return whether a file may be copied: there is no copy, or this one, or its original has gone."""
     if not os.path.lexists(copy):
         return True
     return copy.is_file() and (not source.is_file() or filecmp.cmp(source, copy, shallow=False))

@@ -53,7 +53,7 @@ def check_folder(variable: str, folder: Path) -> None:
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove what killed processes of this machine left of files, see replacing(), where that can be done."""
+    """Remove parts of files that killed processes of this machine left, see replacing(), where that can be done."""
     if os.name != "posix":
         return
     for path in folder.glob("*.part"):

@@ -66,7 +66,7 @@ def measure(settings: Settings, error: float, file: Path | None = None, shares: 
 def measured(
     solver: Solver, settings: Settings, error: float, bar: Bar
 ) -> tuple[tuple[str, ...], Level, list[SurfaceLight]]:
-    """Return what targets hold, the floor of a scene, and the light on its surfaces, or on one at desk height."""
+    """Return the held targets, the floor of a scene, and the light on its surfaces, or on one at desk height."""
     import time
 
     from app.rest.calculation_surface import WORKING_PLANE, all_steps, maintained_levels, surfaces_of

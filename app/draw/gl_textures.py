@@ -76,7 +76,7 @@ class GlossTexture:
         self.light: GlossLight | None = None  # on show; None: there is no texture
 
     def upload(self, light: GlossLight | None) -> None:
-        """Show the light of a frame; None changes nothing. Only what differs from the last call is uploaded."""
+        """Show the light of a frame; None changes nothing. Only differences from the last call are uploaded."""
         if light is None or light is self.light:
             return
         before, self.light = self.light, light

@@ -59,7 +59,7 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
 
 
 def _within(path: KeyFrames, gone, length: float):
-    """Return what is gone of a path of `length`, in its unit: a closed path repeats, an open one reverses."""
+    """Return the place on a path of `length`, in its unit: a closed path repeats, an open one reverses."""
     if not length > 0:  # a path of one pose
         return 0.0 * gone
     closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(

@@ -318,7 +318,7 @@ class Renderer:
         self.ctx.enable(self.ctx.DEPTH_TEST)
 
     def _draw_mirrors(self, look: Look) -> bool:
-        """Draw what sharp gloss reflects; return whether the picture shows it."""
+        """Draw the reflections of sharp gloss; return whether the picture shows it."""
         targets = self._targets
         if not look.is_light or look.eye is None or self._gloss.light is None or not self._mirrors:
             return False

@@ -1,7 +1,7 @@
 """Linear radiance to display values: exposure, white balance, tone map, sRGB; colours of pixels without light.
 
-The gains of white balance turn the light of a scene's lamps neutral, as a camera's white balance does, and keep the
-luminance of white surfaces: exposure does not depend on them. False colours, errors and numbers show the light itself.
+The gains of white balance turn the light of a scene's lamps neutral, as a camera's white balance does. They keep the
+luminance of white surfaces, so exposure does not depend on them. False colours, errors and numbers have no gains.
 
 The fragment shader does the same arithmetic in the same order (exposure, tone map, sRGB encode, once each);
 `tests/unit/draw/test_tonemap.py` compares both.

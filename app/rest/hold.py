@@ -50,7 +50,7 @@ class Inputs(NamedTuple):
 
 
 def inputs_of(settings: Settings, scene: Scene, moving: bool) -> Inputs | None:
-    """Return what is to be held, None where nothing is asked for; moving: no surface on a mobile can be."""
+    """Return the targets to hold, None without any; moving: no surface on a mobile can be held."""
     if not is_on(settings, scene):
         return None
     places = set(parts_of(scene)) - ({m.name for m in scene.mobiles} if moving else set())
@@ -116,7 +116,7 @@ def measured_steps(
 
 
 def hold_now(solver: Solver, settings: Settings, noise: float, bar: Callable[[str, float], None]) -> HeldResult | None:
-    """Set the levels that hold targets at the solver's poses; return what holds, None where nothing is asked for."""
+    """Set the levels that hold targets at the solver's poses; return the result, None without targets."""
     of = inputs_of(settings, solver.scene, moving=False)
     if of is None:
         return None
@@ -132,7 +132,7 @@ def hold_now(solver: Solver, settings: Settings, noise: float, bar: Callable[[st
 
 
 def result_of(held: Held, grids: Sequence[Grid], unit: str, answer: HeldLevels) -> HeldResult:
-    """Return what holds at levels."""
+    """Return the result of holding targets at levels."""
     rows = zip(held.surfaces, grids, held.rows, strict=True)
     lights = tuple(
         SurfaceLight(s.surface, grid, *worst(answer.values[k], answer.errors[k], len(grid.positions)), 1.0)

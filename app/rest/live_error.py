@@ -1,9 +1,9 @@
 """Error of the current light, measured at rest: frame time, noise, reference.
 
 Results belong to the solver's irradiance and are dropped when it changes. A reference belongs to poses, to all or
-sampled receivers, and to levels of lamps; the last three are kept. Errors are relative to the light of each place
-that is brighter than the view, else to that of the view (`gi_core.gather.static`): all light may be sunlight,
-beside which a mottled room would count as done.
+sampled receivers, and to levels of lamps; the last three are kept. At a place brighter than the view, errors are
+relative to its own light, else to that of the view (`gi_core.gather.static`). All light may be sunlight, beside which
+a mottled room would count as done.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ class StaticStore(RecordFile):
         return gathered if kept is not None and gathered.go_on_from(kept) else None
 
     def keep_light(self, static: StaticLight, shown: Background | None) -> None:
-        """Save the light on show and what its gathering goes on from; the oldest files beyond MOST_BYTES go."""
+        """Save the light on show and the state of its gathering; the oldest files beyond MOST_BYTES go."""
         gathered = static.gathered or StaticGather(self._model, self._seed)
         self.keep(gathered.kept(static.on_show(shown)))
         with contextlib.suppress(OSError):

@@ -110,7 +110,7 @@ class RestWork:
 
 
 def hold(solver: Solver, settings: Settings, bar: Callable[[str, float], None]) -> HeldResult | None:
-    """Let each frame hold the targets of surfaces; return what holds, None where nothing is asked for."""
+    """Let each frame hold the targets of surfaces; return the result, None without targets."""
     work = HoldJob(solver)
     while (task := first_task((work,), settings)) is not None:
         bar("finding levels", 0.0)

@@ -1,8 +1,8 @@
 """Grids of calculation surfaces: the floor of a room, points over it or on an object, and which of them count.
 
-EN 12464-1 defines the grid: nearly square cells with points at their centres, of p = 0.2 * 5^log10(d) metres at a side
-of d metres, and a border of 0.5 m along walls that does not count. The text of the norm was not at hand; these formulas
-are those that manuals of lighting software give.
+EN 12464-1 defines the grid. Cells are nearly square, of p = 0.2 * 5^log10(d) metres at a side of d metres, with points
+at their centres. A border of 0.5 m along walls does not count. The text of the norm was not at hand; these formulas are
+those of manuals of lighting software.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ def box_along(low, high, up) -> Level:
 def floor_of(model: Model, level: Level) -> tuple[float, float]:
     """Return the height [m] of the floor of a scene whose light reaches the box `level`, and its share of the box.
 
-    Vertical lines through the box pass all static surfaces that face up. Of those that are level and that light
-    reaches, the floor is the lowest one half as large as the largest, or larger: no desk,
-    blind or ground below the house. The lowest point of the box, where nothing is level.
+    Vertical lines through the box pass all static surfaces that face up. The floor is level and lit. It is the
+    lowest such surface of at least half the size of the largest: no desk, blind or ground below the house. Where
+    nothing is level, it is the lowest point of the box.
     """
     floor_lines = 4096  # vertical lines that look for the floor, by Roberts' sequence R2: 0.1 % of its area
     axes, (low, high) = level.axes, (level.low, level.high)
@@ -208,7 +208,7 @@ def on_part(name: str, model: Model, level: Level, face: int) -> CalculationSurf
 
 
 def _top_of(surface: CalculationSurface, model: Model, level: Level, poses: Mapping[str, Pose]):
-    """Return middle (3,) [m], sides (3, 3) unit and size (2,) [m] of the top of what a surface lies on.
+    """Return middle (3,) [m], sides (3, 3) unit and size (2,) [m] of the top of the part that a surface lies on.
 
     The top is the highest of its flat parts that face up, of those half as large as the largest; else its largest part.
     """

@@ -1,4 +1,4 @@
-"""Places of objects: free ones for new objects, on what lies below, beside another object."""
+"""Places of objects: free ones for new objects, at rest on the surface below, beside another object."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
     """Return the pose of an object at the free place nearest to a point that an eye sees, None where none is free.
 
     poses: of all mobiles; near: point and eye (2, 3) [m], None for the place where the object is, and its pose if that
-    is free. The object slides there over what lies below the point, without passing through static faces, and stands on
-    level ground. Where the eye sees no free place, the nearest one is taken.
+    is free. The object slides there over the surfaces below the point, without passing through static faces. It stands
+    on level ground. Where the eye sees no free place, the nearest one is taken.
     """
     low, high = session.box_of((name,), poses)
     at = np.array(poses[name].position)
@@ -61,8 +61,8 @@ def free_pose(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np
 def _places(session: OpenScene, poses: Mapping[str, Pose], name: str, near: np.ndarray) -> np.ndarray:
     """Return places (n, 3) [m] for the middle of an object's foot below a point and rings about it, the nearest first.
 
-    Mobiles are no obstacles on the way there, but one may be what lies below. What lies below the corners of the foot
-    must be as high as below its middle.
+    Mobiles are no obstacles on the way there, but one may lie below. The surface below the corners of the foot must be
+    as high as below its middle.
     """
     ring_directions = 12  # directions about the point
     east, north, up = frame_of(session.scene.up)
@@ -105,7 +105,7 @@ GAP = 1e-5  # of the scene's size between object and floor: their faces must not
 
 
 def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None:
-    """Return the pose of an object at rest on what lies below it; None if nothing does."""
+    """Return the pose of an object at rest on the surface below it; None if there is none."""
     up, size = frame_of(model.scene.up)[2], model.scene_size
     points = model.vertices_at(1 + model.names.index(name), poses)
     heights = points @ up

@@ -1,4 +1,4 @@
-"""Parts of the method, to be drawn: photon paths, what counts at one receiver, what the last frame computed again.
+"""Parts of the method to draw: photon paths, light counted at a receiver, receivers that the last frame computed again.
 
 Copies, made on the solver's thread and read by the window. Places are relative to `Model.origins[0]`.
 """
@@ -71,9 +71,9 @@ class Counted(NamedTuple):
 
 
 def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseChange) -> tuple[Counted, Strokes]:
-    """Return what the solver's estimator counts at a receiver, and the segments across the receiver's disc.
+    """Return the segments that the estimator counts at a receiver, and those that cross the receiver's disc.
 
-    Those that an estimator with discs counts are both.
+    An estimator with discs counts the latter.
     """
     model, background, at = solver.model, solver.frame.background, changed.at
     o = int(np.searchsorted(model.surfaces.first_receiver[1:], receiver, side="right"))
@@ -232,7 +232,7 @@ def _change(solver: Solver, photons: int) -> PoseChange:
 
 
 def recomputed(solver: Solver) -> np.ndarray | None:
-    """Return what the last frame computed again, per receiver (R,) uint8; None before the first.
+    """Return the work of the last frame per receiver, (R,) uint8; None before the first.
 
     BACKGROUND: nothing. CHANGED: sums, by removed and added segments. ANEW: estimated from all segments near it.
     BY_PATHS: a mobile's receiver, by path tracing.

@@ -109,7 +109,7 @@ class Reload:
     def tick(self, now: Session) -> Session | None:
         """Return the new session to show; None before it is ready and during a drag.
 
-        An edit breaks off the one before it, but for the values of a held slider, and while kernels compile: each
+        An edit breaks off the one before it. Values of a held slider do not, nor do edits while kernels compile: each
         compiler would begin with ten seconds of imports.
         """
         goes_on = self.is_editing and now.asked is not None and (now.asked.follows or self._compiles)

@@ -133,7 +133,7 @@ def _mark(verdict: str) -> str:
 
 
 def _targets(c: Content) -> str:
-    """Return all targets, with what was measured."""
+    """Return all targets, with the measured numbers."""
     rows = []
     for light in c.lights:
         of = {name: (value, error, has_unit) for name, value, error, has_unit in light.rows()}
@@ -277,7 +277,7 @@ def _materials(c: Content) -> str:
 
 
 def _settings(c: Content) -> list[tuple[str, str]]:
-    """Return what a second run needs: files with their hashes, command with poses and levels, seed, errors."""
+    """Return the inputs of a second run: files with their hashes, command with poses and levels, seed, errors."""
     scene, s = c.model.scene, c.settings
     watts = full_watts(scene, s.watts)
     named = replace(s, scene=Path(s.scene).name, mobiles=tuple(Path(file).name for file in s.mobiles))

@@ -1,7 +1,7 @@
 """Drags on mobiles: cursor rays in, poses out. Pure functions, no window.
 
-The press fixes the mode and the grabbed point. In each frame the cursor's ray gives a target for that point, computed
-from the press alone: a cursor that returns to the press restores the pose exactly.
+The press fixes the mode and the grabbed point. In each frame the cursor's ray gives a target for that point. It is
+computed from the press alone, so a cursor that returns to the press restores the pose exactly.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ class Files:
 
 
 def _state(session: Session) -> tuple:
-    """Return what a saved scene would keep, apart from ways of looking at it."""
+    """Return the values that a saved scene would keep, apart from ways of looking at it."""
     settings = session.settings.in_light_scene(session.settings.lamps)
     counted = (getattr(settings, name) for name, row in TABLE.items() if row.kept and row.counts)
     return session.poses, session.edits, tuple(counted)

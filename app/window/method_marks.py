@@ -1,4 +1,4 @@
-"""The method over the picture: paths of some photons, what the estimator counts, and leaf cells of rays.
+"""The method over the picture: paths of some photons, segments or hits that count, and leaf cells of rays.
 
 Leaf cells are those near the cursor's point, and those on its ray. Seen along the ray they hide each other; the ray of
 a click stays while the camera orbits about it.

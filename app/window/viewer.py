@@ -380,7 +380,7 @@ class Viewer:
             report(stage, problem)
 
     def _draw_part(self, stage: str, work: Callable[[], None]) -> None:
-        """Draw a part of the window, as _guard(); after an exception, end what it has begun."""
+        """Draw a part of the window, as _guard(); after an exception, end its open groups."""
         begun, failed = imgui.internal.ErrorRecoveryState(), True
         imgui.internal.error_recovery_store_state(begun)
 

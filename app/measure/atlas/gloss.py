@@ -1,4 +1,4 @@
-"""Gloss from single rays: its noise against the width of the lobe, the blur of what it reflects, and its limits.
+"""Gloss from single rays: its noise against the width of the lobe, the blur of reflections, and its limits.
 
 Limits are lobes to 0, draws below the surface, two sides, few and many rays, more light than arrives.
 """

@@ -55,7 +55,7 @@ def refinish(window: Window, surface: str, part: str, material: Values, first: b
 
 
 def rest(window: Window) -> None:
-    """Lower each selected object onto what lies below it, the lowest one first."""
+    """Lower each selected object onto the surface below it, the lowest one first."""
     from app.session.free_place import lowered_pose
 
     session = window.session

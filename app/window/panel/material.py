@@ -106,7 +106,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
 def with_model(values: dict[str, Any], name: str) -> Values:
     """Return the values of a diffuse material, a model or a linear combination, with one more model in the sum.
 
-    Its Lambertian albedo is at most what the others leave of 1: a sum above is refused.
+    Its Lambertian albedo is at most 1 less those of the others: a sum above is refused.
     """
     from gi_core.bsdf.models import MODELS, lobe
 

@@ -150,7 +150,7 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
 
 
 def _hold(s: Settings, session: Session, actions: set[Any]) -> None:
-    """Draw the switch of targets that lamps hold, and what they take or miss."""
+    """Draw the switch of targets that lamps hold, with power and shortfall."""
     on, rest = is_on(s, session.scene), session.light.snapshot.rest
     held = rest.held
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
@@ -172,7 +172,7 @@ def _hold(s: Settings, session: Session, actions: set[Any]) -> None:
 
 
 def _place(surface: CalculationSurface, session: Session, edit: Callable) -> None:
-    """Draw name and place of a surface, of which the room fills in what is not stated."""
+    """Draw name and place of a surface; the room completes the place."""
     ui.label("name")
     _, name = imgui.input_text("##name", surface.name)
     name = name.strip()
