@@ -284,9 +284,9 @@ class Solver:
         return f"{self.model.static_rays_key} {self.seed}"
 
     def _begin(self) -> None:
-        """Begin with the results of the scene before an edit: what has the same inputs goes on.
+        """Begin with the results of the scene before an edit: those of the same inputs go on.
 
-        Elsewhere the static part's light begins as that before the edit, changed as photons say.
+        Elsewhere the static part's light begins as that before the edit, changed by photons.
         """
         light, key, results = self.frame_light, self._static_key, self.results
         if (direct := results.get("direct light", self._rays_key)) is not None:

@@ -1,8 +1,8 @@
-"""Results by the digest of what they depend on: an edit of a scene, and its undo, find what still holds.
+"""Results by the digest of their inputs: an edit of a scene, and its undo, find all results that still hold.
 
-Solvers of a scene's versions share one store. A key is a digest of all inputs of a result, so nothing decides what an
-edit leaves as it was: what it changes has another key. A growing result is kept as a copy, so that the solver it comes
-from may go on.
+Solvers of a scene's versions share one store. A key is a digest of all inputs of a result. A result that an edit
+changes has another key, so no rule about edits is needed. A growing result is kept as a copy, so that the solver it
+comes from may go on.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ KEPT = 8  # results of a kind: of versions of a scene, or of poses
 
 
 def digest(*inputs: object) -> str:
-    """Return a hash, 24 hex digits, of arrays and of values whose repr() tells them apart."""
+    """Return a hash, 24 hex digits, of arrays and of values that differ by their repr()."""
     out = hashlib.sha256()
     for value in inputs:
         if isinstance(value, np.ndarray):

@@ -1,7 +1,7 @@
 """Dynamic occluders: receivers whose regions other objects shorten at the poses of a frame (report 1.2.1).
 
 `region.py` measures a region against the receiver's own object, once. This module adds the other objects at the poses
-of a frame: a mobile on a floor shortens regions of the floor, the floor those of the mobile, mobiles those of each
+of a frame. A mobile on a floor shortens regions of the floor, the floor those of the mobile, and mobiles those of each
 other. Both distances of a direction become the minimum of the old one and the distance to the other object. Few
 receivers are affected. Boxes of mobiles select static discs, and a coarse grid of the static part selects receivers of
 mobiles. The result is a function of the poses alone.

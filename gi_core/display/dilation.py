@@ -14,8 +14,8 @@ A receiver with lit neighbours is *unreached* by one of three rules:
 - cut off: it is black, and surfaces lie between it and each lit neighbour, as at the end of a table leg below the
   floor. None of its faces may be black at all corners: that is a dark region.
 
-Rays of receivers test their own object. Static receivers near a mobile also test the mobile, at each pose, and black
-receivers of mobiles the static part: a chair's foot in a rug would darken the leg up to the seat.
+Rays of receivers test their own object. Static receivers near a mobile also test the mobile, at each pose. Black
+receivers of mobiles test the static part, as a chair's foot in a rug would darken the leg up to the seat.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Edges of surfaces, and pictures of one sample per pixel that are smooth across them.
 
-A pixel at an edge takes the share of what lies beyond it from its neighbour across: geometric post-process
+A pixel at an edge takes the share beyond the edge from its neighbour across: geometric post-process
 anti-aliasing (Persson 2011). Depths tell which edges are seen. A face narrower than a pixel may lie between samples; it
 adds its own colour. docs/decisions/drawn-light.md has the measurements.
 """
@@ -84,8 +84,8 @@ def place_edges(points, turns, two_sided, fold, to_clip, size, cull, q, out, fac
     """Write the edges that may show in a picture, as many as there is room for, and return their number.
 
     to_clip (4, 4); size (2,): pixels; cull: whether backs of one-sided faces are left out; q (4, 4): scratch. out
-    (n, 10) float64: x, y [pixels] and depth of both ends; then for the side of lower and of higher x (y, where the edge
-    lies flatter) the change of depth per pixel away from the edge and the width of the face [pixels], -1: no face.
+    (n, 10) float64: x, y [pixels] and depth of both ends. Then follow, for the side of lower and of higher x (y, where
+    the edge lies flatter), the change of depth per pixel away and the width of the face [pixels], -1: no face.
     faces (n, 3) int32: the edge, and the faces of both sides, 2 k for a front, 2 k + 1 for a back.
     """
     n = 0

@@ -78,8 +78,8 @@ class FinePoints(NamedTuple):
     def at(self, at: Transforms, levels: np.ndarray) -> FineLight:
         """Return the light of points at poses, and levels (G, 3) of the lamps.
 
-        At other poses than those that the points suit, the share that mobiles leave of direct light is interpolated
-        between receivers: 50,000 points in the light that mobiles may block take 5 to 20 ms.
+        At poses that the points do not suit, the share of direct light that mobiles leave is interpolated between
+        receivers: 50,000 points in the light that mobiles may block take 5 to 20 ms.
         """
         of_receivers, of_points = self.direct
         receivers = of_receivers.at(at, levels)

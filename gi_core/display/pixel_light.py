@@ -160,7 +160,7 @@ def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
     """Write rays from places to points on lights, the luminance (n,) of all these, and whether a lamp is too near.
 
     Return the number of rays. choice: seed, rays per place, values and luminance of points, room for a number of each.
-    Rays follow light along the points in equal steps (systematic sampling): a point that brings more light than a step
+    Rays follow light along the points in equal steps (systematic sampling). A point that brings more light than a step
     gets one ray from each point of the place.
     """
     seed, rays, value, bright, room = choice

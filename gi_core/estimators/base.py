@@ -131,7 +131,7 @@ class Estimator(Protocol):
         """
 
     def counted(self, place: Place, find: Find) -> Counts:
-        """Return what counts at a receiver in the last frame, by a rule that `find` applies to all its segments.
+        """Return the segments that count at a receiver in the last frame, by a rule that `find` applies to all.
 
         The window draws it. Flux and area of these segments are those of the estimate there.
         """

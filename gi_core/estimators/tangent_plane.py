@@ -261,8 +261,8 @@ class TangentPlane:
         return out
 
     def disc(self, receiver: int, at: Transforms) -> tuple[int, Discs, bool]:
-        """Return the object of a receiver, its disc in the object's space with its region at the poses `at`, and
-        whether it sums current segments: others change the background's sums by suffixes."""
+        """Return the object of a receiver, its disc in the object's space with its region at poses, and whether it sums
+        current segments. Others change the background's sums by suffixes."""
         first = self.model.surfaces.first_receiver
         o = int(np.searchsorted(first[1:], receiver, side="right"))
         i, discs = receiver - int(first[o]), self.searches[o].discs

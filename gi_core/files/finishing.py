@@ -116,7 +116,7 @@ def finished_materials(scene: Scene, these: np.ndarray, table: Table) -> Scene:
 def _with_other_gloss(scene: Scene, these: np.ndarray, table: Table) -> Scene:
     """Return a scene in which some materials have other gloss, or none, over the colours and textures of their faces.
 
-    Metal takes light from the base: colours are scaled by what it leaves. Its own colour is their mean.
+    Metal takes light from the base: colours are scaled by the rest. The colour of the metal is their mean.
     """
     materials, means = list(scene.materials), _mean_colours(scene, these)
     scales = np.ones((len(materials), 3))

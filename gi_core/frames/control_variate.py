@@ -32,9 +32,9 @@ Then a change d is shrunk by the variance v that is left, as if receivers were i
 which is 0 for changes within noise and nearly 1 far above it (James-Stein). changes-by-mobiles.md has
 the measurements.
 
-Receivers are not independent: discs overlap and share photons. For the noise that is left, noise of the background's
-photons (`noise_field`), scaled to the mean of v, goes through the derivative of the averages (delta method). Its mean
-square over receivers around is the variance.
+Receivers are not independent: discs overlap and share photons. The noise that is left comes from the background's
+photons. Their noise (`noise_field`), scaled to the mean of v, goes through the derivative of the averages (delta
+method). Its mean square over receivers around is the variance.
 
 Sums of a stale receiver are over another area than before, so they are no mean of neighbours. Its change is shrunk by
 the variance of F - B, whose photons are partly the same.
@@ -193,7 +193,7 @@ def _kept(change, r):
 def _add(better, change, direct, first, last, out, unbiased):
     """Write better light with the shrunk change of static receivers in chunks first .. last - 1.
 
-    Direct light is taken away in proportion to what mobiles block, from both kinds of light.
+    The blocked share of direct light is taken away from both kinds of light.
     """
     for chunk in range(first, last):
         begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))

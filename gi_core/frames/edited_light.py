@@ -1,18 +1,18 @@
-"""Light after an edit: that before it, changed as photons say, until the edited scene has light of less error.
+"""Light after an edit: that before it, changed by photons, until the edited scene has light of less error.
 
     E = changed(G, B, F)        see `control_variate.py`
 
-G is the best light before the edit, F and B what photons bring with the edit and without. Photons that met no edited
+G is the best light before the edit, F and B the light of photons with the edit and without. Photons that met no edited
 face have the same paths, so most of the noise of F and B cancels. docs/decisions/edits.md has the measurements.
 
 Static part: F and B are of the same number of photons. The change is smoothed in proportion to its noise, which photon
-subsets tell. Receivers that the static part did not have before show photons alone, as all do of a lamp that is new or
-moved: G = B = 0. Where the static part stays as it is, so does the light of each unchanged lamp, though its photons may
+subsets measure. Receivers that the static part did not have before show photons alone, as all do of a new or moved
+lamp: G = B = 0. Where the static part stays as it is, so does the light of each unchanged lamp, though its photons may
 be others.
 
 Resting poses: G is the light gathered there, F and B that of frames without it. The static light of frames may improve
-meanwhile, which is no change by the edit: F of static receivers counts as its difference from static light, added to
-that before. Receivers of mobiles count where the mobile has the same receivers and poses.
+meanwhile, which is no change by the edit. So F of static receivers is its difference from static light, added to that
+before. Receivers of mobiles count where the mobile has the same receivers and poses.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class EditedLight:
         return self._last[2] if photons else None
 
     def _changed(self, b: Background, photons: int, fewer: int, around: Neighbours) -> Estimate:
-        """Return the light changed by a number of photons; fewer: a subset that tells the noise; 0: none."""
+        """Return the light changed by a number of photons; fewer: a subset that measures the noise; 0: none."""
         before, columns = self.before.estimate, self._changes
         G = self._per_lamp(before.light)
         change, of_change = self._change(b, photons, G[:, columns]), np.zeros(len(G))

@@ -203,7 +203,7 @@ class FirstFrame:
 
 
 def _is_subset(b: Background, goal: int, pictures: bool) -> bool:
-    """Return whether the photons added are a subset to keep: each level, or what the noise of all is measured from.
+    """Return whether the photons added are a subset to keep: a level, or that which measures the noise of all.
 
     That is the last level up to half of them; further ones would cost an estimate of everything each.
     """

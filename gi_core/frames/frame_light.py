@@ -1,10 +1,10 @@
 """Light of frames besides the estimate of their photons, in parts that do not know each other.
 
-Paths with mobiles in place light the mobiles in frames, where they end in the static part's light
-(`gi_core.gather.mobile`), and at resting poses they replace a frame's own light (`gi_core.gather.pose_gather`). Paths
-end in irradiance interpolated between the corners of a face. A face larger than the disc of an estimator may be lit
-quite otherwise than its corners, as the two triangles of a wall are. Many photons hit such a face, so its flux is
-known. Its reflectance is scaled such that interpolated light reflects it.
+Paths light the mobiles in frames, where they end in the static part's light (`gi_core.gather.mobile`). At resting
+poses, paths with mobiles in place replace a frame's own light (`gi_core.gather.pose_gather`). Paths end in irradiance
+interpolated between the corners of a face. A face larger than the disc of an estimator may be lit quite otherwise than
+its corners, as the two triangles of a wall are. Many photons hit such a face, so its flux is known. Its reflectance is
+scaled such that interpolated light reflects it.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ Lit = tuple[np.ndarray, np.ndarray | None]
 
 
 class MobileLight:
-    """`rays_traced` tells whether the last frame traced rays: mobiles had moved."""
+    """Light on mobiles by paths of each frame. `rays_traced`: the last frame traced rays, as mobiles had moved."""
 
     def __init__(self, model: Model, seed: int):
         self.rays_traced = False
@@ -161,7 +161,7 @@ class MobileLight:
 
 
 class PoseLight:
-    """Light of the last poses, each at some levels (G, 3) of the lamps."""
+    """Light gathered at the last poses, each at some levels (G, 3) of the lamps."""
 
     def __init__(self, model: Model, seed: int):
         self._model = model
@@ -248,7 +248,7 @@ class PoseLight:
 
 
 class FrameLight:
-    """`setting` chooses among the parts.
+    """Light of frames besides the estimate. `setting` chooses among the parts.
 
     A frame begins with the light of the static part (`static`), changed by mobiles according to its photons
     (`control_variate.py`) and by the direct light that they block (`direct`). Paths of the frame light mobiles

@@ -4,14 +4,14 @@ Without mobiles it is that of whole paths, with their standard errors. Mobiles c
 measure bounced light across a disc at each point, rays to points on lamps direct light. Flux sums are integers, so
 levels equal those from scratch bit for bit.
 
-Levels are those of a linear programme with cuts for what is convex. A requirement on factors c (G,) of the lamps is
+Levels are those of a linear programme with cuts for its convex parts. A requirement on factors c (G,) of the lamps is
 concave, as light is linear and glare is a square:
 
     f(c) = linear . c + offset - CERTAIN |noise c| - squares . c^2 >= 0
 
 |noise c| is the standard error of the linear part, so a requirement that holds does so by two standard errors. HiGHS
 solves the programme of tangents of all f; tangents at its answer are added until f is met (Kelley 1960). A target may
-be missed by a share v of itself at a price no power outweighs: where targets contradict, v says what is missing.
+be missed by a share v of itself at a price no power outweighs: where targets contradict, v is the shortfall.
 
 A disc that a mobile enters loses the flux of the part inside: light nearer than a radius to a mobile is too low. Glare
 is that without mobiles, which hide luminaires and never add any; the background behind it follows the frame.
@@ -186,7 +186,7 @@ class Held:
     # -- levels -----------------------------------------------------------------------------------
 
     def _per_lamp(self, light: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Return what light (n, 3 G) brings to surfaces at the levels asked for (G, 3): luminance (n, G)."""
+        """Return the luminance (n, G) per lamp of light (n, 3 G) at the levels asked for (G, 3)."""
         factor = np.where(is_electric(self.model.emitters)[:, None], self.factor, 1.0)
         return np.einsum("ngc,gc->ng", light.reshape(len(light), -1, 3), REC709 * factor * asked)
 
@@ -213,7 +213,7 @@ class Held:
         return HeldLevels(asked * c[:, None], of, *np.where(counts, (values, errors), np.nan))
 
     def _requirements(self, E: np.ndarray, variance: np.ndarray, glare: np.ndarray, counts: np.ndarray) -> Requirements:
-        """Return what the targets ask of light E (n, G) per lamp."""
+        """Return the requirements of the targets on light E (n, G) per lamp."""
         parts: list[Requirements] = []
         for s, rows in zip(self.surfaces, self.rows, strict=True):
             e, v, q = (a[rows][counts[rows]] for a in (E, variance, glare))
@@ -251,7 +251,7 @@ class Held:
         self, b: Background, at: Transforms, parts: Iterable[Segments], photons: int, cut: CutFlux,
         direct: DirectLight | None, asked: np.ndarray,
     ) -> HeldLevels:  # fmt: skip
-        """Return what in_frame() must equal, from all current segments at the poses `at`, traced again."""
+        """Return the levels that in_frame() must equal, from all current segments at the poses `at`, traced again."""
         background, current = segments_of(b.store.subset(photons)[0], 0, photons), list(parts)
         before, now, added = (
             np.sum([self._crossed(s if direct is None else bounced(s), b.setting.radius) for s in of], axis=0)

@@ -2,8 +2,8 @@
 
 A photon subset is a valid smaller solution with more noise. The noise differs between subsets, so switching between
 them flickers. The size is therefore chosen when a motion begins. It becomes smaller only after several late frames in
-a row, and larger with the next motion. Mobiles that gather their light come first: time for ENOUGH_PATHS in a share of
-the budget, then photons, then as many paths as the time that is left has room for.
+a row, and larger with the next motion. Mobiles that gather their light come first: up to ENOUGH_PATHS in a share of
+the budget. Photons follow, then more paths in the time that is left.
 """
 
 from __future__ import annotations

@@ -4,13 +4,13 @@ Photons, smoothed in proportion to their noise, light the first pictures. Gather
 their place once it has less error. After an edit they are replaced by the light before it, changed by the difference
 of the photons before and after (`edited_light.py`).
 
-Where points on lamps resolve them, they bring direct light, and photons bounced light alone (Jensen 1996): borders of
-direct light stay sharp, and pictures may have fine points.
+Where points on lamps resolve them, they bring direct light, and photons bounced light alone (Jensen 1996). Borders of
+direct light then stay sharp, and pictures may have fine points.
 
 Photons are smoothed by the kernel that averages changes by mobiles (`control_variate.py`). Discs of neighbouring
-receivers overlap, but photons two radii apart are others: each receiver is averaged with some within NEAR radii, and a
+receivers overlap, but share no photons two radii apart. Each receiver is averaged with some within NEAR radii. A
 difference of REACH standard deviations has no weight, so edges of shadows stay. Noise falls with more photons, and
-smoothing with it. A photon subset tells the variance; averaged alike, it tells the noise that is left.
+smoothing with it. A photon subset measures the variance; averaged alike, it measures the noise that is left.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def smooth_photons(
 ) -> Estimate:
     """Smooth the light of all photons of a background; around: receivers near each.
 
-    per_lamp: keep lamps apart; each takes the averages of their sum. direct (n, 3 G) [W/m2]: light in place of what
-    photons bring straight from lamps, None: theirs. Photons too few to measure their noise stay.
+    per_lamp: keep lamps apart; each takes the averages of their sum. direct (n, 3 G) [W/m2]: light in place of that
+    which photons bring straight from lamps, None: theirs. Photons too few to measure their noise stay.
     """
     photons, fewer, weights = b.estimate.photons, subset_to_compare(b.estimate.subsets), b.weights
 
@@ -178,7 +178,7 @@ class StaticLight:
     def compare(self, shown: Background | None) -> bool:
         """Compare the errors of all estimates; return whether another one than that of photons is the best.
 
-        An error is what an estimate states, or what whole paths find, if that is more: it includes the blur of discs.
+        An error is the larger of an estimate's own and that which whole paths find, so it includes the blur of discs.
         Photons also have the error that they had before an edit, while its light is on show.
         """
         if shown is None or not shown.estimate.photons:

@@ -1,8 +1,8 @@
 """Photon paths of a scene before an edit, taken over where they met no edited face.
 
 Photon i is a function of seed, index, lights and the static part. So its path stays, bit for bit, if its light, the
-static geometry and the reflection of all faces that it met are the same. Mobiles do not matter, and a light that is
-moved or turned leaves the photons of other lamps as they are: shares of the photons follow from fluxes alone.
+static geometry and the reflection of all faces that it met are the same. Mobiles do not matter. A light that is
+moved or turned leaves the photons of other lamps as they are, because shares of the photons depend on fluxes alone.
 """
 
 from __future__ import annotations

@@ -274,7 +274,7 @@ def _look(middle, normal, area, centre, radius, out):
 
 @kernel
 def _bring(luminance, view, brought):
-    """Write the light that faces bring to a mobile; return its sum, and the sum of what lit faces take of its view."""
+    """Write the light that faces bring to a mobile; return its sum, and that of the views of lit faces."""
     total = seen = 0.0
     for k in range(len(brought)):
         brought[k] = luminance[k] * view[k]

@@ -6,7 +6,7 @@ that the first leaves; Dammertz et al. 2010 and Schied et al. 2017 filter pixels
 paths, and smoothing with it, so the limit is unbiased.
 
 Weights from noisy light keep its outliers and make edges of its noise. A guide is other light of the same receivers
-with less noise, such as that of photons: weights then are those of its differences (cross-bilateral filtering, Eisemann
+with less noise, such as that of photons. Weights are then those of its differences (cross-bilateral filtering, Eisemann
 and Durand 2004).
 
 Several reaches are tried, including none. Stein's unbiased risk estimate (1981), by the Monte Carlo method of Ramani et
@@ -153,7 +153,7 @@ def smoothed_by_subset(
     fewer (n, 3): that of a subset of its photons, which are `times` as many. Receivers that do not count (n,) stay,
     and have no weight for neighbours. per_lamp (n, k): light that takes the same averages. Returns
     smoothed E, or per_lamp in its place, and the standard error (n,) of the luminance of E. Neighbours share photons,
-    so all standard errors are scaled: the subset, averaged alike, tells their mean over weights (n,).
+    so all standard errors are scaled: the subset, averaged alike, measures their mean over weights (n,).
     """
     apart = ((E - fewer) ** 2 / (times - 1)).sum(axis=1)
     variance = np.where(counts, averaged(around, apart, counts, threads), NO_WEIGHT)

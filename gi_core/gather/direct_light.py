@@ -76,7 +76,7 @@ class Blocked(NamedTuple):
 
     @classmethod
     def unknown(cls, panes: np.ndarray, groups: int, pairs: int) -> Blocked:
-        """Return what is known at first; panes (m,) bool: mobiles with panes."""
+        """Return the record before any pose; panes (m,) bool: mobiles with panes."""
         mobiles = len(panes)
         rays, shaded = np.empty((mobiles, pairs), np.uint16), np.empty((mobiles, groups), bool)
         glass = np.where(panes, np.cumsum(panes) - 1, -1).astype(np.int64)
@@ -267,7 +267,7 @@ class DirectLight:
         return 0.5**0.25 * np.sqrt(mean)
 
     def _find_blocked(self, at: Transforms, moved: list[int], blocked: Blocked) -> None:
-        """Write what the moved mobiles block."""
+        """Write the rays that the moved mobiles block."""
         m, p, groups = self._model, self._points, self._groups
         points = {k: p._replace(place=_in_object(at, k + 1, p)) for k in moved}
 

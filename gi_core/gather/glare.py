@@ -2,8 +2,8 @@
 
     UGR = 8 log10(0.25 / Lb sum L^2 w / p^2)
 
-L [cd/m2] is the luminance of a luminaire towards the eye, w [sr] its solid angle, p Guth's position index, and Lb
-[cd/m2] the luminance of the background: E / pi, of the vertical illuminance without the luminaires' direct light.
+L [cd/m2] is the luminance of a luminaire towards the eye, w [sr] its solid angle, p Guth's position index. Lb
+[cd/m2] is the luminance of the background, E / pi. E is the vertical illuminance without direct light of luminaires.
 
 The sum is over points on each luminaire, each with its part of the solid angle. Above the line of sight p is Guth's
 formula of 1963, below it that of Iwata and Tokura 1997. The norm's text was not at hand; the formulas are those of
@@ -37,7 +37,7 @@ class Glare(NamedTuple):
     def rating(self, illuminance: np.ndarray) -> np.ndarray:
         """Return the UGR (n,), at least 0, from the whole illuminance (n,) [lx] across the line of sight.
 
-        nan where noise leaves no background to what glares.
+        nan where noise leaves no background.
         """
         background = (illuminance - self.direct) / math.pi
         with np.errstate(divide="ignore", invalid="ignore"):

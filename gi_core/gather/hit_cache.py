@@ -118,7 +118,7 @@ class ShadowRays:
 
 
 def pose_bits(at: Transforms, o: int) -> bytes:
-    """Return what differs between two poses of object o."""
+    """Return the bits of the pose of object o, which differ between any two poses."""
     return at.rotation[o].tobytes() + at.position[o].tobytes()
 
 

@@ -1,8 +1,8 @@
 """Directions of the light on mobiles: the paths that light a receiver in a frame, summed into its cells.
 
 A receiver takes only its own shadow rays, as direct light has edges. A ray that reaches its lamp brings light from all
-candidates of its stratum (`gather/candidates.py`), in proportion to their unoccluded light: where shadow divides a
-stratum, the highlight of the stratum is dimmer, not cut. Bounces come in KINDS. A receiver takes those of
+candidates of its stratum (`gather/candidates.py`), in proportion to their unoccluded light. Where shadow divides a
+stratum, its highlight is dimmer, not cut. Bounces come in KINDS. A receiver takes those of
 the nearest receiver of each kind, carried to its own frame: KINDS times as many directions as it traced.
 """
 

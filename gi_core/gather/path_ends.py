@@ -1,9 +1,9 @@
-"""Where paths end: their rays, what these hit, and the rule for the end, a record that numba dispatches on by type.
+"""Where paths end: their rays, the hits of these, and the rule for the end, a record that numba dispatches on by type.
 
 `InKnownLight` lets paths go on until Russian roulette, or known irradiance at a hit, ends them. `OneBounce` ends each
 at its first hit, in the irradiance of the static part. `KeptHits` keeps the first hits. All receive the sky, and
-emission by the balance heuristic (Veach 1997). Queries that take the types apart are compiled with `arrive`; inlined by
-numba instead of LLVM they take a third more time.
+emission by the balance heuristic (Veach 1997). Queries that distinguish the types are compiled with `arrive`;
+inlined by numba instead of LLVM they take a third more time.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def in_known_light(
 ) -> InKnownLight:
     """Return the light in which paths end: irradiance (R, 3) [W/m2] of the objects in `at`, beyond `least` (F,) [m].
 
-    Paths go on from faces with a black corner, which is inside another object, and from faces larger than a disc
-    [m2], whose corners say little about their light.
+    Paths go on from faces with a black corner, which is inside another object. They also go on from faces larger than
+    a disc [m2], whose corners say little about their light.
     """
     s, objects = model.surfaces, len(at.position)
     faces, receivers = slice(0, int(s.first_face[objects])), slice(0, int(s.first_receiver[objects]))

@@ -1,8 +1,8 @@
 """Radiosity of the static part by bounces that are kept: early light that needs no photons.
 
-A receiver's light is direct light plus the mean, over its bounces, of what the faces that they hit reflect. Hits are
-traced once and kept. Light at them is that of the receivers themselves, iterated until it stands (Jacobi; Cohen and
-Wallace 1993). So an iteration costs no rays, and hundreds of receivers around each hit average the noise away.
+A receiver's light is direct light plus the mean, over its bounces, of the light reflected by the faces that they hit.
+Hits are traced once and kept. Light at them is that of the receivers themselves, iterated until it stands (Jacobi;
+Cohen and Wallace 1993). So an iteration takes no rays, and hundreds of receivers around each hit average the noise.
 Direct light comes by shadow rays to points chosen among candidates (`gather/candidates.py`), and by bounces that hit
 lamps or sky. Shadows of delta lights are sharp, so a face may have other light than its corners: shadow rays light
 points on each face. Bright faces, such as a small patch of sun, also get rays from receivers (`candidates.py`),

@@ -170,7 +170,7 @@ class StaticGather:
         return g
 
     def kept(self, shown: Estimate | None = None) -> Kept:
-        """Return what gathering goes on from. shown: the light on show, kept if it has less error."""
+        """Return the state that gathering goes on from. shown: the light on show, kept if it has less error."""
         numbers = np.array([self.noise, self._first_phase, self._fraction, self._left])
         weights = self.weights if self._is_weighed else np.zeros(0)
         return Kept(better(self.estimate, shown), self.state, self._sample, weights, numbers)
@@ -191,7 +191,7 @@ class StaticGather:
         return 3 + self._channels * (self._channels > 3)
 
     def go_on_from(self, kept: Kept) -> bool:
-        """Go on from what another session kept; return False, and change nothing, if it can't be of these receivers."""
+        """Go on from another session's state; return False, and change nothing, if it is of other receivers."""
         n, c, (light, state, sample, weights, numbers) = len(self._areas), self._channels, kept
         sound = weights.shape in ((0,), (n,)) and may_be_light(weights)
         sound &= numbers.shape == (4,) and bool((numbers >= 0).all())
@@ -350,7 +350,7 @@ class StaticGather:
         return values
 
     def _pooled_pilots(self, pilot: np.ndarray) -> np.ndarray:
-        """Return mean and deviation (n, 2) of the pilots of the surroundings: where most light comes on few paths,
+        """Return mean and deviation (n, 2) of the pilots of the surroundings. Where most light comes on few paths,
         those of a single receiver miss it, and so would its sets."""
         mean, square = self._pooled(np.stack([pilot[:, 0], (pilot**2).sum(axis=1)], axis=1)).T
         return np.stack([mean, np.sqrt(np.maximum(square - mean**2, 0.0))], axis=1)

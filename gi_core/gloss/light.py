@@ -42,8 +42,8 @@ class Directions(NamedTuple):
 class GlossLight(NamedTuple):
     """Directional light of a frame at n glossy receivers, held by m of them. The arrays are never written to again.
 
-    A cell holds the share of irradiance that arrives through it, per channel, and the mean direction towards that light
-    in the object's space: (red, green, blue, x, y, z). The mean is shorter than 1 where directions spread. Rays weigh
+    A cell holds (red, green, blue, x, y, z): the share of irradiance that arrives through it, per channel, and the mean
+    direction towards that light in the object's space. The mean is shorter than 1 where directions spread. Rays weigh
     flux / sqrt(cos), between irradiance and radiance.
     """
 
@@ -125,7 +125,7 @@ def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent,
 
 @kernel
 def _view(tables, lobe, n, t, o):
-    """Return what all rays of a view share: tangent, bitangent, eye, its cosine, alpha, Smith's lambda, mirror share.
+    """Return the numbers of a view: tangent, bitangent, eye, its cosine, alpha, Smith's lambda, mirror share.
 
     A mirror in a table is shown as a lobe of LEAST_ALPHA. The eye of a table is in the frame of its tangent.
     """

@@ -3,8 +3,8 @@
 Both kinds share the light of a lamp by the balance heuristic (Veach 1997). A lobe wider than a lamp seldom draws a ray
 to it; a narrower one seldom has the lamp's point in it.
 
-Highlights show lights without a surface, which no ray meets: L = sum over lights of f(i, o) cos i E, with E on a plane
-that faces the light; a shadow ray says whether it arrives. Mirrors have none, since a light without a size has no
+Highlights show lights without a surface, which no ray meets: L = sum over lights of f(i, o) cos i E. E is that on a
+plane that faces the light, if a shadow ray reaches it. Mirrors have none, since a light without a size has no
 image. Luminaires with a size count as points: a lobe is wider.
 """
 
@@ -168,7 +168,7 @@ def arriving(
     accelerator: Accelerator, at: Transforms, points: np.ndarray, normals: np.ndarray, lift: np.ndarray,
     lights: DeltaLights, size: float,
 ) -> Arriving:  # fmt: skip
-    """Return what arrives at points (n, 3), by a shadow ray each to each light.
+    """Return the light that arrives at points (n, 3), by a shadow ray from each point to each light.
 
     normals (n, 3): flat or smooth; rays start at `lift` (n,) [m] from the surface, on the light's side; size [m]: of
     the scene.
@@ -185,7 +185,7 @@ def arriving(
 
 
 def unoccluded(points: np.ndarray, lights: DeltaLights, size: float) -> Arriving:
-    """Return what would arrive without anything in between; arguments as for arriving()."""
+    """Return the light that would arrive without anything in between; arguments as for arriving()."""
     n, count = len(points), len(lights.kind)
     out = Arriving(np.empty((n, count, 3)), np.empty((n, count)), np.empty((n, count)))
     _aim_at_lights(np.ascontiguousarray(points, np.float64), lights, FAR * size, *out)

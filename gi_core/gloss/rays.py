@@ -1,8 +1,8 @@
 """Rays that reach each glossy receiver, kept one by one: the list of report 2.10, and its QuadTree with all rays.
 
 The report stores the rays that affect a vertex, and checks removed and new ones against that list. A ray is named by
-photon and bounce, so a frame is the list at rest without the removed rays and with the new ones: it equals the list
-from scratch, bit for bit. Rays lie in the order of the hierarchy's cells, so one array serves as list and as QuadTree.
+photon and bounce. A frame is the list at rest without the removed rays and with the new ones, and equals the list from
+scratch, bit for bit. Rays lie in the order of the hierarchy's cells, so one array serves as list and as QuadTree.
 """
 
 from __future__ import annotations

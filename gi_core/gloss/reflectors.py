@@ -3,8 +3,8 @@
 A plane shows the scene reflected in it, without error. A picture has room for few planes, those that cover most of it;
 all other faces look into a probe: the surroundings of one place. A ray that leaves a face is served by a probe whose
 place sees the point that the ray meets. Compact parts, and mobiles, have a probe in their own middle that leaves them
-out. Places in rooms are chosen by the share of rays that they serve, of rays that leave the other faces where photons
-meet them: surfaces without light, such as the inside of a hollow wall, have none.
+out. Places in rooms are chosen by the share of rays that they serve. These rays leave the other faces where photons
+meet them, so surfaces without light, such as the inside of a hollow wall, have none.
 """
 
 from __future__ import annotations
@@ -229,8 +229,8 @@ def _of_mobile(model: Model, o: int, faces: np.ndarray, corners: np.ndarray, siz
 def _in_rooms(model: Model, faces: np.ndarray, rows: np.ndarray, rays: Rays, most: int, size: float) -> list[Place]:
     """Return places in rooms, at most so many, for faces[rows], which the rays leave: half-way along some of them.
 
-    Of places that serve nearly the most rays, the one farthest from what these meet is taken: near surfaces hide
-    others. Each smooth piece looks into the place that serves most of its own rays.
+    Of places that serve nearly the most rays, the one farthest from the points that these meet is taken: near
+    surfaces hide others. Each smooth piece looks into the place that serves most of its own rays.
     """
     s, none = model.surfaces, np.zeros(0, np.int64)
     middles = s.vertices[0][s.faces[0][faces[rows]]].mean(axis=1)
@@ -317,7 +317,7 @@ def _cast(model: Model, at: Transforms, origins: np.ndarray, d: np.ndarray) -> t
 
 
 def _serves(model: Model, at: Transforms, place: Place, rays: Rays, size: float) -> np.ndarray:
-    """Return (n,) bool: the place sees what a ray meets; the sky in the ray's direction where it meets nothing."""
+    """Return (n,) bool: the place sees the point that a ray meets, or the sky where it meets none."""
     met = np.isfinite(rays.distance)
     way = rays.origins + np.where(met, rays.distance, 0.0)[:, None] * rays.directions - place.centre
     far = np.where(met, np.sqrt(dot(way, way)), np.inf)

@@ -68,7 +68,7 @@ TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
 
 
 class Meter:
-    """Measures what has been compiled since it was made, by any process."""
+    """Share of the kernels compiled since it was made, by any process."""
 
     def __init__(self, surfaces: str) -> None:
         self._before, self._code = _code_size(), CODE[surfaces]
@@ -230,7 +230,7 @@ def _prepare() -> None:
 
 
 def _estimate(solver: Solver, **setting) -> None:
-    """Compile an estimator, or a search over the discs of one, and what the window shows of it."""
+    """Compile an estimator, or a search over the discs of one, and the parts of it that the window shows."""
     solver.configure(**setting)
     solver.solve()
     solver.move("mobile", TOUCHING)

@@ -3,9 +3,9 @@
 The report distributes N photons over the lights in proportion to flux, so photon i depends on N. Here a coordinate of
 the Sobol sequence picks the light, so photon i depends on (seed, i) alone.
 
-Photons of the sun and the sky start mostly where their light meets receivers, because a room that is lit by a window
-receives 1 % of the flux that such a light must emit. Its emission numbers, which are uniform in [0, 1)^4, are divided
-into cells. Rays tell which share h of a cell's photons hits a side with receivers. A cell is drawn with the density
+Photons of the sun and the sky start mostly where their light meets receivers. A room that is lit by a window receives
+1 % of the flux that such a light must emit. Its emission numbers, which are uniform in [0, 1)^4, are divided into
+cells. Rays measure the share h of a cell's photons that hits a side with receivers. A cell is drawn with the density
 
     p = (1 - EVEN) sqrt(h + m) / mean + EVEN
 
@@ -186,7 +186,7 @@ class Emitters(NamedTuple):
         return self._replace(cdf=cdf, scale=self.shares_of_flux / shares / np.where(self.arriving < 1.0, EVEN, 1.0))
 
     def guided(self, guide_of: Callable[[int, np.ndarray, np.ndarray], Guide]) -> Emitters:
-        """Return emitters whose distant lamps emit mostly what meets receivers, where little does.
+        """Return emitters whose distant lamps emit mostly light that meets receivers, where little does.
 
         guide_of: returns the guide of a kind of emitter, its parameters, and all tables. Fluxes stay.
         """

@@ -414,7 +414,7 @@ def way_to(place, distant, far, start):
 def strength_of(points, area, delta, j, far, position, normal, to_point):
     """Return the irradiance of point j over its value, without shadow; to_point: of way_to().
 
-    Nearer to a point on a face than the radius of a disc of the area that it stands for, light stays as there: it
+    A point on a face stands for a disc of some area. Nearer than the radius of this disc, light stays as at its rim: it
     would have no bound.
     """
     kind, e, way, d = points.kind[j], points.index[j], (to_point[0], to_point[1], to_point[2]), to_point[3]

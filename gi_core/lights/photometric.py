@@ -3,10 +3,10 @@
 They radiate from a point, or evenly from a rectangle, whose halves are area lights that nothing hits.
 
 Gamma is the angle from the luminaire's axis, C the angle about the axis, from C0 towards C90 = C0 x axis. Directions
-are drawn in proportion to the interpolated intensity itself: gamma by its marginal density, which is a linear function
-times sin(gamma) in each interval, then C by its conditional density, which is piecewise linear. Both cumulative
-distributions are inverted to rounding, so draws and `density` belong to the same function. Both maps are monotone, so
-stratified numbers stay stratified.
+are drawn in proportion to the interpolated intensity. Gamma follows its marginal density, a linear function times
+sin(gamma) in each interval, then C its conditional density, which is piecewise linear. Both cumulative distributions
+are inverted to rounding, so draws and `density` belong to the same function. Both maps are monotone, so stratified
+numbers stay stratified.
 
 A table in `tables` is a run of float64: T, P, gammas (T) [rad], planes (P) [rad], density (T, P) [1/sr], its integral
 over C up to each plane (T, P), and the share of the light below each gamma (T).

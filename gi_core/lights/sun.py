@@ -1,4 +1,4 @@
-"""Directional lights: a distant disc of even radiance. Photons start on a disc that covers what they can reach."""
+"""Directional lights: a distant disc of even radiance. Photons start on a disc that covers the lit part."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def emit(p, _tables, u, v, s, t):
 
 @inlined
 def arrive_from(way, normal, far):
-    """Return what arrive() does, of a unit direction to the disc."""
+    """Return the numbers of arrive(), of a unit direction to the disc."""
     return max(0.0, dot(way, normal)), way[0], way[1], way[2], far
 
 

@@ -251,7 +251,7 @@ def occluded_in_world(
 ) -> np.ndarray:
     """Return (n,) bool: any object blocks the ray within its limit.
 
-    values (n, 3) float64: light of each ray, multiplied by what panes on its way let pass.
+    values (n, 3) float64: light of each ray, multiplied by the transmittance of panes on its way.
     """
     blocked = np.empty(len(origins), bool)
     values = np.empty((len(origins), 3)) if values is None else values

@@ -22,7 +22,7 @@ CHILD = 24  # int32 words of a node from here on: its children
 class Bvh(NamedTuple):
     """Nodes of all objects; triangles in the order of leaves.
 
-    A node has the low x of its four children, then their low y, low z, high x, high y, high z, then int32 words: the
+    A node has the low x of its four children, then their low y, low z, high x, high y, high z. Int32 words follow: the
     row of a child, or ~(16 first triangle + triangles) of a leaf.
     """
 

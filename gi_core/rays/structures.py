@@ -5,8 +5,8 @@ A structure is one module and one line of STRUCTURES. The module has
     build(meshes[, leaf]) -> scenes    of objects, each vertices (V, 3) and faces (F, 3); leaf: triangles per leaf
     trace(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit) -> distance float32, face int32
 
-`scenes` is a NamedTuple of arrays, of a class of that module: numba chooses trace() by its type, so kernels above name
-no structure and only those that run are compiled. trace() is a kernel; it returns the nearest hit of object o, or with
+`scenes` is a NamedTuple of arrays, of a class of that module. Numba chooses trace() by its type, so kernels above name
+no structure, and only those that run are compiled. trace() is a kernel; it returns the nearest hit of object o, or with
 `any_hit` the first that it finds, (limit, -1) for none. All but Embree's use the test in `triangles.py`.
 """
 

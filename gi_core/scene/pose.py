@@ -1,7 +1,7 @@
 """Rigid poses: rotation matrices, key-frame interpolation, points to and from object space.
 
-Arithmetic that reaches a path is written out element by element: a BLAS product may differ in the
-last bit with the number of rows, and then a frame would differ from the same pose from scratch.
+Arithmetic that reaches a path is written out element by element, as a BLAS product may differ in the last bit with the
+number of rows. A frame would then differ from the same pose from scratch.
 """
 
 from __future__ import annotations

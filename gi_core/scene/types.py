@@ -261,7 +261,7 @@ class Probe(NamedTuple):
 class CalculationSurface(NamedTuple):
     """A named grid of points whose illuminance is measured, see `app.rest.calculation_surface`.
 
-    It lies in the room, at a height above the floor, or `on` something: on the top of a mobile, or of the faces of a
+    It lies in the room, at a height above the floor. With `on` it lies on the top of a mobile, or of the faces of a
     material of the static part.
     """
 

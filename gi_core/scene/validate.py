@@ -119,13 +119,13 @@ def _is_surface(value) -> bool:
 
 
 def parts_of(scene: Scene) -> list[str]:
-    """Return what a surface may lie on: the names of mobiles, and of materials of the static part."""
+    """Return the parts that a surface may lie on: names of mobiles, and of materials of the static part."""
     used = np.unique(scene.static.face_material).tolist()
     return list(dict.fromkeys([*(m.name for m in scene.mobiles), *(scene.materials[k].name for k in used)]))
 
 
 def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None:
-    """Raise SceneError unless a surface measures what its scene has, and lies on a part of it."""
+    """Raise SceneError unless the scene has the quantity that a surface measures, and the part it lies on."""
     if surface.quantity == UGR and scene.units != "photometric":
         raise SceneError(
             f'{where}: surface "{surface.name}": UGR needs luminances in cd/m2, got units = "{scene.units}"; '

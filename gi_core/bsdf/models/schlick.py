@@ -4,7 +4,7 @@ S = C + (1 - C) (1 - u)^5; Z = r / (1 + r t^2 - t^2)^2; A = sqrt(p / (p^2 - p^2 
 t = n.h, u = o.h, v = n.i, v' = n.o, w = cosine between the tangent and h in the surface.
 
 Parameters: C in [0, 1], the reflectance at normal incidence; roughness r in [0.001, 1]; isotropy p in [0.05, 1].
-Flaws: light between facets comes back as 1 / pi without regard to what was reflected, so the albedo of r = 0.2, C = 1
+Flaws: light between facets comes back as 1 / pi without regard to the reflected share, so the albedo of r = 0.2, C = 1
 is 1.1 at 75 degrees and 1.8 at 89. Z is the GGX distribution of alpha^2 = r, found 13 years before that name.
 """
 

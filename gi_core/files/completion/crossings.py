@@ -1,7 +1,7 @@
 """Edges cut where they enter other parts, so that a contact has light of its own on the side that is seen.
 
-Light is stored at corners and interpolated between them. Where a floor reaches under a platform, its faces have a
-corner in the dark below and none at the foot: the picture carries either light too far. The rail of a chair has all
+Light is stored at corners and interpolated between them. A floor that reaches under a platform has
+corners in the dark below and none at the foot, so the picture carries either light too far. The rail of a chair has all
 corners inside the legs and is black. So an edge gets a corner where a surface crosses it, in front of that surface.
 """
 

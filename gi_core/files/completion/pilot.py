@@ -1,8 +1,8 @@
 """Pilot trace: the box of the lit part of a scene, from a few paths; and rays and directions for completion.
 
 The bounding box misleads: a ground slab may be five times the room that stands on it. Real photons mislead too: most of
-those of a sun stay outside the windows, and dark walls end the others. Their box is 9.9 m in LuxCore's kitchen, where
-that of these paths is the 7.6 m of the room: they survive every bounce, and start from all kinds of lights alike.
+those of a sun stay outside the windows, and dark walls end the others. Their box is 9.9 m in LuxCore's kitchen, that
+of these paths the 7.6 m of the room. These paths survive every bounce, and start from all kinds of lights alike.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
 
 
 def is_lit(scene: Scene, rays: Rays | None = None) -> bool:
-    """Return whether the scene has a light, or faces that can light what they reach: the glow of a switch cannot.
+    """Return whether the scene has a light, or faces that can light others: the glow of a switch cannot.
 
     rays: against the static part, if they exist already.
     """

@@ -85,7 +85,7 @@ class Boundary:
         return data
 
     def _without_links(self, path: str, flags: int) -> int:
-        """Open what a path leads to now, below the folder; a link that takes its place meanwhile is not followed."""
+        """Open the file that a path leads to now, below the folder; a link put there meanwhile is not followed."""
         real = Path(os.path.realpath(path))
         if not real.is_relative_to(self.folder):
             raise PermissionError(errno.EACCES, "it lies outside the folder of the scene")

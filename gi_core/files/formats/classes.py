@@ -2,7 +2,7 @@
 
 Kernels and pictures know one lobe per material, and each sharp one costs taps, an albedo and a draw call. A texture of
 gloss therefore becomes at most MOST_CLASSES classes per material and mesh (metal-and-plastic.md). A class has the means
-of its triangles, weighted by area, so that its gloss and its diffuse light reflect what theirs would together.
+of its triangles, weighted by area, so its gloss and its diffuse light reflect as much as theirs do together.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def _even(material: Material, faces: int) -> np.ndarray:
 
 
 def _differing(material: Material, texels: np.ndarray, base: np.ndarray) -> np.ndarray:
-    """Return what classes differ in: roughness, metallic, colour of metal, textures of the part that is no metal."""
+    """Return the values that classes differ in: roughness, metallic, colour of metal, textures of the other part."""
     metallic = material.varied.metallic * texels[:, 1:2]
     rest = texels[:, 2:][:, np.ptp(texels[:, 2:], axis=0) > 0]
     return np.c_[material.varied.roughness * texels[:, :1], metallic, metallic * base, (1 - metallic) * rest]

@@ -105,5 +105,5 @@ def transmitting(material: Material, colour: Sequence[float], ior: float = Pane(
 
 
 def behind_cover(cover: float, colour: Sequence[float]) -> np.ndarray:
-    """Return the transmittance (3,) of a surface of some opacity: what it covers is filtered by its colour (3,)."""
+    """Return the transmittance (3,) of a surface of some opacity, whose colour (3,) filters the light behind it."""
     return 1 - cover * (1 - np.asarray(colour, np.float64))

@@ -79,7 +79,7 @@ class MetalRough(NamedTuple):
 def as_metal_rough(reflectance: np.ndarray, gloss: Gloss) -> MetalRough:
     """Return base colour, metallic and roughness of a surface: metallic_roughness() inverted.
 
-    reflectance (3,): of the diffuse base. A grey gloss up to MOST_COAT is a coat, any other is a mixture of metal and a
+    reflectance (3,): of the diffuse base. A grey gloss up to MOST_COAT is a coat. Any other is a mixture of metal and a
     coat of COAT, exact for surfaces that were described so.
     """
     rho, f0, roughness = np.array(reflectance, np.float64), np.array(gloss.f0), math.sqrt(gloss.alpha)

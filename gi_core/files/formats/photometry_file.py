@@ -219,7 +219,7 @@ def _ies_opening(width: float, length: float, height: float, early: bool, notes:
 
 
 def _opening(along: float, across: float, height: float, notes: list[str]) -> tuple[float, float]:
-    """Return an opening as a rectangle with sides > 0, or 0 and 0 for a point [m]; notes say what is left out."""
+    """Return an opening as a rectangle with sides > 0, or 0 and 0 for a point [m]; notes name omissions."""
     if max(along, across) > 20.0:  # a luminous opening longer than 20.0 m is in other units than the file says
         notes.append(
             f"its luminous opening of {along:g} x {across:g} m cannot be true, the light comes from a point; "

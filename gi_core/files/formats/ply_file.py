@@ -63,7 +63,7 @@ def read_ply(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
 
 
 def _header(data: bytes) -> tuple[list[_Element], bytes]:
-    """Return the elements, and what follows the header; numbers of a text as float64."""
+    """Return the elements, and the data after the header; numbers of a text as float64."""
     head, end, body = data.partition(b"end_header")
     lines = head.decode("ascii", "replace").split("\n")
     if not end or lines[0].strip() != "ply":

@@ -110,7 +110,7 @@ class Images:
     def finish(self, name: str, load: Callable[[], bytes], wrap: tuple[str, str], values: str) -> int | None:
         """Return the index of a texture of gloss in `finishes`, None if it cannot be read.
 
-        values: what counts, "linear" or "sRGB" colours, or "alpha"; None also for an opaque image then.
+        values: that count, "linear" or "sRGB" colours, or "alpha"; None also for an opaque image then.
         """
         key = (name, wrap, values)
         if key not in self._index:
