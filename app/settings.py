@@ -95,7 +95,7 @@ def switch(default: bool | None, help: str, **columns: Any) -> Any:
     return field(default=default, metadata={"row": Row(of, **{"kept": TOGETHER, **columns})})
 
 
-OF_SCENE: dict[str, Any] = {"of_scene": True, "resets": False}  # columns of what belongs to a scene
+OF_SCENE: dict[str, Any] = {"of_scene": True, "resets": False}  # columns of settings that belong to a scene
 PLACED: dict[str, Any] = {**OF_SCENE, "counts": False}  # the window compares poses and edits itself
 
 
@@ -165,7 +165,7 @@ class Method:
     light: str | None = choice(  # None: see `light_chosen`
         None, LIGHTS,
         "best: gathered along paths, on mobiles per frame and on the static part at rest; photons: the estimator"
-        " alone, as in the report (photons with --estimator, else best)", counts=False,
+        " alone, as in the report (photons with --estimator and in bench, else best)", counts=False,
     )  # fmt: skip
     gloss: str = choice(
         "quadtree", GLOSS,
@@ -241,8 +241,8 @@ class View:
     measure_errors: bool = unlisted(True)  # at rest
     cells: str = unlisted("")  # leaf cells of the structure of rays, and those on a ray: POINTED, CLICKED; "": none
     show_paths: bool = unlisted(False)  # draw paths of some photons
-    show_disc: bool = unlisted(False)  # draw what the estimator counts at the receiver under the cursor
-    show_recomputed: bool = unlisted(False, recolours=True)  # colour receivers by what the last frame computed again
+    show_disc: bool = unlisted(False)  # draw the light counted at the receiver under the cursor
+    show_recomputed: bool = unlisted(False, recolours=True)  # colour receivers by the work of the last frame
     budget: float = option(  # 0: always all photons
         BUDGET, values.not_negative, "MS", f"time for light per frame in motion ({BUDGET:g})"
     )

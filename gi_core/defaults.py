@@ -1,7 +1,7 @@
 """Default settings: photons, radius and k of a scene, by one rule.
 
-- Scene size: longest side of the box of the central 98 % of a pilot trace's hits on surfaces that are no lamps, because
-  a ground slab may be five times as wide as the room, and a sky may be a mesh. The scene file may state it instead.
+- Scene size: longest side of the box of the central 98 % of a pilot trace's hits, lamps aside. A ground slab may be
+  five times as wide as the room, and a sky may be a mesh. The scene file may state it instead.
 - Radius and photons: radii from 2.5 % of the scene size downwards are candidates. Each gets the photons for 2 % noise,
   or for six seconds on two cores, or MOST_PHOTONS, whichever is least. The pair with the lowest predicted error is
   taken.

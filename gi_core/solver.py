@@ -330,10 +330,10 @@ class Solver:
         return self.frame_light.deviation(at, b, (f.irradiance, f.deviation))
 
     def since(self, poses: Mapping[str, Pose], levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return irradiance (R, 3) [W/m2] at other poses and levels (G, 3) of the lamps, by the same photons and paths,
-        and the standard error (R,) [W/m2] of the change of luminance from there to here; nan where it is not known.
+        """Return irradiance (R, 3) [W/m2] at other poses and levels (G, 3) of the lamps, by the same photons and paths.
 
-        Light gathered at the poses on show is compared with that gathered at the others. Where there is none, it is
+        Also return the standard error (R,) [W/m2] of the change of luminance since; nan where it is not known. Light
+        gathered at the poses on show is compared with that gathered at the others. Where there is none, it is
         changed as frames say.
         """
         twin, here = self.twin(), self.frame

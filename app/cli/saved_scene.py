@@ -106,7 +106,7 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     from gi_core.files.formats.toml_fields import Table, of
     from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes, read_surfaces, read_watts
 
-    file = Path(os.path.realpath(path))  # of a link: files are named relative to what it leads to
+    file = Path(os.path.realpath(path))  # of a link: files are named relative to its target
     boundary = Boundary(file.parent, allow_outside)
     root, pin = Table(tables, path, KEYS), PROBE | {"object": of("text", default="")}
     mobiles = root.texts("mobiles") if root.values.get("mobiles") else []

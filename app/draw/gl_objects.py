@@ -45,7 +45,7 @@ class Colours(NamedTuple):
     back: moderngl.Buffer  # radiance, negative where one-sided
     weights: moderngl.Buffer  # of front and back
     triangles: moderngl.Buffer  # with the diagonals for these colours ...
-    turning: Turning  # ... and what it holds
+    turning: Turning  # ... and its content
     irradiance: moderngl.Buffer | None  # of front and back, under gloss; None without gloss
     sent: moderngl.Buffer | None  # radiance of gloss on front and back that the processor evaluates; None without gloss
     attributes: list[tuple]  # as moderngl describes them

@@ -80,7 +80,7 @@ class Renderer:
         self._mask = self._programs.of("surface.vert", "mask.frag")
         self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
         self._mirrors, self._coverage = GLMirrors(ctx, ()), GLCoverage(ctx, samples)
-        self._dome: tuple[tuple, moderngl.Texture] | None = None  # what its colours are of, and a texel per patch
+        self._dome: tuple[tuple, moderngl.Texture] | None = None  # key of its colours, and a texel per patch
         self._linear: LinearTarget | None = None  # of pictures with panes; None: there was none
         self._lights: BareLights | None = None
         self._faces = LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3)))

@@ -166,7 +166,7 @@ def in_room(surface: CalculationSurface, level: Level) -> CalculationSurface:
     height = surface.height
     if height is None:
         # a plane above 0.9 of the scene's height lies at half the height
-        usual = 1.2 if surface.quantity in (CYLINDRICAL, UGR) else 0.75  # m: eyes of people who sit, desks
+        usual = 1.2 if surface.quantity in (CYLINDRICAL, UGR) else 0.75  # m: eyes of seated people, desks
         height = usual if top * 0.9 >= usual else round(top / 2, decimals)
     return surface._replace(position=position, size=size, margin=margin or 0.0, height=height)
 

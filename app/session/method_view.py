@@ -190,7 +190,7 @@ class MethodParts(NamedTuple):
     """Parts that the window asks for."""
 
     paths: bool = False
-    receiver: int = -1  # what the estimator counts there; -1: nothing
+    receiver: int = -1  # whose counted light is drawn; -1: none
     recomputed: bool = False
 
 

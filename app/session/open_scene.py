@@ -153,7 +153,7 @@ class OpenScene:
             if (placed := self._grids.get(s)) is None or placed[0] != of:
                 try:
                     placed = of, grid_of(s, self.model, self.level, poses)
-                except SceneError:  # what it lies on has been removed
+                except SceneError:  # the part that it lies on has been removed
                     continue
                 self._grids[s] = placed
             out.append((s, placed[1]))

@@ -198,7 +198,7 @@ class Question:
 
     def __init__(self) -> None:
         self.is_open = False
-        self.go_on: Callable[[], None] = lambda: None  # what the changes are in the way of
+        self.go_on: Callable[[], None] = lambda: None  # the action that waits for the answer
         self._otherwise = ""
         self._appears = False
 

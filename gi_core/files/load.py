@@ -336,7 +336,7 @@ STEPS: tuple[Callable[[Loading], None], ...] = (
 def _is_coarse(scene: Scene, box: Box) -> bool:
     """Return whether triangles too long to show shadows get most of the light, lamps aside."""
     glows = np.array([any(m.emission) for m in scene.materials])
-    lit = ~glows[scene.static.face_material] & box.side_hits.any(axis=1)  # not what lies far outside
+    lit = ~glows[scene.static.face_material] & box.side_hits.any(axis=1)  # no faces far outside
     hits, corners = box.side_hits[lit].sum(axis=1), scene.static.vertices[scene.static.faces[lit]]
     longest = np.sqrt(((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2).max(axis=1))
     return 2 * hits[longest > COARSEST * box.size].sum() > hits.sum()

@@ -207,8 +207,8 @@ def combined(
     mean: np.ndarray, error: np.ndarray, mobile: np.ndarray, rows: np.ndarray, static: Static | None, near: Neighbours,
     threads: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Return irradiance (n, 3) of both estimates together, the standard error (n, 3) that paths bring to it, and that
-    (n,) of its luminance which static light brings: neighbours have it in common, so it is not denoised.
+    """Return irradiance (n, 3) of both estimates together, and its standard errors (n, 3) by paths and (n,) by static
+    light. The latter is that of luminance; neighbours have it in common, so it is not denoised.
 
     mean, error (n, 6): irradiance and difference, and their standard errors; mobile (n,) bool; rows (n,) receivers.
     Errors of paths are added as if fully correlated, so the result is not understated.

@@ -109,7 +109,7 @@ def weld(vertices: np.ndarray) -> np.ndarray:
     away = np.abs(around).max(axis=1)
     inner = max(float(np.quantile(away, 0.1)), 1e-24)
     shell = np.maximum(np.ceil(np.log2(np.maximum(away / inner, 1.0)) / 3), 1.0)
-    # vertices nearer than 1e-6 of the extent of what lies around are merged (float32 files repeat them)
+    # vertices nearer than 1e-6 of the extent around them are merged (float32 files repeat them)
     cell = 1e-6 * 2 * inner * 8.0 ** (shell - 1)
     return group_of((shell.astype(np.int64), *np.round(around / cell[:, None]).astype(np.int64).T))
 

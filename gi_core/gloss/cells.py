@@ -54,7 +54,7 @@ class GlossCells:
         photons, totals = np.zeros((count, CELLS, SUMS), np.int64), np.zeros((count, 3))
         unlit = np.empty((0, CELLS, FIELDS), np.float32)  # until there are photons
         self._static = StaticSums(photons, none, totals, self._place[:count], unlit)
-        self._better: tuple[np.ndarray, int, StaticSums] | None = None  # gathered light, photons, and what they make
+        self._better: tuple[np.ndarray, int, StaticSums] | None = None  # gathered light, photons, and their sums
         self._lit_by = 0  # photons in `_static.light`
 
     @property

@@ -26,7 +26,7 @@ from gi_core.rays.all_objects import nearest_in_world
 MOST_PLANES = 64  # candidates per scene, the largest first
 MOST_PROBES = 6  # of the static part, at most
 PROBE_POINTS, PROBE_RAYS = 2048, 4  # of the pilot's hits at most, and rays from each
-OMITTED_INSIDE = 0.6  # of the box of a part's faces: what is nearer to its place is left out. A ball hides up to 0.58
+OMITTED_INSIDE = 0.6  # of the box of a part's faces: nearer faces are left out. A ball hides up to 0.58
 BY_CELLS, PLANAR, PROBE = "cells", "planar", "probe"
 
 
@@ -200,7 +200,7 @@ def places(model: Model, o: int, faces: np.ndarray, size: float) -> list[Place]:
     middle, is_compact = (low + high) / 2, (high - low).max(axis=1) <= 0.25 * size
     out, left = [], np.ones(len(faces), bool)
     for p in np.argsort(-np.bincount(part, s.areas[faces])):
-        inside = ((low[p] < middle) & (middle < high[p])).all(axis=1)  # with the hull of what p is the middle of
+        inside = ((low[p] < middle) & (middle < high[p])).all(axis=1)  # with the hull around p
         own = inside[part]
         mine = own & left
         if is_compact[p] and len(out) < MOST_PROBES - 1 and mine[rays.row].any():

@@ -269,7 +269,7 @@ class CalculationSurface(NamedTuple):
     on: str = ""
     position: tuple[float, float] | None = None  # [m] of its middle along the two horizontal axes; None: the room's
     size: tuple[float, float] | None = None  # [m]; None: the room's
-    height: float | None = None  # [m] above the floor, or in front of what it lies on; None: of desks, or 0
+    height: float | None = None  # [m] above the floor, or in front of the part that it lies on; None: of desks, or 0
     tilt: float = 0.0  # degrees from facing up, towards its first side
     turn: float = 0.0  # degrees round the vertical through its middle, from the first axis towards the second
     margin: float | None = None  # [m] left out along its sides; None: 0.5 in a room, else 0

@@ -86,7 +86,7 @@ def as_metal_rough(reflectance: np.ndarray, gloss: Gloss) -> MetalRough:
     f = float(f0.mean())
     if np.ptp(f0) < 1e-6 and f <= MOST_COAT:
         return MetalRough(rho, 0.0, roughness, (1 + math.sqrt(f)) / (1 - math.sqrt(f)))
-    # f = m b + (1 - m) COAT for the base colour b, and (1 - m) b is what the coat alone would have to cover.
+    # f = m b + (1 - m) COAT for the base colour b, and the coat alone would have to cover (1 - m) b.
     coat, further = np.full(3, COAT), _further(f0, gloss.f90, gloss.alpha)
     whole = further + (_passed(f0, gloss.f90, gloss.alpha) - further) * rho
     share, metallic, base = _passed(coat, 1.0, gloss.alpha) - _further(coat, 1.0, gloss.alpha), 1.0, f0

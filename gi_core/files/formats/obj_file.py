@@ -54,7 +54,7 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     boundary.take(where, "vertices", text.count("\nv"))
     v, vt, vn, vc = array("d"), array("d"), array("d"), array("d")
     corners, face_material = array("q"), array("q")  # of each corner three indices: position, texture, normal
-    fans, astray = array("q"), set[str]()  # triangles of each polygon; what corners name that the file does not hold
+    fans, astray = array("q"), set[str]()  # triangles of each polygon; missing data that corners name
     library, names, current, notes, images = {}, {}, NO_MATERIAL, [], Images(boundary)
     libraries = set()
     for number, line in enumerate(text.split("\n"), 1):
@@ -241,7 +241,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
     entries, entry = {}, None
-    changed: dict[str, list[str]] = {}  # what was done to values that break a rule: materials
+    changed: dict[str, list[str]] = {}  # change of values that break a rule: materials
     for number, line in enumerate(_joined(boundary.read(library, where)).split("\n"), 1):
         words = line.partition("#")[0].split()
         if not words:
