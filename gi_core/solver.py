@@ -333,8 +333,7 @@ class Solver:
         """Return irradiance (R, 3) [W/m2] at other poses and levels (G, 3) of the lamps, by the same photons and paths.
 
         Also return the standard error (R,) [W/m2] of the change of luminance since; nan where it is not known. Light
-        gathered at the poses on show is compared with that gathered at the others. Where there is none, it is
-        changed as frames say.
+        gathered at the poses on show is compared with that gathered at the others, or changed as frames change.
         """
         twin, here = self.twin(), self.frame
         twin.frame_light.held = None

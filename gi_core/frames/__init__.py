@@ -6,7 +6,8 @@
    photons without mobiles, less the direct light that mobiles block. Paths that end in this light without bias
    (`ControlledLight.unbiased`) light mobiles.
 3. At poses that have rested (`Frame.irradiance`): `PoseLight.replaced()` puts light of paths in place of 2.
-4. How wrong: `FrameLight.deviation()` is the standard error of 3. per receiver, the noise of 2. apart. `LiveError` in
-   `app.rest` adds that noise, by fewer photons, and compares all with an unbiased reference.
-5. Drawn: `Solver.drawn()` fills receivers that light cannot reach. Errors and frames do not see this.
+4. How wrong: `Solver.deviation` is the standard error of 3. per receiver, by `FrameLight.deviation()`. `LiveError` in
+   `app.rest` measures the noise of 2. by fewer photons, and compares 3. with an unbiased reference.
+5. Drawn: `Solver.drawn()` fills receivers that light cannot reach. Errors and frames do not see this. `read()` of
+   `app.draw.readout` interpolates it at a point of the picture, and takes 4. of the nearest receiver.
 """
