@@ -56,7 +56,7 @@ class Turntable:
     # Directions -------------------------------------------------------------------------------------
 
     def basis(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the unit vectors right, upward and forward of the picture."""
+        """Return the unit vectors right, upward and forward of the picture, (3,) each."""
         east, north, up = frame_of(self.up)
         back = np.cos(self.pitch) * (np.cos(self.yaw) * east + np.sin(self.yaw) * north) + np.sin(self.pitch) * up
         right = -np.sin(self.yaw) * east + np.cos(self.yaw) * north

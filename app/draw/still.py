@@ -49,7 +49,7 @@ class PixelSites(NamedTuple):
     strips: list[Strip]
 
     def mean(self, kernel: Callable, values: np.ndarray, *options, pixels: np.ndarray | None = None) -> np.ndarray:
-        """Return the numbers that a kernel of `pixel_light.py` writes for all sites; pixels: others than these."""
+        """Return means, shaped as `values`, by a kernel of `pixel_light.py` at all sites; pixels: others than these."""
         out, places = np.empty_like(values), self.places
         of = self.pixels if pixels is None else pixels, places.key, places.turn(0), places.normal, values, *options
         run_ranges(lambda _, a, b: kernel(*of, a, out[a:b]), len(out), self.threads, 1 << 12)

@@ -100,7 +100,7 @@ def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | Non
 
 
 def mean_radiance(draw: DrawMesh, front: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return `colours` (with reflectance) times the mean texture, plus emission, as seen from far away."""
+    """Return colours() (D, 3) of front and back times the mean texture, plus emission, as seen from far away."""
     if draw.texture is None:
         return front, back
     glow = np.where((draw.texture < 0)[:, None], 0.0, draw.emission)

@@ -85,7 +85,7 @@ class Strip(NamedTuple):
         return slice(first, first + len(self.face))
 
     def seen(self, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return faces, weights and directions of some rays."""
+        """Return faces (n,), weights u and v (n,), and directions (n, 3) of the rays `hit`."""
         return self.face[hit], self.u[hit], self.v[hit], self.directions[hit]
 
     def resolved(self, values: np.ndarray) -> np.ndarray:
@@ -257,7 +257,7 @@ def visible_faces(
 
 
 def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentric weights of corners 1 and 2 at a ray's hit, clamped to the triangle."""
+    """Return barycentric weights (n,) of corners 1 and 2 at hits of rays, clamped to the triangle; see planar()."""
     u, v = planar(corners, o, d)
     u = np.clip(u, 0, 1)
     return u, np.clip(v, 0, 1 - u)

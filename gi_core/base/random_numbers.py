@@ -177,7 +177,7 @@ def direction_numbers(seed, photon):
 
 @kernel
 def bounce_numbers(seed, photon, bounce):
-    """Return the two float64 in [0, 1) that choose survival and direction at bounce 1, 2, ... of a photon."""
+    """Return two float64 in [0, 1) that choose survival and direction at bounce 1, 2, ... of a photon."""
     if bounce == 1:
         return _even(seed, photon, _FIRST_BOUNCE)
     return independent(seed, photon, bounce, 0), independent(seed, photon, bounce, 1)

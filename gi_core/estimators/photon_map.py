@@ -55,7 +55,7 @@ class _Prepared(NamedTuple):
 
 
 class PhotonMap:
-    """See the module; `radius` [m] bounds the search, `neighbours` is k."""
+    """The estimator of the module; `radius` [m] bounds the search, `k` is the number of hits."""
 
     about = "Photon Maps (Jensen 2001): the k nearest hits, no farther than the radius."
     additive, controlled, on_faces = False, False, False

@@ -200,7 +200,7 @@ class SegmentBatch(NamedTuple):
 
 
 class TangentPlane:
-    """See the module; `radius` [m] of the discs."""
+    """The estimator of the module; `radius` [m] of the discs."""
 
     about = "Density Estimation on the Tangent Plane (Lastra et al. 2002): the flux of the segments that cross a disc."
     additive, controlled, on_faces = True, True, False

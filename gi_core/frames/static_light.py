@@ -161,7 +161,7 @@ class StaticLight:
         return self._straight[2]
 
     def mixed(self, which: str, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
-        """Return light per lamp at levels; the last result is kept."""
+        """Return light (n, 3 G) per lamp at levels (G, 3), mixed to (n, 3); the last result is kept."""
         kept = self._mixed.get(which)
         if kept is None or kept[0] is not light or not np.array_equal(kept[1], levels):
             kept = light, levels, mix(light, levels, self._model.threads)
@@ -213,7 +213,7 @@ class StaticLight:
         return self._around[distance]
 
     def noise_field(self, b: Background, direct: bool) -> np.ndarray:
-        """Return noise_field() of a background's photons; direct: with segments that leave lamps. The last is kept."""
+        """Return noise_field() (n,) of a background's photons, kept; direct: with segments that leave lamps."""
         key, near = (b, b.estimate.photons, direct), self.around(AROUND * b.setting.radius)
         if self._field is None or self._field[0] != key:
             threads, fewer = self._model.threads, subset_to_compare(b.estimate.subsets)

@@ -137,7 +137,7 @@ def _average(near, values, lit, start, stop, out):
 def smoothed(
     decider: np.ndarray, carried: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, threads: int
 ) -> np.ndarray:
-    """Return the columns of smooth() after two passes."""
+    """Return light (n, k) of smooth() after two passes: decider, variance and carried, side by side."""
     light = np.concatenate([decider, variance[:, None], carried], axis=1)
     pause()
     smooth(light, reach, near, threads)

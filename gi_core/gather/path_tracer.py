@@ -95,7 +95,7 @@ class PathTracer(NamedTuple):
             vertex += 1
 
     def hits(self, vertex: int, ends: PathEnds, origin, direction) -> tuple[np.ndarray, np.ndarray]:
-        """Return distances and faces of rays from the current vertices; panes change throughput and vertices."""
+        """Return distances (n,) [m] and faces (n,) of rays from the vertices; panes change throughput and vertices."""
         of, world = self.model.accelerator, self.model.world
         if not of.has_panes:
             limits = np.full(len(origin), FAR * world.size, np.float32)

@@ -187,7 +187,7 @@ def check_edge(mesh: Mesh, max_edge: float) -> None:
 
 
 def cut_edges(mesh: Mesh, cuts: Cuts) -> tuple[Mesh, np.ndarray]:
-    """Return the mesh with new corners on edges, and the rows of the pieces.
+    """Return the mesh with new corners on edges, and the rows (k,) int64 of the pieces among its faces.
 
     All faces at an edge are cut. An edge gets one corner, the first where several are asked for.
     """

@@ -21,7 +21,7 @@ from gi_core.scene.types import Paint, Texture
 
 
 def srgb_to_linear(value: np.ndarray) -> np.ndarray:
-    """Decode sRGB values in 0..1 to linear ones."""
+    """Return linear values float64 of sRGB values in 0 .. 1, of any shape."""
     v = np.asarray(value, np.float64)
     return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
 

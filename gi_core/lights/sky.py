@@ -49,7 +49,7 @@ class Sky(NamedTuple):
 
 
 def relative_luminance(cie: int, z: np.ndarray, chi: np.ndarray) -> np.ndarray:
-    """Return the luminance of a sky type in any unit; z: sine of the altitude, chi [radians]: angle from the sun."""
+    """Return the luminance (n,) of a sky type in any unit; z: sine of the altitude, chi [rad]: angle from the sun."""
     if cie == OVERCAST_SKY:
         return (1 + 2 * z) / 3
     (a, b), (c, d, e) = (group[int(k) - 1] for group, k in zip((GRADATIONS, INDICATRICES), TYPES[cie - 1], strict=True))

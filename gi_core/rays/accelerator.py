@@ -95,7 +95,7 @@ class Accelerator:
 
 
 def as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
-    """Return the arrays in the layout and type that the kernels are compiled for."""
+    """Return arrays of any shape, contiguous and float32, as the kernels are compiled for."""
     return [np.ascontiguousarray(a, np.float32) for a in arrays]
 
 

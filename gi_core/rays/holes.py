@@ -48,7 +48,7 @@ class Pierced(NamedTuple):
 
 
 def holed_faces(surfaces: Surfaces) -> list[np.ndarray]:
-    """Return the faces with holes, in each object's own numbers; panes have none."""
+    """Return the faces (k,) int64 with holes of each object, in its own numbers; panes have none."""
     out = []
     for o, paint in enumerate(surfaces.paint):
         rows = np.zeros(0, np.int64)

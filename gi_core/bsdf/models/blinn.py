@@ -21,7 +21,7 @@ diffuse, mirror = diffuse_kd, no_mirror
 
 
 def lobe(n: float, cos_h: np.ndarray) -> np.ndarray:
-    """Return f [1/sr] for ks = 1 at cosines between half vector and normal."""
+    """Return f (n,) [1/sr] for ks = 1 at cosines (n,) between half vector and normal."""
     return (n + 2.0) * (n + 4.0) / (8.0 * math.pi * (2.0 ** (-n / 2.0) + n)) * np.maximum(0.0, cos_h) ** n
 
 

@@ -149,7 +149,7 @@ def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def horizontal(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors that are horizontal and at right angles."""
+    """Return two unit vectors (3,) that are horizontal and at right angles."""
     axis = np.eye(3)[int(np.argmin(np.abs(up)))]
     east = unit(np.cross(up, axis))
     return east, np.cross(up, east)
@@ -168,7 +168,7 @@ def corners_of(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def bottom_centre(vertices: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Return the centre of the bottom of a box, upright along `up`, around the vertices."""
+    """Return the centre (3,) [m] of the bottom of a box, upright along `up`, around the vertices (V, 3)."""
     east, north = horizontal(up)
     middle = [(vertices @ d).min() / 2 + (vertices @ d).max() / 2 for d in (east, north)]
     return middle[0] * east + middle[1] * north + (vertices @ up).min() * up
@@ -183,7 +183,7 @@ def sphere_directions(n: int) -> np.ndarray:
 
 
 def cosine(normals: np.ndarray, rng) -> np.ndarray:
-    """Return a cosine-distributed direction about each unit normal."""
+    """Return a cosine-distributed unit direction (n, 3) about each unit normal (n, 3)."""
     return unit(normals * (1 + 1e-6) + unit(rng.normal(size=normals.shape)))
 
 
