@@ -121,17 +121,13 @@ def _average(near, values, lit, start, stop, out):
     for i in range(start, stop):
         if not lit[i]:
             continue
-        count = 1
         for c in range(values.shape[1]):
-            out[i, c] = values[i, c]
-        for k in range(near.first[i], near.first[i + 1]):
-            j = near.of[k]
-            if lit[j]:
-                count += 1
-                for c in range(values.shape[1]):
-                    out[i, c] += values[j, c]
-        for c in range(values.shape[1]):
-            out[i, c] /= count
+            total, count = values[i, c], 1
+            for k in range(near.first[i], near.first[i + 1]):
+                j = near.of[k]
+                if lit[j]:
+                    total, count = total + values[j, c], count + 1
+            out[i, c] = total / count
 
 
 def smoothed(
