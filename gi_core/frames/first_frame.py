@@ -141,12 +141,13 @@ class FirstFrame:
             fit = photons.affordable(wanted, each)
         return fit
 
-    def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> None:
-        """Prepare the photons added, and compute the frame from them."""
+    def show(self, b: Background, wanted: int, show: Callable[[Background], None], direct: bool = True) -> None:
+        """Prepare the photons added, and compute the frame from them; direct: measure direct light first."""
         fraction = b.added / max(wanted, 1)
         _prepare(b, fraction)
-        pause(Progress("measuring direct light", fraction, False))
-        self._light.measure_direct()
+        if direct:
+            pause(Progress("measuring direct light", fraction, False))
+            self._light.measure_direct()
         pause(Progress("smoothing", fraction, False))
         self._light.smooth(b)
         if self._compare(b) or b.added == wanted > 0:  # few photons leave gaps in their own light
@@ -163,6 +164,8 @@ class FirstFrame:
             nonlocal is_shown
             if static.compare(b):
                 is_shown = True
+                if self._light.direct.rays > 1 << 22:  # half a second on two cores
+                    self.show(b, wanted, show, direct=False)
                 self.show(b, wanted, show)
 
         paths = EARLY_PATHS if b.added < DRAGGED else ALL_PATHS

@@ -151,6 +151,14 @@ class DirectLight:
     def is_known(self) -> bool:
         return self._groups is not None
 
+    @property
+    def rays(self) -> int:
+        """Rays that measure() traces at most; 0 once it is known."""
+        if self.is_known:
+            return 0
+        earlier = () if self._earlier is None else self._earlier._keys
+        return len(set(self._keys).difference(earlier)) * self._model.surfaces.receiver_range(0).stop
+
     def measured_at(self, places: Places) -> DirectLight:
         """Return the direct light of other places, measured by the same points on lights."""
         other = copy.copy(self)

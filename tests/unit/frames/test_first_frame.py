@@ -6,6 +6,7 @@ import pytest
 from gi_core.frames import first_frame
 from gi_core.frames.background import Photons
 from gi_core.gather import static
+from gi_core.gather.direct_light import DirectLight
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room, solve
 
@@ -118,3 +119,14 @@ def test_memory_that_ends_before_the_photons_takes_back_no_progress(monkeypatch)
     monkeypatch.setattr(Photons, "affordable", lambda *_: 40_000)
     done = fractions(solver.solve_steps())
     assert done == sorted(done) and solver.frame.photons == 40_000
+
+
+def test_the_first_pictures_do_not_wait_for_many_rays_of_direct_light(monkeypatch):
+    def known(rays: int) -> tuple[list[bool], np.ndarray]:
+        monkeypatch.setattr(DirectLight, "rays", rays)
+        solver = Solver(SCENE, photons=40_000, radius=0.06, light="best")
+        return [solver.frame_light.direct.is_known for p in solver.solve_steps() if p.picture], solver.irradiance
+
+    (few, light), (many, same) = known(rays=0), known(rays=1 << 40)
+    assert few[0] and not many[0] and many[-1] and sorted(many) == many
+    assert np.array_equal(light, same)
