@@ -148,11 +148,16 @@ def _all_or_nothing(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
 
 
 def _product(s, o, ray, ox, oy, oz, dx, dy, dz, limit):
-    red, green, blue = 1.0, 1.0, 1.0
     if any_hit(s.opaque, o, ray, ox, oy, oz, dx, dy, dz, limit):
         return 0.0, 0.0, 0.0
     if s.first[o + 1] == s.first[o]:
-        return red, green, blue
+        return 1.0, 1.0, 1.0
+    return _through_glass(s, o, ray, ox, oy, oz, dx, dy, dz, limit)
+
+
+@kernel
+def _through_glass(s, o, ray, ox, oy, oz, dx, dy, dz, limit):
+    red, green, blue = 1.0, 1.0, 1.0
     x, y, z, left = ox, oy, oz, limit
     for _ in range(MOST_PANES):
         t, k = nearest_hit(s.glass, o, ray, x, y, z, dx, dy, dz, left)
