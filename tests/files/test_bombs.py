@@ -123,5 +123,5 @@ def test_dots_that_are_no_keys(tmp_path, text):
 def test_a_whole_number_of_thousands_of_digits(tmp_path):
     """Python reads a hexadecimal one, but does not write it."""
     (tmp_path / "a.toml").write_text("title = 0x1" + "f" * 5000 + '\n[static]\nmesh = "room.obj"\n')
-    with pytest.raises(SceneError, match="title must be a text in quotes, got a number of thousands of digits"):
+    with pytest.raises(SceneError, match="title must be a text in quotes, not empty, got a number of thousands"):
         read_scene_file(tmp_path / "a.toml", "a.toml")

@@ -107,7 +107,7 @@ MISTAKES = {
     "malformed": ("title = ", "a scene file must be TOML, which this is not"),
     "misspelt key": (SCENE.replace("target", "taget"), r"\[camera\]: unknown key 'taget'; did you mean 'target'\?"),
     "misspelt table": (SCENE.replace("[camera]", "[cammera]"), "unknown key 'cammera'; did you mean 'camera'?"),
-    "wrong type": (SCENE.replace('"test"', "3"), "title must be a text in quotes, got 3"),
+    "wrong type": (SCENE.replace('"test"', "3"), "title must be a text in quotes, not empty, got 3"),
     "wrong shape": (SCENE.replace("[0.5, 0.5, 0.1]", "[0.5, 0.5]"), "position must be three finite numbers, got"),
     "nan": (SCENE.replace("[0.5, 0.5, 0.1]", "[0.5, nan, 0.5]"), r"finite numbers, got \[0.5, nan, 0.5\]"),
     "reflectance": (SCENE + "[materials.wall]\nreflectance = [1, 0, 0]",

@@ -61,7 +61,8 @@ class Table:
 
     def text(self, key: str, default=REQUIRED, choices: tuple[str, ...] = ()) -> str:
         """Return a string, one of `choices` if there are any."""
-        rule = "must be one of " + ", ".join(f'"{c}"' for c in choices) if choices else "must be a text in quotes"
+        listed = ", ".join(f'"{c}"' for c in choices)
+        rule = f"must be one of {listed}" if choices else "must be a text in quotes, not empty"
         self._get(key, default, f'"{(*choices, "...")[0]}"')
         return self._value(key, default, rule, lambda v: isinstance(v, str) and (v in choices or (v and not choices)))
 
@@ -72,7 +73,7 @@ class Table:
             return value
         listed = [value] if isinstance(value, str) else value
         if not isinstance(listed, list) or not listed or not all(isinstance(v, str) and v for v in listed):
-            self._fail(key, "must be a text in quotes, or a list of them", value)
+            self._fail(key, "must be a text in quotes, not empty, or a list of them", value)
         return listed
 
     def flag(self, key: str, default: bool) -> bool:
