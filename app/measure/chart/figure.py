@@ -17,7 +17,6 @@ PANELS = {
     "mobile": "On the mobile",
     "border": "At borders and corners",
 }
-GLOSS = {"gloss": "Gloss towards the camera"}  # a panel of scenes that have some
 # Okabe and Ito's colours, which the colour-blind distinguish; markers repeat the distinction.
 OWN = (("#0072B2", "o"), ("#CC79A7", "D"), ("#D55E00", "^"), ("#B59F00", "<"), ("#8C510A", ">"))  # per estimator
 VARIANTS = {
@@ -60,15 +59,11 @@ def draw(rows: list[dict], about: dict, out: Path) -> None:
     look = {"font.size": 11, "axes.titlesize": 12, "axes.titleweight": "bold", "axes.titlelocation": "left",
             "axes.edgecolor": INK, "text.color": INK, "svg.hashsalt": "gi-viewer"}  # fmt: skip
     with matplotlib.rc_context(look):
-        panels = PANELS | (GLOSS if any("total gloss" in r for r in rows) else {})
-        columns = 3 if len(panels) == len(PANELS) else 4
-        figure, axes = pyplot.subplots(2, columns, figsize=(5 * columns, 9.4), layout="constrained")
+        figure, axes = pyplot.subplots(2, 3, figsize=(15, 9.4), layout="constrained")
         figure.suptitle(f"{about['scene']}: error against frame time", x=0.012, ha="left", size=17, weight="bold")
         span = _span(rows)
-        for axis, (name, title) in zip(axes.flat, panels.items(), strict=False):
+        for axis, (name, title) in zip(axes.flat, PANELS.items(), strict=False):
             _panel(axis, rows, name, title, span, about)
-        for axis in axes.flat[len(panels) : -1]:
-            axis.axis("off")
         _legend(axes.flat[-1], rows, about)
         figure.savefig(out / "chart.svg", metadata={"Date": None})
         figure.savefig(out / "chart.png", dpi=110)

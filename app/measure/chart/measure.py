@@ -1,5 +1,5 @@
-"""Settings of the chart measured on one scene: frame time along the path, error in each class, flicker; and the rival,
-path tracing from every vertex in every frame, without photons.
+"""Settings of the chart measured on one scene: frame time along the path, error in each class; and the rival, path
+tracing from every vertex in every frame, without photons.
 
 All solvers are twins of one, so photons are traced once. A run measures settings family by family, and writes each to
 the table. A family shares its limit at very many photons.
@@ -29,12 +29,11 @@ from app.measure.chart.settings import (
     choices_like_the_report,
     effort,
 )
-from app.measure.chart.truth import PoseTruth, background_of, drawn_gloss, light_of, steady_and_moved
+from app.measure.chart.truth import PoseTruth
 from app.measure.results import Failure, attempted, load, processor, write_rows
 from app.settings import STEP_PER_FRAME, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.gather.reference import Gatherer
-from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import local_deviation, luminance, relative_error, relative_noise
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.geometry.surfaces import evaluation_points
@@ -47,59 +46,31 @@ class Walk(NamedTuple):
 
     lap: list  # poses of each frame
     cases: list[PoseTruth]
-    watched: np.ndarray  # (n,) static receivers
-    areas: np.ndarray  # (n,) float64, in proportion to the area per receiver
-    steady: np.ndarray  # (n,) bool, of the watched: not changed by mobiles
-    moved: np.ndarray  # (n,) bool, of the watched: changed by mobiles
-    change: float  # sum over frames and moved receivers of area x change from frame to frame, by the most photons
-
-
-class AtCase(NamedTuple):
-    """Light at the points of a case."""
-
-    irradiance: np.ndarray  # (n, 3) [W/m2]
-    gloss: np.ndarray | None = None  # (m, 3) [W/m2/sr]; None: the scene has none, or this light
 
 
 class Recorded(NamedTuple):
     """Frame times and light of one setting."""
 
     ms: np.ndarray  # (frames,) time of each GI frame
-    at_cases: list[AtCase]
-    light: np.ndarray  # (frames, watched) luminance
-
-
-def make_walk(finest, lap: list, cases: list[PoseTruth], seed: int) -> Walk:
-    """Return the walk, with the changes that the solver of most photons finds."""
-    static = finest.surfaces.receiver_range(0).stop
-    areas = finest.receivers.areas[:static]
-    # 3000 static receivers, whose light is recorded in every frame
-    watched, weights = draw_by_area(np.flatnonzero(areas > 0), areas, 3000, seed)
-    background = light_of(background_of(finest), watched)
-    nothing = np.zeros(len(watched), bool)
-    blank = Walk(lap, [], watched, weights, nothing, nothing, 0.0)
-    light = go(finest, blank).light
-    steady, moved = steady_and_moved(light, background, weights)
-    return Walk(lap, cases, watched, weights, steady, moved, _jump(light[:, moved], weights[moved]))
+    at_cases: list[np.ndarray]  # (n, 3) [W/m2] at the receivers of each case
 
 
 def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Recorded:
     """Move a solved solver along the walk; only the frame itself is timed."""
-    ms, light, by_frame = [], [], {}
+    ms, by_frame = [], {}
     solver.move_all(walk.lap[-1], photons, paths)
     for k, poses in enumerate(walk.lap):
         started = time.perf_counter()
         solver.move_all(poses, photons, paths)
         ms.append(1e3 * (time.perf_counter() - started))
-        light.append(light_of(solver.irradiance, walk.watched))
         for case in walk.cases:
             if case.frame == k:
-                by_frame[k] = AtCase(solver.irradiance[case.rows], drawn_gloss(solver, case.gloss))
-    return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
+                by_frame[k] = solver.irradiance[case.rows]
+    return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases])
 
 
-def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[AtCase]:
-    """Return the light of each case, gathered at its pose for so many CPU seconds."""
+def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[np.ndarray]:
+    """Return the irradiance (n, 3) of each case, gathered at its pose for so many CPU seconds."""
     out = []
     for case in walk.cases:
         solver.move_all(walk.lap[case.frame])
@@ -107,11 +78,11 @@ def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[AtCase]:
         for _ in solver.gather_pose_steps() if seconds else ():
             if time.process_time() - started > seconds:
                 break
-        out.append(AtCase(solver.irradiance[case.rows], drawn_gloss(solver, case.gloss)))
+        out.append(solver.irradiance[case.rows])
     return out
 
 
-def row_of(choice: Choice, seen: Recorded, limit: list[AtCase] | None, walk: Walk, first_frame: float) -> dict:
+def row_of(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
     """Return the columns of a setting: times [ms] and relative errors of `gi_core.geometry.error`."""
     numbers = {
         **choice._asdict(),
@@ -119,40 +90,28 @@ def row_of(choice: Choice, seen: Recorded, limit: list[AtCase] | None, walk: Wal
         "frame_ms": float(np.median(seen.ms)),
         "frame_p95_ms": float(np.quantile(seen.ms, 0.95)),
         "first_frame_ms": 1e3 * first_frame,
-        "flicker": flicker(seen.light, walk),
-        "jump": _jump(seen.light[:, walk.moved], walk.areas[walk.moved]) / walk.change if walk.change else float("nan"),
     }
     return numbers | errors(seen.at_cases, limit, walk.cases)
 
 
-def errors(light: list[AtCase], limit: list[AtCase] | None, cases: list[PoseTruth]) -> dict[str, float]:
+def errors(light: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[PoseTruth]) -> dict[str, float]:
     """Return noise, bias, total (l1), total (l2), the noise of the truth, and clouds.
 
-    They are those of all receivers, of each class, and of gloss where the scene has some. Clouds are means over the
-    poses, of all receivers: median and 90th percentile of `local_deviation`.
+    They are those of all receivers, and of each class. Clouds are means over the poses, of all receivers: median and
+    90th percentile of `local_deviation`.
     """
     T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
-    E, end = (None if of is None else np.concatenate([case.irradiance for case in of]) for of in (light, limit))
+    E, end = (None if of is None else np.concatenate(of) for of in (light, limit))
     out: dict[str, float] = {}
     for name in ("all", *CLASSES):
         of = slice(None) if name == "all" else kind == CLASSES.index(name)
         out |= _errors(name, E[of], None if end is None else end[of], T[of], s[of], w[of])
     clouds = [
-        local_deviation(seen.irradiance, case.truth, (*case.places, case.weights), 1.0, luminance(case.standard_error))
+        local_deviation(seen, case.truth, (*case.places, case.weights), 1.0, luminance(case.standard_error))
         for seen, case in zip(light, cases, strict=True)
     ]
     out["clouds"], out["clouds 90"] = np.mean(clouds, axis=0).tolist()
-    shining = [k for k, case in enumerate(cases) if case.gloss is not None and light[k].gloss is not None]
-    if shining:
-        L, end = (None if of is None else _together([of[k].gloss for k in shining]) for of in (light, limit))
-        T, s, w = (np.concatenate(a) for a in zip(*(cases[k].gloss[3:] for k in shining), strict=True))
-        out |= _errors("gloss", L, end, T, s, w)
     return out
-
-
-def _together(parts: list[np.ndarray | None]) -> np.ndarray | None:
-    arrays = [part for part in parts if part is not None]
-    return np.concatenate(arrays) if len(arrays) == len(parts) else None
 
 
 def _errors(name: str, light, end, T: np.ndarray, s: np.ndarray, w: np.ndarray) -> dict[str, float]:
@@ -167,24 +126,12 @@ def _errors(name: str, light, end, T: np.ndarray, s: np.ndarray, w: np.ndarray) 
     }
 
 
-def flicker(light: np.ndarray, walk: Walk) -> float:
-    """Return the standard deviation over frames / mean light, at receivers that mobiles do not change."""
-    still, w = light[:, walk.steady], walk.areas[walk.steady]
-    mean = float((w * still.mean(axis=0)).sum())
-    return float((w * still.std(axis=0)).sum()) / mean if mean > 0 else float("nan")
-
-
-def _jump(light: np.ndarray, areas: np.ndarray) -> float:
-    """Return the sum of area x change over all frames."""
-    return float((areas * np.abs(np.diff(light, axis=0))).sum())
-
-
-def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> list[AtCase]:
-    """Return the irradiance of each case from a number of paths per receiver; it has no gloss."""
+def rival_light(solver: Solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
+    """Return the irradiance (n, 3) of each case from a number of paths per receiver."""
     out = []
     for case in walk.cases:
         gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ 0x417A1)  # the truth has other paths
-        out.append(AtCase(gatherer.paths(case.rows, 0, paths).mean(axis=1)))
+        out.append(gatherer.paths(case.rows, 0, paths).mean(axis=1))
     return out
 
 
@@ -371,7 +318,7 @@ class Run:
         finest = self.measurer.limit(Choice(DEFAULT, 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
         seed = self.settings.seed
         made = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
-        return make_walk(finest, self.lap, made, seed)
+        return Walk(self.lap, made)
 
 
 def lamps_of(settings: Settings) -> str:

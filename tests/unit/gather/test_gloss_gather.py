@@ -4,6 +4,7 @@ The reference of gloss: closed forms, and the sum of parts against whole paths.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -18,10 +19,10 @@ from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.gloss.cells import as_light
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, direction_of, even_light
-from gi_core.gloss.lobe_rays import LobeViews, draw_lobe, gloss_alone
+from gi_core.gloss.lobe_rays import LobeViews, arriving, draw_lobe, gloss_alone, highlights, without_surface
 from gi_core.gloss.sharp import sharp_lobe
-from gi_core.instruments.gloss_rays import gloss_views, reference_gloss
 from gi_core.model import Model
+from gi_core.rays.accelerator import LIFT
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM
@@ -164,16 +165,60 @@ MATERIALS = {
 }
 
 
+class Views(NamedTuple):
+    """Views of n glossy points, in the world."""
+
+    positions: np.ndarray  # (n, 3) [m]
+    normals: np.ndarray  # (n, 3) unit, of the lobe
+    flat: np.ndarray  # (n, 3) unit, of the face
+    tangents: np.ndarray  # (n, 3) unit
+    to_eye: np.ndarray  # (n, 3) unit
+    face: np.ndarray  # (n,)
+
+    def lobes(self, surfaces, each: int) -> LobeViews:
+        """Return each view so many times, with the lobe of its gloss alone."""
+        vectors = (np.repeat(a, each, axis=0) for a in (self.to_eye, self.normals, self.tangents))
+        of = np.repeat(np.arange(len(self.face)), each)
+        return LobeViews.of_lobes(gloss_alone(surfaces.lobe[self.face], surfaces.tables), of, *vectors)
+
+
 def views_of(model: Model, eye, count: int):
     """Return views of receivers of the first mobile that face an eye (3,), their rows, and the transforms."""
     s, at = model.surfaces, model.transforms(model.start_poses())
     faces = np.arange(s.first_face[1], s.first_face[2])
     rows, first = np.unique(s.corner_front[faces], return_index=True)
-    face = faces[first // 3]
-    views = gloss_views(model, at, rows, face, np.array(eye, np.float64))
-    up = np.flatnonzero((views.to_eye * views.normals).sum(axis=1) > 0.3)
+    face, turn = faces[first // 3], at.rotation[1].T
+    positions, normals = (a[rows] @ turn for a in model.evaluation_points)
+    positions = positions + at.position[1]
+    tangents = s.tangent[face] @ turn if len(s.tangent) else normals
+    to_eye = np.array(eye) - positions
+    to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
+    views = Views(positions, normals, s.normals[face] @ turn, tangents, to_eye, face)
+    up = np.flatnonzero((to_eye * normals).sum(axis=1) > 0.3)
     some = up[np.linspace(0, len(up) - 1, count).astype(int)]
-    return type(views)(*(a[some] for a in views)), rows[some], at
+    return Views(*(a[some] for a in views)), rows[some], at
+
+
+def reference_gloss(model: Model, at, lights, views: Views, rays: int):
+    """Return the radiance (n, 3) of gloss towards the eye, by rays drawn from lobes, and its standard error."""
+    n = len(views.face)
+    flat, face = np.repeat(views.flat, rays, axis=0), np.repeat(views.face, rays).astype(np.int32)
+    d, factors, _ = draw_lobe(views.lobes(model.surfaces, rays), np.random.default_rng(1).random((n * rays, 3)))
+    factors[(d * flat).sum(axis=1) <= 0] = 0.0  # none from below the face
+    positions, normals = (np.repeat(a, rays, axis=0) for a in (views.positions, views.normals))
+    ends = starts(np.arange(n * rays), np.arange(n * rays), positions, normals)
+    # A mirror's density: no ray to a lamp competes.
+    ends = ends._replace(throughput=factors, face=face, density=-np.ones(n * rays))
+    total = np.zeros((n * rays, lights.channels))
+    PathTracer(model, at, lights, 1).follow(ends, total, d.astype(np.float32))
+    L = total.reshape(n, rays, -1)[..., :3] / math.pi
+    mean, error, delta = L.mean(axis=1), L.std(axis=1, ddof=1) / math.sqrt(rays), without_surface(lights)
+    if len(delta.kind):
+        lift = LIFT * np.abs(views.positions).max(axis=1)
+        light = arriving(model.accelerator, at, views.positions, views.flat, lift, delta, model.world.size)
+        light.strength[(light.direction * views.flat[:, None]).sum(axis=2) <= 0] = 0.0
+        mean += highlights(views.lobes(model.surfaces, 1), light, delta.value)
+    return mean, error
 
 
 @pytest.mark.parametrize("name", MATERIALS)
@@ -184,12 +229,10 @@ def test_in_a_furnace_gloss_has_the_radiance_of_its_albedo(name):
     model = Model(Scene(box((-1, -1, -1), (1, 1, 1), 2, 0, inward=True), materials, (ball,), name="furnace"))
     views, _, at = views_of(model, (0, -0.9, 0), 12)
     lights = model.lights_at(model.emitters.lamps.full())
-    mean, error = reference_gloss(model, at, lights, views, 512, 1)
+    mean, error = reference_gloss(model, at, lights, views, 512)
     s = model.surfaces
-    vectors = (np.repeat(a, 4096, axis=0) for a in (views.to_eye, views.normals, views.tangents))
-    lobes = LobeViews.of_lobes(gloss_alone(s.lobe[views.face], s.tables), np.repeat(np.arange(12), 4096), *vectors)
-    numbers = np.random.default_rng(3).random((len(lobes.of), 3))
-    albedo = draw_lobe(lobes, numbers)[1].reshape(-1, 4096, 3).mean(axis=1)
+    numbers = np.random.default_rng(3).random((12 * 4096, 3))
+    albedo = draw_lobe(views.lobes(s, 4096), numbers)[1].reshape(-1, 4096, 3).mean(axis=1)
     np.testing.assert_allclose(mean, 0.5 * albedo, atol=4 * error.max(), rtol=0.01)
     assert error.max() < 0.02 * mean.max()
     assert sharp_lobe(s.lobe[views.face[0]], s.tables) is None, "cells carry it"
@@ -211,7 +254,7 @@ def test_gloss_and_diffuse_light_together_are_the_light_of_whole_paths():
     model = Model(scene)
     views, rows, at = views_of(model, (0.1, -0.9, 1.2), 24)
     lights = model.lights_at(model.emitters.lamps.full())
-    gloss, error = reference_gloss(model, at, lights, views, 4096, 1)
+    gloss, error = reference_gloss(model, at, lights, views, 4096)
     E, error_E = reference_irradiance(scene, views.positions, views.normals, 4096, 2, model=model)
     rho = model.surfaces.reflectance[views.face] / math.pi
     together, noise = gloss + rho * E, error + rho * error_E
