@@ -8,12 +8,11 @@ from gi_core.frames.frame_gloss import RADII
 from gi_core.frames.light_setting import LIST, OPENED
 from gi_core.gloss.hemisphere import CELLS, GRAZING
 from gi_core.gloss.light import LEAST_ALPHA, Directions, gloss_radiance, room_for
-from gi_core.gloss.rays import MOST_LISTED_PHOTONS
 from gi_core.photons.paths import segments_of
 from gi_core.solver import Solver
 
 __all__ = [
-    "CELLS", "GRAZING", "LEAST_ALPHA", "LIST", "MOST_LISTED_PHOTONS", "RADII", "Directions",
+    "CELLS", "GRAZING", "LEAST_ALPHA", "LIST", "RADII", "Directions",
     "bounced_once", "radiance_of", "single_rays",
 ]  # fmt: skip
 

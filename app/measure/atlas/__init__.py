@@ -78,16 +78,15 @@ def _group(rows: list[AtlasRow], pictures: Mapping[str, np.ndarray]) -> list[str
 CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or yields several
     "Photon maps": (est.borders, est.corners, est.small_surfaces, est.thin_wall),
     "Density estimation on the tangent plane": (
-        discs.walls_and_corners, discs.table_leg, discs.curved_inside, discs.curved_outside,
-        discs.larger_than_the_room, discs.smaller_and_smaller, discs.shadow_edge, discs.lamp_near_a_surface,
+        discs.walls_and_corners, discs.table_leg, discs.curved_inside, discs.larger_than_the_room,
+        discs.smaller_and_smaller, discs.shadow_edge, discs.lamp_near_a_surface,
     ),
     "Impact count and sums": (
         est.textbook, est.small_faces, est.naive_sums, est.beside_a_mobile,
     ),
-    "Gloss at vertices": (gloss.noise, gloss.grazing, gloss.blur, gloss.shading_normals),
-    "Gloss at its limits": (
-        gloss.towards_a_mirror, gloss.sharper_than_drawn, gloss.below_the_surface, gloss.two_sided,
-        gloss.few_rays, gloss.many_rays, gloss.more_than_arrives,
+    "Gloss": (
+        gloss.noise, gloss.grazing, gloss.blur, gloss.shading_normals,
+        gloss.sharper_than_drawn, gloss.below_the_surface, gloss.more_than_arrives,
     ),
     "Structures of rays": (structures.ray_structures,),
 }  # fmt: skip

@@ -93,27 +93,6 @@ def curved_inside() -> AtlasRow:
     )  # fmt: skip
 
 
-def curved_outside() -> Iterator[AtlasRow]:
-    """Outside, the disc floats in front of the surface: of parallel light it measures E cos(theta) exactly."""
-    grey = BLACK._replace(reflectance=(0.5,) * 3, two_sided=True)
-    globe = scene(ball(1.0, 24), (grey,), (0, -3.6, 1.5), (0, 0, 0), (SUN,))
-    settings = control_off_and_on(0.15)
-
-    def ring(k):
-        z = math.cos(math.pi * k / 24)
-        return lambda r: (np.abs(r.positions[:, 2] - z) < 1e-6) & ((r.positions * r.normals).sum(axis=1) > 0)
-
-    for k in (4, 8):
-        cosine = math.cos(math.pi * k / 24)
-        (m,), (h,) = ratios(globe, 100_000, [ring(k)], settings, truth=cosine)
-        yield AtlasRow(
-            f"convex_{k * 180 // 24}", f"tangent_plane, outside of a sphere, light at {k * 180 // 24}° to its normal",
-            "no failure: 1", 1.0, m, "none needed", h, within=0.003,  # normals of facets
-            view=View(globe, 100_000, settings[1], None, "tangent_plane, lit from above") if k == 4 else None,
-            title="A disc outside a sphere",
-        )  # fmt: skip
-
-
 def larger_than_the_room() -> Iterator[AtlasRow]:
     """A disc that holds the whole wall measures its flux over the disc's area; the error saturates, nothing breaks."""
     room = furnace(4)

@@ -77,9 +77,7 @@ def over_seeds(runs: Callable[[int], Sequence[float]], seeds: int) -> list[Numbe
     return [Number(float(m), float(e), seeds) for m, e in zip(samples.mean(axis=0), errors, strict=True)]
 
 
-def ratios(
-    scene: Scene, photons: int, places: Sequence, settings: Sequence[dict], seeds: int = SEEDS, truth: float = 1.0
-):
+def ratios(scene: Scene, photons: int, places: Sequence, settings: Sequence[dict], truth: float = 1.0):
     """Return irradiance / truth by setting and group of receivers.
 
     places: a function per group, receivers -> (R,) bool. All settings use the same photons.
@@ -95,16 +93,16 @@ def ratios(
             means += [solver.irradiance[g, 1].mean() / truth for g in groups]
         return means
 
-    flat = over_seeds(run, seeds)
+    flat = over_seeds(run, SEEDS)
     return [flat[k : k + len(places)] for k in range(0, len(flat), len(places))]
 
 
-def near(*points, tolerance: float = 1e-6) -> Callable:
+def near(*points) -> Callable:
     """Return a function of receivers: which of them (R,) bool lie at one of the points."""
 
     def find(receivers):
         p = receivers.positions
-        return np.any([np.abs(p - q).max(axis=1) < tolerance for q in np.asarray(points, float)], axis=0)
+        return np.any([np.abs(p - q).max(axis=1) < 1e-6 for q in np.asarray(points, float)], axis=0)
 
     return find
 
@@ -173,15 +171,15 @@ def joined(*meshes: Mesh) -> Mesh:
     return join(list(meshes), ())
 
 
-def scene(mesh: Mesh, materials, eye, target, lights=(), mobiles=(), fov: float = 40.0) -> Scene:
+def scene(mesh: Mesh, materials, eye, target, lights=(), mobiles=()) -> Scene:
     """Return a scene with z up and a camera for its picture."""
-    return Scene(mesh, tuple(materials), tuple(mobiles), tuple(lights), (), Camera(eye, target, fov), UP, name="atlas")
+    return Scene(mesh, tuple(materials), tuple(mobiles), tuple(lights), (), Camera(eye, target, 40.0), UP, name="atlas")
 
 
-def furnace(divisions: int, *more: Mesh, low=(0.0, 0, 0), high=(1.0, 1, 1), reflectance: float = 0.5) -> Scene:
+def furnace(divisions: int, *more: Mesh) -> Scene:
     """A closed room whose surfaces all emit Le = 1 and reflect: E = pi / (1 - rho) everywhere."""
-    glow = Material("glow", (reflectance,) * 3, (1.0, 1.0, 1.0))
-    room = joined(box(low, high, divisions, inward=True), *more)
+    glow = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0))
+    room = joined(box((0.0,) * 3, (1.0,) * 3, divisions, inward=True), *more)
     return scene(room, (glow,), (0.5, -1.9, 1.1), (0.5, 0.5, 0.4))
 
 
