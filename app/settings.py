@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gi_core.base.results import Results
     from gi_core.files.edits import Edit
     from gi_core.model import Model
-    from gi_core.scene import Pose, Scene
+    from gi_core.scene import Camera, Pose, Scene
     from gi_core.solver import Solver
 
 UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
@@ -118,7 +118,7 @@ class Source:
         "without a unit quaternion its rotation stays", "pose", kept="poses", **PLACED,
     )  # fmt: skip
     edits: tuple[Edit, ...] = unlisted((), kept="edits", **PLACED)  # in order, see gi_core.files.edits
-    camera: tuple[float, ...] | None = option(
+    camera: Camera | None = option(
         None, values.camera, "x,y,z,tx,ty,tz,fov", "eye and target [m], vertical field of view [degrees]",
         kept="camera", **PLACED,
     )  # fmt: skip
@@ -248,7 +248,7 @@ class View:
     )
     pins: tuple[Pin, ...] = unlisted((), kept="pins", **OF_SCENE)  # read-outs
     asked: Pin | None = unlisted(None, of_scene=True)  # whose light is shown by its origins
-    cameras: tuple[tuple[str, tuple[float, ...]], ...] = unlisted((), kept="cameras", **OF_SCENE)  # by name
+    cameras: tuple[tuple[str, Camera], ...] = unlisted((), kept="cameras", **OF_SCENE)  # by name
     surfaces: tuple[CalculationSurface, ...] | None = option(  # None: those of the scene file
         None, values.surface, "KEYS",
         "calculation surface instead of the scene's: keys of [[surface]], such as 'name = \"desk\", height = 0.75'",
@@ -379,7 +379,6 @@ def as_asked(scene: Scene, settings: Settings) -> Scene:
     """Return an edited scene with its camera and its mobiles as in the settings. Raises SceneError."""
     from gi_core.files.edits import removed_lamps
     from gi_core.lights.lamps import OTHERS
-    from gi_core.scene import Camera
     from gi_core.scene.validate import check_lamp
 
     asked = [*(("lamps", name) for name in settings.levels(())), *(("watts", name) for name, _ in settings.watts)]
@@ -387,8 +386,8 @@ def as_asked(scene: Scene, settings: Settings) -> Scene:
         if name != OTHERS and name not in removed_lamps(settings.edits):
             check_lamp(_place_of(settings, table, name, scene.name), name, scene)
     poses = start_poses(settings, scene)
-    if (c := settings.camera) is not None:
-        scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))
+    if settings.camera is not None:
+        scene = replace(scene, camera=settings.camera)
     return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))
 
 

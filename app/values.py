@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gi_core.scene.types import CalculationSurface, LampLevel
+from gi_core.scene.types import CalculationSurface, Camera, LampLevel
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Daylight
@@ -213,8 +213,8 @@ def daylight(text: str) -> Daylight:
     return _keys(text, "[daylight]", "date = 2026-03-21, hour = 9", read)
 
 
-def camera(text: str) -> tuple[float, ...]:
-    eye_target_fov = _numbers(text)
-    fits = len(eye_target_fov) == 7 and eye_target_fov[:3] != eye_target_fov[3:6] and 0 < eye_target_fov[6] < 180
+def camera(text: str) -> Camera:
+    n = _numbers(text)
+    fits = len(n) == 7 and n[:3] != n[3:6] and 0 < n[6] < 180
     _require(fits, "x,y,z,tx,ty,tz,fov: eye, another point as target, 0 < fov < 180", text)
-    return eye_target_fov
+    return Camera((n[0], n[1], n[2]), (n[3], n[4], n[5]), n[6])

@@ -24,7 +24,6 @@ from gi_core.scene.types import CalculationSurface
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
-    from gi_core.files.formats.toml_fields import Table
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
@@ -36,7 +35,7 @@ VALUES = "material", "light", "shape"  # fields of edits that are tables of a sc
 def with_view(settings: Settings, poses: Mapping[str, Pose], camera: Camera) -> Settings:
     """Return settings that open a scene with mobiles at these poses and this camera."""
     numbers = tuple((name, (*pose.position, *pose.quaternion)) for name, pose in poses.items())
-    return replace(settings, poses=numbers, camera=(*camera.position, *camera.target, camera.vertical_fov_degrees))
+    return replace(settings, poses=numbers, camera=camera)
 
 
 def command_line(settings: Settings) -> str:
@@ -64,6 +63,8 @@ def _word(field: str, value: Any) -> str:
         return ", ".join(f"{key} = {_inline(v)}" for key, v in _surface_table(value).items())
     if field == "size":
         return f"{value[0]}x{value[1]}"
+    if field == "camera":
+        value = (*value.position, *value.target, value.vertical_fov_degrees)
     return ",".join(map(repr, value)) if isinstance(value, tuple) else str(value)
 
 
@@ -102,24 +103,27 @@ def _toml_of(path: str) -> dict[str, Any]:
 
 def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Settings:
     """Return the settings of the tables of a saved scene. Raises SceneError."""
+    from gi_core.files.formats import toml_file
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import Table, of
-    from gi_core.files.formats.toml_file import CAMERA, PROBE, lamp_level, read_light_scenes, read_surfaces, read_watts
 
     file = Path(os.path.realpath(path))  # of a link: files are named relative to its target
     boundary = Boundary(file.parent, allow_outside)
-    root, pin = Table(tables, path, KEYS), PROBE | {"object": of("text", default="")}
+    root, pin = Table(tables, path, KEYS), toml_file.PROBE | {"object": of("text", default="")}
     mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
     table = root.section(TOGETHER, SAVED)
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
     places = root.section("poses")
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
     levels = root.section("lamps")
-    lamps = tuple(lamp_level(levels, name) for name in levels.values)
-    scenes = tuple(read_light_scenes(root))
-    camera = _camera(root.section("camera", CAMERA)) if "camera" in root else None
+    lamps = tuple(toml_file.lamp_level(levels, name) for name in levels.values)
+    scenes = tuple(toml_file.read_light_scenes(root))
+    camera = toml_file.read_camera(root.section("camera", toml_file.CAMERA)) if "camera" in root else None
     views = root.section("cameras").values.items()
-    cameras = tuple((name, _camera(Table(view, f"{path}: [cameras.{name}]", CAMERA))) for name, view in views)
+    cameras = tuple(
+        (name, toml_file.read_camera(Table(view, f"{path}: [cameras.{name}]", toml_file.CAMERA)))
+        for name, view in views
+    )
     edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "scene edit")))
     entries = enumerate(root.tables("pins", "read-out"), 1)
     pins = tuple(Pin(**Table(values, f"{path}: [[pins]] {k}", pin).fields()) for k, values in entries)
@@ -132,21 +136,13 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
         poses=poses,
         camera=camera,
         lamps=lamps,
-        watts=read_watts(root),
+        watts=toml_file.read_watts(root),
         light_scenes=scenes,
         pins=pins,
         cameras=cameras,
-        surfaces=read_surfaces(root) if "surface" in root else None,
+        surfaces=toml_file.read_surfaces(root) if "surface" in root else None,
         **values,
     )
-
-
-def _camera(table: Table) -> tuple[float, ...]:
-    """Return eye, target and field of view of a table."""
-    from gi_core.files.formats.toml_file import read_camera
-
-    camera = read_camera(table)
-    return *camera.position, *camera.target, camera.vertical_fov_degrees
 
 
 def _inline(value: Any) -> str:
@@ -289,8 +285,8 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
     return kind(**fields)
 
 
-def _camera_table(camera: tuple[float, ...]) -> dict[str, Any]:
-    return {"position": list(camera[:3]), "target": list(camera[3:6]), "fov": camera[6]}
+def _camera_table(camera: Camera) -> dict[str, Any]:
+    return {"position": list(camera.position), "target": list(camera.target), "fov": camera.vertical_fov_degrees}
 
 
 def _checked(field: str, value: Any, where: str) -> Any:

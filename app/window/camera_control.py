@@ -14,7 +14,6 @@ from imgui_bundle import imgui
 
 from app.draw.camera import MAX_PITCH, PARALLEL, WIDE, Bounds, Turntable, from_camera, scene_bounds
 from app.session.readouts import free_name
-from gi_core.scene import Camera
 from gi_core.scene.pose import three
 
 if TYPE_CHECKING:
@@ -192,16 +191,13 @@ class CameraControl:
 
     def bookmark(self) -> str:
         """Keep the present view under a name; return the name."""
-        s, c = self.session, self.view.camera.as_camera()
+        s = self.session
         name = free_name((name for name, _ in s.settings.cameras), "view")
-        kept = (*c.position, *c.target, c.vertical_fov_degrees)
-        s.edit(cameras=(*s.settings.cameras, (name, kept)))
+        s.edit(cameras=(*s.settings.cameras, (name, self.view.camera.as_camera())))
         return name
 
     def show_bookmark(self, k: int) -> None:
         """Fly to a kept view; nothing happens without that many."""
         views = self.session.settings.cameras
         if k < len(views):
-            n = views[k][1]
-            camera = Camera((n[0], n[1], n[2]), (n[3], n[4], n[5]), n[6])
-            self.fly_to(from_camera(camera, self.session.scene.up, self.bounds, self.lit))
+            self.fly_to(from_camera(views[k][1], self.session.scene.up, self.bounds, self.lit))

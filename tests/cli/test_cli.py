@@ -26,7 +26,7 @@ def settings(*arguments: str) -> Settings:
 
 def test_a_list_of_numbers_may_begin_with_a_negative_one():
     """argparse takes -2,1 for an option; a room around the origin needs such numbers."""
-    assert settings("render", "--camera", "-2,1.5,.5,-.1,0,0,40").camera == (-2.0, 1.5, 0.5, -0.1, 0.0, 0.0, 40.0)
+    assert settings("render", "--camera", "-2,1.5,.5,-.1,0,0,40").camera == ((-2.0, 1.5, 0.5), (-0.1, 0.0, 0.0), 40.0)
     with pytest.raises(SystemExit):
         cli.parse(["render", "-x"])
 

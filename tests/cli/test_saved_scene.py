@@ -156,7 +156,7 @@ def test_bad_read_outs_are_refused_in_one_sentence(text, message, tmp_path):
 
 def test_a_camera_without_fov_has_that_of_scene_files(tmp_path):
     (tmp_path / "a.toml").write_text('scene = "cornell"\n[camera]\nposition = [0, 1, 2]\ntarget = [0, 0, 0]\n')
-    assert saved_scene.read(str(tmp_path / "a.toml")).camera == (0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 45.0)
+    assert saved_scene.read(str(tmp_path / "a.toml")).camera == ((0.0, 1.0, 2.0), (0.0, 0.0, 0.0), 45.0)
 
 
 def test_another_scene_has_its_own_light_scenes_and_read_outs(tmp_path):

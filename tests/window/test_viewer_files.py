@@ -21,7 +21,7 @@ from app.settings import Settings, open_scene
 from app.window import dialogs
 from app.window.actions.lamps import use_file
 from app.window.files import Files, Watch
-from gi_core.scene import Pose
+from gi_core.scene import Camera, Pose
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_textured_room
 from tests.support.photometry import write_ies
@@ -181,7 +181,7 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
     K, titles = keys(), []
     monkeypatch.setattr("glfw.set_window_title", lambda window, title: titles.append(title))
     here = replace(support.SETTINGS, tone_map="clip", exposure=-0.5, poses=(("block", (*AWAY.position, 1, 0, 0, 0)),))
-    here = replace(here, camera=(0.5, 0.6, 2.5, 0.5, 0.45, 0.5, 40.0))
+    here = replace(here, camera=Camera((0.5, 0.6, 2.5), (0.5, 0.45, 0.5), 40.0))
     saved_scene.write(folder / "mine.toml", here)
     loader = Loader()
 

@@ -28,7 +28,7 @@ from app.window import files
 from app.worker import ARENAS, Worker
 from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove
 from gi_core.instruments.compile_ahead import SURFACES
-from gi_core.scene import Pose
+from gi_core.scene import Camera, Pose
 from tests.support import viewer_support as support
 from tests.support.scene_builders import solve
 
@@ -125,7 +125,7 @@ def test_an_edit_undone_before_it_opened_has_no_line_in_the_log():
 
 OLD = Settings(
     "a.toml", photons=5_000, lamps=(LampLevel("ceiling", 0.5),), solo="ceiling", tone_map="clip", light="photons",
-    poses=(("cat", (0.0, 0.0, 0.0)),), camera=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 40.0), reference=True,
+    poses=(("cat", (0.0, 0.0, 0.0)),), camera=Camera((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 40.0), reference=True,
 )  # fmt: skip
 
 
