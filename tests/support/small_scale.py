@@ -73,4 +73,4 @@ def small_work(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("gi_core.defaults.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
-    patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)}, None))
+    patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)},))

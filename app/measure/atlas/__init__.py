@@ -18,7 +18,7 @@ from app.cli.writable import write_whole
 from app.draw.shot import Shot
 from app.measure.atlas import discs, gloss, structures
 from app.measure.atlas import estimates as est
-from app.measure.atlas.row import RAYS, AtlasRow, View, solved
+from app.measure.atlas.row import AtlasRow, View, solved
 from app.measure.tables import document, html_table, image
 from app.settings import Settings
 
@@ -92,28 +92,21 @@ CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or 
 }  # fmt: skip
 
 
-def atlas(out: Path, chapters: dict[str, tuple[Callable, ...]] = CHAPTERS, rays: str | None = None) -> Path:
-    """Measure every row and write index.html into a folder; return its path. Raises OSError.
-
-    rays: the structure of all rows that name none, as for Solver.
-    """
+def atlas(out: Path, chapters: dict[str, tuple[Callable, ...]] = CHAPTERS) -> Path:
+    """Measure every row and write index.html into a folder; return its path. Raises OSError."""
     out.mkdir(parents=True, exist_ok=True)
-    before = RAYS.set(rays)
-    try:
-        file = out / "index.html"
-        write_whole(file, page(*_measured(chapters, rays)))
-        return file
-    finally:
-        RAYS.reset(before)
+    file = out / "index.html"
+    write_whole(file, page(*_measured(chapters)))
+    return file
 
 
-def _measured(chapters: dict[str, tuple[Callable, ...]], rays: str | None):
+def _measured(chapters: dict[str, tuple[Callable, ...]]):
     """Return the rows by chapter, and the pictures by key."""
     measured: dict[str, list[AtlasRow]] = {}
     pictures: dict[str, np.ndarray] = {}
     functions = [(title, function) for title, chapter in chapters.items() for function in chapter]
     with Bar() as bar:
-        compile_kernels(bar, rays)
+        compile_kernels(bar)
         for k, (title, function) in enumerate(functions):
             for row in measured_rows(function):
                 measured.setdefault(title, []).append(row)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from gi_core.scene import Camera, DirectionalLight, Material, Mesh, Scene
 from gi_core.solver import Solver
 
 SEEDS = 8  # runs per standard error
-RAYS: ContextVar[str | None] = ContextVar("rays", default=None)  # structure of rays of all rows
 
 
 class Number(NamedTuple):
@@ -63,9 +61,7 @@ class AtlasRow(NamedTuple):
 
 def solved(scene: Scene, photons: int, seed: int = 0, **setting) -> Solver:
     """Return a solver that has traced its photons."""
-    solver = Solver(
-        scene, photons=photons, seed=seed, **{"neighbours": 50, "radius": 0.1, "rays": RAYS.get(), **setting}
-    )
+    solver = Solver(scene, photons=photons, seed=seed, **{"neighbours": 50, "radius": 0.1, **setting})
     solver.solve()
     return solver
 
