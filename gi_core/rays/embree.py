@@ -109,30 +109,19 @@ _TFAR, MASK, _PRIMITIVE = 8, 9, 17
 
 
 @inlined
-def _aim(ray, ox, oy, oz, dx, dy, dz, limit):
+def trace(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
+    """Return distance and triangle of the nearest hit; limit and -1 for none. Of any hit, the triangle is 0.
+
+    scenes: of build(); ray: a buffer (24 or more,) float32, 16-byte aligned; direction: unit.
+    """
+    scene, numbers = scenes[o], ray.view(np.int32)
     ray[0], ray[1], ray[2] = ox, oy, oz
     ray[4], ray[5], ray[6] = dx, dy, dz
     ray[_TFAR] = limit
-
-
-@inlined
-def nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
-    """Return distance (limit for none) and triangle (-1 for none) of the nearest hit of a ray of unit direction.
-
-    scene: address of an EmbreeMesh, 0 for none; ray: a buffer (24 or more,) float32, 16-byte aligned.
-    """
-    _aim(ray, ox, oy, oz, dx, dy, dz, limit)
-    numbers = ray.view(np.int32)
     numbers[_PRIMITIVE] = numbers[18] = numbers[19] = -1
-    if scene != 0:
+    if scene != 0 and any_hit:
+        _occluded(scene, ray.ctypes.data, 0)
+        numbers[_PRIMITIVE] = 0 if ray[_TFAR] < 0.0 else -1
+    elif scene != 0:
         _intersect(scene, ray.ctypes.data, 0)
     return ray[_TFAR], numbers[_PRIMITIVE]
-
-
-@inlined
-def any_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
-    """Return whether a ray hits anything before its limit; arguments as nearest_hit()."""
-    _aim(ray, ox, oy, oz, dx, dy, dz, limit)
-    if scene != 0:
-        _occluded(scene, ray.ctypes.data, 0)
-    return ray[_TFAR] < 0.0

@@ -5,15 +5,16 @@ A structure is one module and one line of STRUCTURES. The module has
     build(meshes[, leaf]) -> scenes    of objects, each vertices (V, 3) and faces (F, 3); leaf: triangles per leaf
     trace(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit) -> distance float32, face int32
 
-`scenes` is a NamedTuple of arrays, of a class of that module. Numba chooses trace() by its type, so kernels above name
-no structure, and only those that run are compiled. trace() is a kernel; it returns the nearest hit of object o, or with
-`any_hit` the first that it finds, (limit, -1) for none. All but Embree's use the test in `triangles.py`.
+`scenes` is a NamedTuple of arrays, of a class of that module, or Embree's array of addresses. Numba chooses trace() by
+its type, so kernels above name no structure, and only those that run are compiled. trace() is a kernel; it returns the
+nearest hit of object o, or with `any_hit` the first that it finds, (limit, -1) for none. All but Embree's use the test
+in `triangles.py`.
 """
 
 from __future__ import annotations
 
 import sys
-from types import ModuleType
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -69,18 +70,15 @@ def any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
     raise NotImplementedError
 
 
-def _module(scenes: types.Type) -> ModuleType:
-    return sys.modules[scenes.instance_class.__module__] if isinstance(scenes, types.NamedTuple) else embree
+def _trace(scenes: types.Type) -> Callable:
+    """Return trace() of the module that a scene record is of."""
+    is_ours = isinstance(scenes, types.NamedTuple)
+    return (sys.modules[scenes.instance_class.__module__] if is_ours else embree).trace
 
 
 @overload(nearest_hit, inline="always")
 def _nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
-    if _module(scenes) is embree:
-        query = embree.nearest_hit
-        return lambda scenes, o, ray, ox, oy, oz, dx, dy, dz, limit: query(
-            scenes[o], ray, ox, oy, oz, dx, dy, dz, limit
-        )
-    trace = _module(scenes).trace
+    trace = _trace(scenes)
     return lambda scenes, o, ray, ox, oy, oz, dx, dy, dz, limit: trace(
         scenes, o, ray, ox, oy, oz, dx, dy, dz, limit, False
     )
@@ -88,12 +86,7 @@ def _nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
 
 @overload(any_hit, inline="always")
 def _any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit):
-    if _module(scenes) is embree:
-        query = embree.any_hit
-        return lambda scenes, o, ray, ox, oy, oz, dx, dy, dz, limit: query(
-            scenes[o], ray, ox, oy, oz, dx, dy, dz, limit
-        )
-    trace = _module(scenes).trace
+    trace = _trace(scenes)
     return lambda scenes, o, ray, ox, oy, oz, dx, dy, dz, limit: (
         trace(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit, True)[1] >= 0
     )
