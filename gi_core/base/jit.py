@@ -98,7 +98,7 @@ def by_type(functions: dict[type, Callable], otherwise: Callable | None = None) 
     def query(first, *rest):
         raise NotImplementedError  # outside of kernels
 
-    @overload(query, strict=False)
+    @overload(query, strict=False, inline="always")
     def _(first, *rest):
         kind = getattr(first, "instance_class", None)
         chosen = functions.get(kind, otherwise)
