@@ -7,24 +7,21 @@ L = Phi / (pi A), with the flux that leaves on that side. Sharp gloss shows lumi
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh
+from app.draw.lit_scene import LitScene
+from app.draw.visible import PictureScene, Strip
 from gi_core.geometry.error import luminance
 from gi_core.gloss.lobe_rays import arriving, unoccluded, without_surface
 from gi_core.lights.lamps import DeltaLights
 from gi_core.lights.photometric import axes, share_ahead
 from gi_core.lights.sky import Sky
+from gi_core.model import Model
+from gi_core.rays.accelerator import Transforms
 from gi_core.scene.types import PhotometricLight
-
-if TYPE_CHECKING:
-    from app.draw.lit_scene import LitScene
-    from app.draw.visible import PictureScene, Strip
-    from gi_core.model import Model
-    from gi_core.rays.accelerator import Transforms
-
 
 NO_SKY = Sky(np.zeros(3), np.zeros(3), 0, np.zeros(3), np.zeros(3), np.ones((1, 1, 3)))
 

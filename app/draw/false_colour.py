@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from app.draw.tonemap import NEUTRAL, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, ILLUMINANCE, LUMINANCE
 from app.values import MOST_ISOLINES
 from gi_core.geometry.error import luminance
-
-if TYPE_CHECKING:
-    from gi_core.scene.types import Units
+from gi_core.scene.types import Units
 
 SHARE = 0.95  # of the weight of values: within the end of their scale
 LOGARITHMIC = 30.0  # least ratio of the quantiles for a logarithmic scale

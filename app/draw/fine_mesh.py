@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,7 @@ from app.draw.draw_mesh import DrawMesh, GlossVertices, quads_of
 from gi_core.display.fine_points import FinePoints, fine_points
 from gi_core.frames.first_frame import EARLY_PATHS
 from gi_core.gather.estimate import Source
-
-if TYPE_CHECKING:
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 
 def takes_fine_points(solver: Solver) -> bool:

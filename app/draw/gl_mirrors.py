@@ -8,19 +8,17 @@ picture shows it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
+from app.draw.draw_mesh import DrawMesh
+from app.draw.gl_objects import DrawnObject
 from app.draw.gl_targets import rectangle
 from app.draw.tonemap import BACKGROUND, srgb_decode
 from gi_core.gloss.reflectors import OMITTED_INSIDE, PLANAR, PROBE, Reflector
 from gi_core.gloss.sharp import TAPS
-
-if TYPE_CHECKING:
-    from app.draw.draw_mesh import DrawMesh
-    from app.draw.gl_objects import DrawnObject
 
 PLANE_UNIT, PROBE_UNIT = range(2, 4)  # texture units
 PROBE_TEXELS = 256  # texels along a face of a probe

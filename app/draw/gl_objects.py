@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
 from app.draw.bare_lights import HIGHLIGHTS
-from app.draw.draw_mesh import Turning, other_diagonals
+from app.draw.draw_mesh import DrawMesh, GlossVertices, Turning, other_diagonals
 from app.draw.gl_targets import put, rectangle
+from app.draw.gl_textures import GLTextures
 from app.draw.vertex_colours import gloss_colours
+from gi_core.gloss.light import Directions
+from gi_core.gloss.reflectors import Reflector
 from gi_core.gloss.sharp import hemispherical_albedo
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from app.draw.draw_mesh import DrawMesh, GlossVertices
-    from app.draw.gl_textures import GLTextures
-    from gi_core.gloss.light import Directions
-    from gi_core.gloss.reflectors import Reflector
-    from gi_core.scene.types import Texture
+from gi_core.scene.types import Texture
 
 
 class DrawCall(NamedTuple):

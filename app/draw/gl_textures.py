@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 
 from gi_core.geometry.texture_filter import levels
+from gi_core.gloss.light import GlossLight
 from gi_core.scene.types import Texture
-
-if TYPE_CHECKING:
-    from gi_core.gloss.light import GlossLight
 
 
 def is_software(ctx: moderngl.Context) -> bool:

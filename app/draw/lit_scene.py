@@ -6,27 +6,23 @@ is too low. Patch means replace single values, otherwise every scene would come 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.draw.camera import Turntable
+from app.draw.draw_mesh import DrawMesh
 from app.draw.tonemap import meter, view_weights
 from app.draw.vertex_colours import Gloss, colours, gloss_towards, mean_radiance, weights
+from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
+from gi_core.gloss.light import GlossLight
+from gi_core.model import Model
+from gi_core.rays.accelerator import Transforms
+from gi_core.scene import Pose
 from gi_core.scene.types import RADIOMETRIC, Units
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from app.draw.camera import Turntable
-    from app.draw.draw_mesh import DrawMesh
-    from gi_core.display.dilation import Drawn
-    from gi_core.gloss.light import GlossLight
-    from gi_core.model import Model
-    from gi_core.rays.accelerator import Transforms
-    from gi_core.scene import Pose
 
 
 @dataclass(frozen=True, eq=False)

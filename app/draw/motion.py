@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from gi_core.scene import KeyFrames, Pose
 from gi_core.scene.pose import pose_at, rotation
-
-if TYPE_CHECKING:
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 
 def paths_of(solver: Solver) -> dict[str, KeyFrames]:

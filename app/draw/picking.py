@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.model import Model
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.rays.holes import BEYOND
-
-if TYPE_CHECKING:
-    from gi_core.model import Model
-    from gi_core.scene import Pose
+from gi_core.scene import Pose
 
 
 class Hit(NamedTuple):

@@ -18,13 +18,12 @@ from PIL.PngImagePlugin import PngInfo
 
 from app.cli.writable import replacing, write_whole
 from app.draw.legend import Legend, Marks, with_legend, with_marks
+from app.draw.renderer import Look, Renderer
+from app.draw.shot import Layers
 from gi_core.scene.errors import utf8
 
 if TYPE_CHECKING:  # heavy, and PNG needs no layers
     from av import VideoFrame
-
-    from app.draw.renderer import Look, Renderer
-    from app.draw.shot import Layers
 
 
 def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[str, object] | None = None) -> Path:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh, part_of
 from app.draw.false_colour import per_radiance
+from app.draw.lit_scene import LitScene
 from app.draw.vertex_colours import Gloss, mean_radiance
 from app.draw.visible import PictureScene, PictureView, Strip, pixel_rays, place, planar, visible_faces
 from app.settings import ILLUMINANCE, LUMINANCE
@@ -22,9 +23,6 @@ from gi_core.base.vectors import dot
 from gi_core.geometry.error import luminance
 from gi_core.geometry.texture_filter import footprints, lookup
 from gi_core.rays.panes import shares_of
-
-if TYPE_CHECKING:
-    from app.draw.lit_scene import LitScene
 
 
 class Coloured(NamedTuple):

@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from app.draw.camera import Bounds, from_camera
+from app.draw.camera import Bounds, Turntable, from_camera
 from app.draw.draw_mesh import along_light, quad_around
-from app.draw.picking import Hit
+from app.draw.lit_scene import LitScene
+from app.draw.picking import Hit, Picker
 from app.draw.raycast import both_sides, pixel_steps, seen_radiance
 from app.draw.vertex_colours import colours, gloss_colours, weights
 from app.draw.visible import barycentrics, place
 from app.settings import Pin
 from gi_core.geometry.error import luminance
+from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
-from gi_core.scene import Camera
+from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import rotation, three, to_world, to_world_directions
 from gi_core.scene.types import Units, part_named
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from app.draw.camera import Turntable
-    from app.draw.lit_scene import LitScene
-    from app.draw.picking import Picker
-    from gi_core.model import Model
-    from gi_core.scene import Pose
 
 STATIC = "static part"
 UNLIT = "back of a one-sided surface: no light is computed"

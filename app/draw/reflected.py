@@ -7,13 +7,15 @@ are added with shadow rays. Rays that leave the scene bring the light of the sky
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.draw.false_colour import Display
+from app.draw.lit_scene import LitScene
 from app.draw.raycast import Coloured, Sharp, above_textures, seen_radiance
 from app.draw.tonemap import BACKGROUND, srgb_decode
+from app.draw.vertex_colours import Gloss
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, PictureView, Strip, visible_faces
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import join
@@ -30,10 +32,6 @@ from gi_core.gloss.lobe_rays import (
 )
 from gi_core.gloss.reflectors import Reflector
 from gi_core.rays.accelerator import LIFT
-
-if TYPE_CHECKING:
-    from app.draw.lit_scene import LitScene
-    from app.draw.vertex_colours import Gloss
 
 RAYS_PER_PIXEL_RAY = 32  # per ray of the picture at most, at its first rough lobe; further lobes and mirrors have one
 LAMP_RAYS = 16  # as many to lamps there; further rough lobes have one

@@ -7,13 +7,13 @@ than it saves. Texture, exposure, tone map and sRGB are applied per fragment.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 
-from app.draw.bare_lights import HIGHLIGHTS, LightFaces
+from app.draw.bare_lights import HIGHLIGHTS, BareLights, LightFaces
 from app.draw.colour_map import SEQUENTIAL
+from app.draw.draw_mesh import DrawMesh
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, Scale, false_colours
 from app.draw.gl_mirrors import BACKDROP, GLCoverage, GLMirrors, Shares, View
 from app.draw.gl_objects import DrawnObject
@@ -24,13 +24,9 @@ from app.settings import DEFAULT_TONE_MAP, LUMINANCE
 from app.values import MOST_ISOLINES
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
+from gi_core.gloss.light import Directions, GlossLight
 from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
-
-if TYPE_CHECKING:
-    from app.draw.bare_lights import BareLights
-    from app.draw.draw_mesh import DrawMesh
-    from gi_core.gloss.light import Directions, GlossLight
-    from gi_core.scene.types import Texture
+from gi_core.scene.types import Texture
 
 SAMPLES = 4  # per pixel; a picture of one has its edges smoothed
 OUTLINE = (1.0, 0.78, 0.32, 0.95)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,11 +22,9 @@ from app.draw.still import PixelIrradiance, pixel_irradiance
 from app.draw.tonemap import BACKGROUND, NEUTRAL, UNLIT, gains_for
 from app.draw.visible import PIXEL_OFFSETS, PictureView
 from app.settings import FALSE_COLOURS, ILLUMINANCE, Settings
+from gi_core.display.fine_points import FinePoints
 from gi_core.scene.types import UNITS
-
-if TYPE_CHECKING:
-    from gi_core.display.fine_points import FinePoints
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 Progress = Callable[[float], None]
 LightOfPixels = Callable[[LitScene, visible.PictureScene], PixelIrradiance | None]

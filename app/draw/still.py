@@ -10,25 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.draw import raycast, visible
+from app.draw.lit_scene import LitScene
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, PictureView, Strip
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
+from gi_core.display.fine_points import FinePoints
 from gi_core.display.pixel_light import LOG2_SET, TILE, PixelLight, Sites, alike, around, group, spans, start_rays
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.geometry.error import luminance
+from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT
-
-if TYPE_CHECKING:
-    from app.draw.lit_scene import LitScene
-    from gi_core.display.fine_points import FinePoints
-    from gi_core.model import Model
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 SAMPLES = len(PIXEL_OFFSETS)
 SETS = 2, 32  # of paths that gather bounced light at a site

@@ -6,18 +6,14 @@ Under a texture they are E / pi times the texture's factor, without emission.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh
 from gi_core.bsdf.table import join
 from gi_core.display.vertex_light import light_vertices, weigh_vertices
-from gi_core.gloss.light import Directions, gloss_radiance, room_for
-
-if TYPE_CHECKING:
-    from gi_core.gloss.light import GlossLight
-    from gi_core.rays.accelerator import Transforms
+from gi_core.gloss.light import Directions, GlossLight, gloss_radiance, room_for
+from gi_core.rays.accelerator import Transforms
 
 
 def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = True) -> tuple[np.ndarray, np.ndarray]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
+from app.draw.lit_scene import LitScene
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import cross, dot
 from gi_core.display.vertex_light import meet_pieces
@@ -16,9 +17,6 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.rays.holes import BEYOND
 from gi_core.scene.types import Texture
-
-if TYPE_CHECKING:
-    from app.draw.lit_scene import LitScene
 
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])

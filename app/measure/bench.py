@@ -12,7 +12,7 @@ import time
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,9 +23,7 @@ from app.cli.writable import check_writable, write_whole
 from app.draw import motion
 from app.measure.results import load, peak_rss_mb, processor
 from app.settings import STEP_PER_FRAME, Settings, make_solver, open_moving_scene
-
-if TYPE_CHECKING:
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 FORMAT = "gi-viewer bench 4"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from importlib import metadata
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,16 +12,19 @@ from app.cli.progress import opened, warnings_of
 from app.cli.version import version
 from app.rest.surface_grid import level_of
 from app.settings import Settings, make_solver, open_scene
+from gi_core import defaults
+from gi_core.base.jit import cache_folder
+from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
+from gi_core.files.find import shipped_scenes
 from gi_core.geometry.error import luminance
 from gi_core.gloss.reflectors import BY_CELLS, PLANAR, PROBE, Ways, ways
 from gi_core.lights.daylight import sun_of
 from gi_core.lights.power import power_of
+from gi_core.model import Model
+from gi_core.rays.structures import STRUCTURES
 from gi_core.scene.types import material_named, part_named
 from gi_core.scene.validate import FLUX_OF
-
-if TYPE_CHECKING:
-    from gi_core.model import Model
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 HEAD = ("materials", "diffuse reflectance", "triangles", "area", "")
 LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
@@ -30,8 +32,6 @@ LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-
 
 def info(settings: Settings) -> list[str]:
     """Return the lines to print. Raises SceneError, UsageError."""
-    from gi_core.estimators import CHEAPEST, DEFAULT
-
     with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         chosen = settings.with_method_of(solver)
@@ -53,8 +53,6 @@ def info(settings: Settings) -> list[str]:
 
 
 def _rays(solver: Solver) -> str:
-    from gi_core.rays.structures import STRUCTURES
-
     used = solver.model.accelerator.rays
     names = ", ".join(name for name in STRUCTURES if name != used)
     return f"traced by {used}; there are also {names}"
@@ -126,9 +124,6 @@ def _lights(scene, solver: Solver, settings: Settings) -> list[tuple[str, str]]:
 
 
 def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) -> list[tuple[str, str]]:
-    from gi_core import defaults
-    from gi_core.estimators import ESTIMATORS
-
     file = solver.scene.defaults
     rules = {
         "photons": f"enough for noise of {100 * defaults.LEAST_NOISE:g} %, at most {defaults.MOST_PHOTONS:,}"
@@ -157,9 +152,6 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
 
 
 def _machine(solver: Solver) -> list[tuple[str, str]]:
-    from gi_core.base.jit import cache_folder
-    from gi_core.files.find import shipped_scenes
-
     versions = ", ".join(f"{name} {_version_of(name)}" for name in LIBRARIES)
     return [
         ("gi-viewer", f"{version()}, Python {sys.version.split()[0]} on {sys.platform}"),

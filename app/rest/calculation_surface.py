@@ -11,26 +11,22 @@ error.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from app.rest.surface_grid import Grid, Level, grid_of, reached_steps, stands
+from app.settings import Settings
 from gi_core.gather.glare import Glare, glare
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
+from gi_core.lights.lamps import Lights
 from gi_core.lights.power import is_electric
 from gi_core.lights.sky import overcast
+from gi_core.model import Model
+from gi_core.scene import Pose, Scene
 from gi_core.scene.types import CYLINDRICAL, DAYLIGHT_FACTOR, UGR, CalculationSurface
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from app.settings import Settings
-    from gi_core.lights.lamps import Lights
-    from gi_core.model import Model
-    from gi_core.scene import Pose, Scene
 
 PASS, FAIL, UNCERTAIN = "pass", "fail", "not certain"
 AT_MOST = ("maximum",)  # numbers whose target is an upper bound

@@ -7,27 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import compress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.rest.calculation_surface import AT_MOST, NOISE, SurfaceLight, light_steps, surfaces_of, views_of, worst
-from app.rest.surface_grid import grid_of, level_of, stands
+from app.rest.surface_grid import Grid, grid_of, level_of, stands
+from app.settings import Settings
 from gi_core.frames.held_light import Held, HeldLevels, HeldSurface
 from gi_core.gather.glare import glare
 from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.error import luminance
 from gi_core.lights.power import full_watts, is_electric
+from gi_core.model import Model
+from gi_core.rays.accelerator import Transforms
+from gi_core.scene import Pose, Scene
 from gi_core.scene.types import ILLUMINANCE, UGR, UNITS, CalculationSurface
 from gi_core.scene.validate import parts_of
-
-if TYPE_CHECKING:
-    from app.rest.surface_grid import Grid
-    from app.settings import Settings
-    from gi_core.model import Model
-    from gi_core.rays.accelerator import Transforms
-    from gi_core.scene import Pose, Scene
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 Measured = tuple[Held, list["Grid"], str]  # targets, the points of their surfaces, and the unit of power
 

@@ -5,30 +5,29 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, meshes_of
 from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
+from app.rest.calculation_surface import SurfaceLight, all_steps, maintained_levels, surfaces_of
+from app.rest.hold import HeldResult, Inputs, Measured, inputs_of, measured_steps, result_of
+from app.rest.reference_store import SAVE_SECONDS, StaticStore
 from app.rest.results import Asked, Change, FinePicture, GatherProgress
+from app.rest.surface_grid import Level, level_of
 from app.settings import CHANGE, Pin, Settings, State
 from app.worker import Task
 from gi_core.base.pause import Progress, pause, steps
+from gi_core.display.fine_points import FinePoints
+from gi_core.frames.held_light import HeldLevels
+from gi_core.gather.origins import Origins, origin_steps
+from gi_core.gather.pose_gather import PoseGather
+from gi_core.scene import Pose
 from gi_core.scene.pose import to_world, to_world_directions
+from gi_core.scene.types import CalculationSurface
 from gi_core.scene.validate import parts_of
-
-if TYPE_CHECKING:
-    from app.rest.calculation_surface import SurfaceLight
-    from app.rest.hold import HeldResult, Inputs, Measured
-    from app.rest.surface_grid import Level
-    from gi_core.display.fine_points import FinePoints
-    from gi_core.frames.held_light import HeldLevels
-    from gi_core.gather.origins import Origins
-    from gi_core.gather.pose_gather import PoseGather
-    from gi_core.scene import Pose
-    from gi_core.scene.types import CalculationSurface
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 
 class Job:
@@ -116,8 +115,6 @@ class StaticJob(Job):
         return None if self._solver.light != "best" or finished else True
 
     def begin(self) -> Iterator:
-        from app.rest.reference_store import StaticStore
-
         solver, static = self._solver, self._solver.frame_light.static
         if static.gathered is None:
             static.gathered = StaticStore(solver.model, solver.seed).load()
@@ -125,8 +122,6 @@ class StaticJob(Job):
         return solver.gather_steps()
 
     def step(self) -> bool:
-        from app.rest.reference_store import SAVE_SECONDS
-
         changed, enough = super().step(), self._solver.frame_light.static.gathered.enough
         if self._ended or enough or self._clock() - self._saved_at > SAVE_SECONDS:
             self.keep()
@@ -135,8 +130,6 @@ class StaticJob(Job):
 
     def keep(self) -> None:
         """Save the light on show and its paths if the file has others."""
-        from app.rest.reference_store import StaticStore
-
         solver = self._solver
         b, g = solver.frame.background, solver.frame_light.static.gathered
         photons = 0 if b is None else b.estimate.photons
@@ -228,8 +221,6 @@ class HoldJob(Job):
     @property
     def result(self) -> HeldResult | None:
         """What holds in the frame on show."""
-        from app.rest.hold import result_of
-
         if self._measured is None or (answer := self._solver.frame.held) is None:
             return None
         if self._result is None or self._result[0] is not answer:
@@ -237,16 +228,12 @@ class HoldJob(Job):
         return self._result[1]
 
     def key(self, settings: Settings) -> Inputs | str | None:
-        from app.rest.hold import inputs_of
-
         of = inputs_of(settings, self._solver.scene, moving=True)
         if of is None or not of.surfaces:
             return None if self._measured is None else "release"
         return of
 
     def begin(self) -> Iterator:
-        from app.rest.hold import measured_steps
-
         if isinstance(self._key, str):
             return iter([(1.0, None)])
         return measured_steps(self._solver.model, self._key, self._solver.seed)
@@ -279,8 +266,6 @@ class SurfacesJob(Job):
         return tuple(light._replace(is_current=of == state) for light, of in kept)
 
     def key(self, settings: Settings) -> tuple | None:
-        from app.rest.calculation_surface import maintained_levels, surfaces_of
-
         s = self._solver
         held = [] if s.frame.held is None else [of.surface for of in s.frame_light.held.surfaces]
         placed = (x for x in surfaces_of(settings, s.scene) if not x.on or x.on in parts_of(s.scene))
@@ -290,9 +275,6 @@ class SurfacesJob(Job):
         return surfaces, maintained_levels(s.model, s.levels, settings).tobytes(), *state_of(s)
 
     def begin(self) -> Iterator:
-        from app.rest.calculation_surface import all_steps
-        from app.rest.surface_grid import level_of
-
         s = self._solver
         self._level = self._level or level_of(s.model)
         done = [light.surface for light in self.lights if light.is_current and light.fraction == 1]
@@ -334,8 +316,6 @@ class AskedJob(Job):
         return (pin, *state_of(s)) if is_placed else None
 
     def begin(self) -> Iterator:
-        from gi_core.gather.origins import origin_steps
-
         s = self._solver
         (point,), (normal,) = placed([self._key[0]], s.poses)
         return origin_steps(s.model, point, normal, s.poses, s.levels, s.seed)

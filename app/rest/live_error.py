@@ -13,14 +13,16 @@ import math
 import statistics
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.rest.jobs import Job
+from app.rest.reference_store import ReferenceStore
 from app.rest.results import MeasuredPoint, ReferencePicture, Report
 from app.settings import Settings
 from app.worker import Task
+from gi_core.gather.reference_sample import draw_by_area
+from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import (
     CLOUD_REACH,
     bias_left,
@@ -29,10 +31,8 @@ from gi_core.geometry.error import (
     noise_from_subset,
     subset_to_compare,
 )
-
-if TYPE_CHECKING:
-    from gi_core.scene import Pose
-    from gi_core.solver import Solver
+from gi_core.scene import Pose
+from gi_core.solver import Solver
 
 SAMPLED_RECEIVERS = 1000  # of a scene with more than FEW_RECEIVERS
 FEW_RECEIVERS = 4000  # in a measurement of all
@@ -96,8 +96,6 @@ class ReferenceJob:
 
         `even`: equal path counts per receiver, for a picture; else counts that minimise the total error by `weights`.
         """
-        from app.rest.reference_store import ReferenceStore
-
         self.rows, self.weights = rows, weights * shares  # (n,) receivers, and their weights in errors
         self.picture: ReferencePicture | None = None  # None before the first step
         self._store = ReferenceStore(solver.model, poses, rows, weights=weights, levels=solver.levels)
@@ -220,9 +218,6 @@ class LiveError(Job):
 
     def _gather(self, everywhere: bool) -> None:
         """Trace a step of the reference and update the report."""
-        from gi_core.gather.reference_sample import draw_by_area
-        from gi_core.gather.static import visual_shares
-
         solver, key = self._solver, self._reference_key(self._solver.poses, everywhere)
         reference = self._references.pop(key, None)
         if reference is None:

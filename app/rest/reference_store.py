@@ -18,7 +18,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import platformdirs
@@ -26,16 +26,14 @@ import platformdirs
 from app.cli.writable import remove_parts, replacing
 from gi_core.base.results import digest
 from gi_core.files.formats.boundary import at_once
+from gi_core.frames.background import Background
+from gi_core.frames.static_light import StaticLight
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene import Pose
-
-if TYPE_CHECKING:
-    from gi_core.frames.background import Background
-    from gi_core.frames.static_light import StaticLight
 
 FORMAT = "gi-viewer reference 5"  # raise the number when paths change: old files are then ignored
 KEY_NAME = "key"  # name of the array that holds a file's key

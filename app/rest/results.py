@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
-    from app.draw.draw_mesh import DrawMesh
-    from app.rest.calculation_surface import SurfaceLight
-    from app.rest.hold import HeldResult
-    from app.settings import Pin
-    from gi_core.display.dilation import Drawn
-    from gi_core.display.fine_points import FineLight
-    from gi_core.estimators.base import Setting
-    from gi_core.gather.origins import Origins
+from app.draw.draw_mesh import DrawMesh
+from app.rest.calculation_surface import SurfaceLight
+from app.rest.hold import HeldResult
+from app.settings import Pin
+from gi_core.display.dilation import Drawn
+from gi_core.display.fine_points import FineLight
+from gi_core.estimators.base import Setting
+from gi_core.gather.origins import Origins
 
 
 class GatherProgress(NamedTuple):

@@ -5,22 +5,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from app import settings as defaults
 from app.cli.progress import time_left
+from app.rest.hold import HeldResult
 from app.rest.jobs import AskedJob, ChangeJob, FineJob, HoldJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.live_error import LiveError
 from app.rest.results import GatherProgress, RestResults
 from app.settings import Settings
 from app.worker import Task
 from gi_core.base.pause import Interrupted
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from app.rest.hold import HeldResult
-    from gi_core.solver import Solver
+from gi_core.solver import Solver
 
 NO_ERRORS = Settings(measure_errors=False)
 

@@ -8,24 +8,20 @@ those of manuals of lighting software.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.vectors import frame_of, unit
 from gi_core.gather.reference import Gatherer
+from gi_core.model import Model
 from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world
+from gi_core.scene import Pose
 from gi_core.scene.pose import to_millionths
 from gi_core.scene.types import CYLINDRICAL, MOST_GRID_POINTS, UGR, CalculationSurface
 from gi_core.scene.validate import check_surface
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from gi_core.model import Model
-    from gi_core.scene import Pose
 
 BORDER = 0.5  # [m] along walls, EN 12464-1
 LEVEL_COSINE = 0.999  # between normals of one flat part

@@ -13,22 +13,24 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
-from typing import IO, TYPE_CHECKING, NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 
 from app.draw.camera import Bounds, Turntable, from_camera, matrices, scene_bounds
+from app.draw.draw_mesh import DrawMesh, draw_meshes
+from app.draw.lit_scene import LitScene, metered
 from app.draw.tonemap import NEUTRAL, Gains, gains_for
 from app.settings import Settings, UsageError, open_scene
 from gi_core.base.vectors import central_box
-from gi_core.instruments import child
+from gi_core.display import edges, vertex_light
+from gi_core.display.dilation import Drawn
+from gi_core.display.first_look import first_looks
+from gi_core.instruments import child, compile_ahead
+from gi_core.model import Model
+from gi_core.scene import Scene
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
-
-if TYPE_CHECKING:
-    from app.draw.draw_mesh import DrawMesh
-    from gi_core.display.dilation import Drawn
-    from gi_core.scene import Scene
 
 
 class FirstLook(NamedTuple):
@@ -54,12 +56,6 @@ def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
 
 def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     """Yield a scene without light, then in its first light. Raises SceneError."""
-    from app.draw.draw_mesh import draw_meshes
-    from app.draw.lit_scene import LitScene, metered
-    from gi_core.display import edges, vertex_light
-    from gi_core.display.dilation import Drawn
-    from gi_core.model import Model
-
     for kernels in (
         edges,
         vertex_light,
@@ -81,8 +77,6 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     look = FirstLook(meshes, models, unlit, math.inf, camera, model.origins[0], 1.0, NEUTRAL)
     yield look
 
-    from gi_core.display.first_look import first_looks
-
     names = model.emitters.lamps.names
     levels = np.array(list(settings.levels(names).values()), np.float64).reshape(-1, 3)[: len(names)]
     exposure = scene.defaults.exposure if settings.exposure is None else settings.exposure
@@ -103,8 +97,6 @@ def run() -> None:
             _send(look)
     except (SceneError, UsageError) as problem:  # nothing needs to be compiled for it
         _send(problem)
-    from gi_core.instruments import compile_ahead
-
     compile_ahead.compile_backwards(settings.rays, surfaces)
 
 

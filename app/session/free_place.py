@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.draw.camera import Turntable
+from app.session.open_scene import OpenScene
 from gi_core.base.vectors import frame_of
 from gi_core.model import Model
 from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene import Pose
 from gi_core.scene.pose import three
-
-if TYPE_CHECKING:
-    from app.draw.camera import Turntable
-    from app.session.open_scene import OpenScene
-
 
 SUNK = 0.05  # of an object: it may stand so deep in the floor, which need not be level
 

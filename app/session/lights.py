@@ -7,19 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from app.settings import Settings
 from gi_core.base.vectors import frame_of, unit
+from gi_core.files import edits
+from gi_core.files.edits import Edit, Values
+from gi_core.geometry.error import luminance
 from gi_core.lights.daylight import LUMENS_PER_WATT
+from gi_core.lights.emission import Emitters
+from gi_core.lights.photometric import axes
+from gi_core.lights.spot import solid_angle
 from gi_core.scene.pose import axis_angle, least_turn, rotation, three
 from gi_core.scene.types import Daylight, DirectionalLight, Light, PhotometricLight, PointLight, Pose, Scene, SpotLight
-
-if TYPE_CHECKING:
-    from gi_core.files.edits import Edit, Values
-    from gi_core.lights.emission import Emitters
 
 
 class LightId(NamedTuple):
@@ -46,8 +48,6 @@ def numbered(lights: Iterable[Light]) -> dict[LightId, Light]:
 
 def lights_after(scene: Scene, pending: Iterable[Edit]) -> dict[LightId, Light]:
     """Return the lights of a scene, changed by edits that are still being prepared."""
-    from gi_core.files import edits
-
     by_id = numbered(scene.lights)
     for edit in pending:
         if isinstance(edit, edits.Light) and not edit.of:
@@ -77,8 +77,6 @@ def aim_of(light: Directed, up, near: float = 0.0) -> tuple[float, float, float]
     heading = math.degrees(math.atan2(d @ north, d @ east)) if level > 1e-6 else near
     if not isinstance(light, PhotometricLight):
         return tilt, heading, 0.0
-    from gi_core.lights.photometric import axes
-
     _, c0 = axes(light)
     ahead = least_turn(-up, d) @ east  # as straight down turns into the direction
     return tilt, heading, math.degrees(math.atan2(float(np.cross(ahead, c0) @ d), float(ahead @ c0)))
@@ -116,8 +114,6 @@ def turned(light: Light, axis, degrees: float) -> Values:
 
 def beam(light: SpotLight, inner: float, outer: float) -> Values:
     """Return values of a spot with another cone and the same flux."""
-    from gi_core.lights.spot import solid_angle
-
     outer = min(max(outer, 0.1), 90.0)  # degrees from the axis of a spot
     inner = min(max(inner, 0.0), outer)
 
@@ -193,8 +189,6 @@ def new_light(kind: str, room: Room) -> Values:
     if kind == BULB:
         return (("type", "point"), at, ("flux", (flux,) * 3))
     if kind == SPOT:
-        from gi_core.lights.spot import solid_angle
-
         inner, outer = CONE
         solid = solid_angle(math.cos(math.radians(inner)), math.cos(math.radians(outer)))
         cone = ("inner_degrees", inner), ("outer_degrees", outer)
@@ -277,8 +271,6 @@ EXPOSURE_STAYS = "the exposure stays as it was: key A meters it"
 
 def flux_of(emitters: Emitters, settings: Settings) -> float:
     """Return the luminance of the flux of all lamps at the levels of settings."""
-    from gi_core.geometry.error import luminance
-
     names, levels = emitters.lamps.names, settings.levels(emitters.lamps.names)
     lit = [flux * levels[name] for name, flux in zip(names, emitters.flux_of_lamps, strict=True)]
     return float(luminance(sum(lit)))

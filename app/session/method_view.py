@@ -6,7 +6,7 @@ Copies, made on the solver's thread and read by the window. Places are relative 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,13 +19,9 @@ from gi_core.geometry.receivers import NONE
 from gi_core.gloss.light import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import is_sharp
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE
-from gi_core.photons.paths import ADDED, KEPT, REMOVED, Segments, rows_of, segments_at
-from gi_core.retrace.cuts import Wanted, change
-
-if TYPE_CHECKING:
-    from gi_core.photons.paths import PathVertices
-    from gi_core.retrace.cuts import PoseChange
-    from gi_core.solver import Solver
+from gi_core.photons.paths import ADDED, KEPT, REMOVED, PathVertices, Segments, rows_of, segments_at
+from gi_core.retrace.cuts import PoseChange, Wanted, change
+from gi_core.solver import Solver
 
 
 class Strokes(NamedTuple):

@@ -6,32 +6,35 @@ import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from app.draw.camera import Turntable, matrices
+from app.draw.draw_mesh import DrawMesh, dimmed
+from app.draw.lit_scene import LitScene, metered
+from app.draw.motion import paths_of
+from app.draw.picking import Picker
 from app.draw.tonemap import NEUTRAL, Gains, gains_for
+from app.rest.calculation_surface import SurfaceLight, surfaces_of
+from app.rest.results import GatherProgress
+from app.rest.surface_grid import Grid, Level, grid_of, level_of
+from app.session.lights import LightId, lights_after
+from app.session.method_view import MethodParts
 from app.session.opening import Opened
 from app.session.solver_thread import SolverThread
 from app.settings import Settings, State
-from gi_core.scene import Pose
-
-if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
-    from app.draw.draw_mesh import DrawMesh
-    from app.draw.lit_scene import LitScene
-    from app.draw.picking import Picker
-    from app.rest.calculation_surface import SurfaceLight
-    from app.rest.results import GatherProgress
-    from app.rest.surface_grid import Grid, Level
-    from app.session.lights import LightId
-    from app.session.method_view import MethodParts
-    from gi_core.defaults import Chosen
-    from gi_core.files.edits import Edit, Values
-    from gi_core.lights.power import Power
-    from gi_core.model import Model
-    from gi_core.scene import KeyFrames, Scene
-    from gi_core.scene.types import CalculationSurface, Daylight, Light
+from gi_core.bsdf.tabulate import tabulate
+from gi_core.defaults import Chosen
+from gi_core.files import edits
+from gi_core.files.edits import Edit, Finish, Values
+from gi_core.files.finishing import finish_of, is_textured, parts_of
+from gi_core.files.formats.materials_table import FINISH, brdf_of, checked
+from gi_core.files.formats.toml_fields import as_table
+from gi_core.lights.power import Power, power_of
+from gi_core.model import Model
+from gi_core.scene import KeyFrames, Pose, Scene, SceneError
+from gi_core.scene.types import UNITS, CalculationSurface, Daylight, Light, Material, PhotometricLight, PlacedLight
 
 
 class Finished(NamedTuple):
@@ -78,9 +81,6 @@ class OpenScene:
 
     def _show(self, opened: Opened, light: SolverThread) -> None:
         """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
-        from app.draw.motion import paths_of
-        from app.draw.picking import Picker
-
         self.opened, self.light, solver = opened, light, opened.solver
         self._meshes, self.picker = opened.meshes, Picker(solver.model)
         self._given = self._scene = solver.scene
@@ -102,8 +102,6 @@ class OpenScene:
     @property
     def meshes(self) -> tuple[DrawMesh, ...]:
         """Draw meshes, the static part first; lamps emit at the levels of the light on show."""
-        from app.draw.draw_mesh import dimmed
-
         levels = self.light.snapshot.levels
         if self._lit[0] is not levels:
             self._lit = levels, dimmed(self._meshes, levels)
@@ -112,15 +110,11 @@ class OpenScene:
     @cached_property
     def level(self) -> Level:
         """The lit box above the floor, along the axes of the scene, for calculation surfaces."""
-        from app.rest.surface_grid import level_of
-
         return level_of(self.model)
 
     @property
     def power(self) -> Power:
         """Electric power of the lamps on show."""
-        from gi_core.lights.power import power_of
-
         levels = self.light.snapshot.levels
         return power_of(self.model.emitters, self.scene, levels, self.settings.watts, self.level.area)
 
@@ -143,10 +137,6 @@ class OpenScene:
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:
         """The calculation surfaces at the poses of the light on show."""
-        from app.rest.calculation_surface import surfaces_of
-        from app.rest.surface_grid import grid_of
-        from gi_core.scene import SceneError
-
         poses, out = self.light.snapshot.poses, []
         for s in surfaces_of(self.settings, self.scene):
             of = tuple(sorted(poses.items())) if s.on else ()
@@ -183,8 +173,6 @@ class OpenScene:
 
     def box_of_lamp(self, lamp: LightId) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the corners (3,) [m] of the box round a light that has a place, else round a lamp's faces, or None."""
-        from gi_core.scene.types import PhotometricLight, PlacedLight
-
         light, mesh = self.lights.get(lamp), self.scene.static
         if isinstance(light, PlacedLight):
             least = 0.03 * self.chosen.scene_size  # 0.03 of the scene's size: box of a light without a size
@@ -210,16 +198,11 @@ class OpenScene:
         s = self.settings
         if not (s.show_paths or s.show_disc or s.show_recomputed):
             return None
-        from app.session.method_view import MethodParts
-
         receiver = self.receiver if self.held_receiver < 0 else self.held_receiver
         return MethodParts(s.show_paths, receiver if s.show_disc else -1, s.show_recomputed)
 
     def finish_of(self, name: str, material: bool, part: str = "") -> Finished:
         """Return the reflection of a part of a mobile, or of a material in the static part; of the edits asked for."""
-        from gi_core.files.edits import Finish
-        from gi_core.files.finishing import finish_of, is_textured
-
         if (key := (name, material, part)) not in self._finishes:
             values = finish_of(self.scene, self.model.surfaces, *key)
             self._finishes[key] = Finished(values, is_textured(self.scene, *key), _darkened(values))
@@ -244,15 +227,11 @@ class OpenScene:
     @property
     def lights(self) -> dict[LightId, Light]:
         """Lights by name and number, as the edits asked for leave them."""
-        from app.session.lights import lights_after
-
         return lights_after(self.scene, [edit for edit in self.edits if edit not in self.settings.edits])
 
     @property
     def daylight(self) -> Daylight | None:
         """Place, date and hour of the daylight, as the edits asked for leave them; None: the scene has none."""
-        from gi_core.files import edits
-
         now = self.scene.daylight
         for edit in self.edits:
             if now is not None and isinstance(edit, edits.Daylight) and edit not in self.settings.edits:
@@ -261,15 +240,12 @@ class OpenScene:
 
     def file_of(self, light: LightId) -> str:
         """Return the photometric file that an edit has given a light, "" for none."""
-        from gi_core.files.edits import Light
-
-        edits = (e for e in self.edits if isinstance(e, Light) and (e.name, e.number) == (light.name, light.number))
-        return next((edit.file for edit in reversed(list(edits))), "")
+        key = light.name, light.number
+        files = [e.file for e in self.edits if isinstance(e, edits.Light) and (e.name, e.number) == key]
+        return files[-1] if files else ""
 
     def parts_of(self, name: str) -> tuple[str, ...]:
         """Return the parts of a mobile, by material; () for an unknown one."""
-        from gi_core.files.finishing import parts_of
-
         if name not in self._parts:
             self._parts[name] = parts_of(self.scene, name) if name in self.poses else ()
         return self._parts[name]
@@ -277,16 +253,11 @@ class OpenScene:
     @property
     def lit(self) -> LitScene:
         """The light on show."""
-        from app.draw.lit_scene import LitScene
-        from gi_core.scene.types import UNITS
-
         light, radiance, units = self.light.snapshot, self.settings.shows_radiance, UNITS[self.scene.units]
         return LitScene(self.model, light.poses, light.levels, self.meshes, light.drawn, light.gloss, radiance, units)
 
     def metered(self, camera: Turntable) -> float:
         """Return the metered exposure [EV] of a view of the light on show."""
-        from app.draw.lit_scene import metered
-
         return round(metered(self.lit, camera, self.chosen.scene_size), 2)
 
     def models(self) -> tuple[np.ndarray, ...]:
@@ -296,10 +267,5 @@ class OpenScene:
 
 def _darkened(values: Values) -> str:
     """Return where and why a material of these values is darkened, "" if it is not; its table is that of the scene."""
-    from gi_core.bsdf.tabulate import tabulate
-    from gi_core.files.formats.materials_table import FINISH, brdf_of, checked
-    from gi_core.files.formats.toml_fields import as_table
-    from gi_core.scene.types import Material
-
     material = brdf_of(checked(as_table(values), "", FINISH), Material(""))
     return tabulate(material.brdf, True).limited if material.scaled else ""

@@ -14,23 +14,26 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 
+from app.draw.draw_mesh import DrawMesh, meshes_of
+from app.rest.reference_store import StaticStore
+from app.session import first_look
+from app.session.first_look import FirstLook
 from app.settings import Settings, as_asked, make_solver, of_files, read_scene
 from app.worker import daemon, without_frames
+from gi_core.base.kernel_cache import problems
+from gi_core.base.results import Results
+from gi_core.files.edits import Versions
+from gi_core.instruments import child, compile_ahead
+from gi_core.model import Model
+from gi_core.scene import Scene
+from gi_core.scene.errors import utf8
+from gi_core.solver import Solver
 
-if TYPE_CHECKING:
-    from app.draw.draw_mesh import DrawMesh
-    from app.session.first_look import FirstLook
-    from gi_core.base.results import Results
-    from gi_core.files.edits import Versions
-    from gi_core.model import Model
-    from gi_core.scene import Scene
-    from gi_core.solver import Solver
-
-IMPORTING, LOADING, LIGHTING = "importing", "loading scene", "computing the first light"
+LOADING, LIGHTING = "loading scene", "computing the first light"
 COMPILING = {  # by kind of surfaces, those of gi_core.instruments.compile_ahead
     "diffuse": "compiling kernels, once per machine",
     "gloss": "compiling kernels for gloss, once per machine",
@@ -64,7 +67,7 @@ class Opening:
         """load: returns the scene without edits; before: the scene on show, of which this is an edit."""
         self.settings = settings
         self._load, self._before = load, before
-        self.phase, self.detail = IMPORTING, ""
+        self.phase, self.detail = LOADING, self._name
         self.fraction: float | None = None  # None: unknown
         self.result: Opened | None = None
         self.problem: BaseException | None = None
@@ -80,8 +83,6 @@ class Opening:
         """The phase in words, with the fraction done or the time left; and the fraction, None: unknown."""
         share = "" if self.fraction is None else f"{100 * self.fraction:.0f} %"
         detail = self.detail or share
-        from gi_core.scene.errors import utf8
-
         return utf8(self.phase + (f": {detail}" if detail else "")), self.fraction
 
     @property
@@ -100,8 +101,6 @@ class Opening:
 
     def _run(self) -> None:
         try:
-            from gi_core.instruments import compile_ahead
-
             self._compile(compile_ahead.DIFFUSE)
             self.phase, self.detail, self.fraction = LOADING, self._name, None
             versions = self._versions()
@@ -115,8 +114,6 @@ class Opening:
 
     def _versions(self) -> Versions:
         """Return the versions of the scene; files are read again only where it is no edit of the scene on show."""
-        from gi_core.files.edits import Versions
-
         shown = self._before.opened if self._before is not None else None
         same = shown is not None and of_files(shown.settings) == of_files(self.settings)
         versions = shown.versions if shown is not None and same else Versions({0: self._load(self.settings)})
@@ -124,9 +121,6 @@ class Opening:
 
     def _compile(self, surfaces: str) -> None:
         """Compile the kernels for a kind of surfaces that the disk cache lacks; show a first look meanwhile."""
-        from app.session import first_look
-        from gi_core.instruments import child, compile_ahead
-
         if compile_ahead.is_warm(self.settings.rays, surfaces):
             return
         self.phase, self.fraction = COMPILING[surfaces], 0.0
@@ -164,9 +158,6 @@ class Opening:
                     self._refused = received
 
     def _open(self, scene: Scene, versions: Versions) -> Opened:
-        from app.rest.reference_store import StaticStore
-        from gi_core.base.kernel_cache import problems
-
         self.phase, self.detail, self.fraction = LOADING, self._name, None
         before = self._before
         solver = make_solver(scene, self.settings, None if before is None else before.results())
@@ -187,8 +178,6 @@ class Opening:
 
     def _drawn(self, model: Model, earlier: Model | None) -> tuple[DrawMesh, ...]:
         """Return the draw meshes of a model: those of the scene on show where they are the same."""
-        from app.draw.draw_mesh import meshes_of
-
         before = None
         if earlier is not None:
             shown = self._before.opened

@@ -6,18 +6,15 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.scene.types import CYLINDRICAL, DAYLIGHT_FACTOR, ILLUMINANCE, UGR
-
-if TYPE_CHECKING:
-    from app.rest.calculation_surface import SurfaceLight
-    from app.rest.surface_grid import Level
-    from gi_core.gather.origins import Origins, Share
-    from gi_core.lights.power import Power
-    from gi_core.scene.types import CalculationSurface, Units
+from app.rest.calculation_surface import AT_MOST, SurfaceLight
+from app.rest.surface_grid import Level, points_of
+from gi_core.gather.origins import GROUPS, Origins, Share
+from gi_core.lights.power import Power
+from gi_core.scene.types import CYLINDRICAL, DAYLIGHT_FACTOR, ILLUMINANCE, UGR, CalculationSurface, Units
 
 LEFT_OUT = "inside objects or outside the room"
 LONG_NAMES = {
@@ -89,8 +86,6 @@ def text_lines(
 
 def share_lines(row: Row, origins: Origins, units: Units) -> list[str]:
     """Return the light at a point by its origins, as lines of text."""
-    from gi_core.gather.origins import GROUPS
-
     lines = ["", f'{row.kind} "{row.name}"'.ljust(30) + f" {shown(*origins.total, units.per_area)}"]
     for group in GROUPS if origins.total[0] > 0 else ():
         lines += [f"   by {group}", *(f"      {s.name:30} {percent(s)}" for s in origins.shares(group, 12))]
@@ -123,8 +118,6 @@ def unit_of(surface: CalculationSurface, units: Units) -> str:
 
 def described(light: SurfaceLight, level: Level) -> str:
     """Return size, place, points and views of a surface."""
-    from app.rest.surface_grid import points_of
-
     s, (a, b), left_out = light.surface, light.grid.shape, light.numbers.left_out
     width, depth = light.grid.size.tolist()
     height = float(light.grid.corners.mean(axis=0) @ level.axes.up) - level.low[2]
@@ -137,8 +130,6 @@ def described(light: SurfaceLight, level: Level) -> str:
 
 def judged(light: SurfaceLight, number: str, units: Units) -> str:
     """Return the target of a number of a surface and whether it holds, "" without one."""
-    from app.rest.calculation_surface import AT_MOST
-
     targets = dict(light.surface.targets)
     if number not in targets:
         return ""

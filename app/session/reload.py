@@ -9,19 +9,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.cli import saved_scene
+from app.session.free_place import free_pose
+from app.session.lights import words_for
 from app.session.log import WARNING
 from app.session.opening import COMPILING, Before
 from app.session.session import Asked, Inserted, Session
 from app.settings import TABLE, Settings
-
-if TYPE_CHECKING:
-    from gi_core.files.edits import Edit
-    from gi_core.scene import Pose
+from gi_core.files.edits import Darken, Daylight, Duplicate, Edit, Finish, Freeze, Insert, Light, Promote, Remove
+from gi_core.scene import Pose
 
 # Settings that another scene resets; those of display and estimator stay.
 RESET_BY_SCENE = [name for name, row in TABLE.items() if row.of_scene]
@@ -149,9 +148,6 @@ class Reload:
 
     def _choose_places(self, now: Session, coming: Session, wanted: Mapping[str, Pose]) -> None:
         """Choose free places of the objects that the edits insert now, once; wanted: poses of others."""
-        from app.session.free_place import free_pose
-        from gi_core.files.edits import Insert
-
         for edit in coming.settings.edits:
             if isinstance(edit, Insert) and edit.name not in {**now.poses, **wanted, **coming.inserted.poses}:
                 poses = {**coming.poses, **wanted, **coming.inserted.poses}
@@ -190,9 +186,6 @@ def words_of(before: Sequence[Edit], after: Sequence[Edit]) -> str:
 
 
 def _words(edits: Sequence[Edit], base: Sequence[Edit]) -> str:
-    from app.session.lights import words_for
-    from gi_core.files.edits import Darken, Daylight, Duplicate, Finish, Freeze, Insert, Light, Promote, Remove
-
     verbs = {Finish: "edited", Insert: "inserted", Duplicate: "duplicated", Remove: "removed", Promote: "made movable",
              Freeze: "made static", Daylight: "edited", Darken: "removed"}  # fmt: skip
     lights = {(edit.name, edit.number) for edit in base if isinstance(edit, Light)}

@@ -13,24 +13,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from app.cli.saved_scene import command_line
 from app.draw.colour_map import sequential_colours
 from app.rest.calculation_surface import FAIL, PASS, SurfaceLight
+from app.rest.surface_grid import Level
 from app.session.readouts import LONG_NAMES, described, judged, per_100_lux, shown, unit_of
+from app.settings import Settings
 from gi_core.geometry.error import luminance
 from gi_core.lights.daylight import sun_of
-from gi_core.lights.power import full_watts
+from gi_core.lights.photometric import flux_of
+from gi_core.lights.power import Power, full_watts
+from gi_core.model import Model
 from gi_core.scene.types import UNITS, PhotometricLight, PlacedLight, SkyLight
-
-if TYPE_CHECKING:
-    from app.rest.surface_grid import Level
-    from app.settings import Settings
-    from gi_core.lights.power import Power
-    from gi_core.model import Model
 
 STYLE = """
 body { font: 10.5pt/1.4 system-ui, sans-serif; color: #1b1d21; max-width: 190mm; margin: 10mm auto; }
@@ -252,8 +250,6 @@ def _polar(light: PhotometricLight) -> str:
 
 
 def _flux(light: PhotometricLight) -> float:
-    from gi_core.lights.photometric import flux_of
-
     return flux_of(light.gammas_degrees, light.planes_degrees, light.intensity)
 
 

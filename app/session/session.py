@@ -8,8 +8,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from app.draw.motion import play_head
 from app.rest.results import MeasuredPoints
 from app.session.lights import EXPOSURE_STAYS, changes_exposure, flux_of
 from app.session.log import WARNING, Log
@@ -18,15 +21,10 @@ from app.session.opening import Opened, Opening
 from app.session.solver_thread import SolverThread
 from app.settings import TABLE, Lighting, Settings
 from app.worker import PATIENCE, Worker
+from gi_core.files.edits import Edit, EditError, names_after, with_edit
 from gi_core.scene import Pose
 from gi_core.scene.errors import one_line
 from gi_core.scene.pose import pose_at
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from gi_core.files.edits import Edit
-
 
 Step = tuple[dict[Any, Any], dict[Any, Any]]  # values before and after
 
@@ -388,8 +386,6 @@ class Session(OpenScene):
         Not `first`: the next value of a held slider, in the same step of undo. Values that come while one is being
         opened are dropped, except the newest.
         """
-        from gi_core.files.edits import with_edit
-
         self.motion.playing = False
         before = self.edits
         for edit in edits:
@@ -411,8 +407,6 @@ class Session(OpenScene):
     @property
     def moved_after_edits(self) -> dict[str, Pose]:
         """Poses as of `moved`, once the edits asked for are on show."""
-        from gi_core.files.edits import names_after
-
         names = names_after(self.poses, self.settings.edits, self.edits)
         return {name: pose for name, pose in {**self.moved, **self._returning}.items() if name in names}
 
@@ -421,8 +415,6 @@ class Session(OpenScene):
 
         A problem that no single edit has takes all edits that are not on show.
         """
-        from gi_core.files.edits import EditError
-
         shown = self.settings.edits
         pending = [edit for edit in asked.edits if edit not in shown]
         failed = [asked.edits[problem.number]] if isinstance(problem, EditError) else pending
@@ -458,8 +450,6 @@ class Session(OpenScene):
 
     def _play(self, seconds: float) -> None:
         """Advance along the paths by a time, so that the speed does not depend on the frame rate."""
-        from app.draw.motion import play_head
-
         self.motion.path_time += seconds
         self.move({name: pose_at(path, play_head(path, self.motion.path_time)) for name, path in self.paths.items()})
 

@@ -9,26 +9,24 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
+
+import numpy as np
 
 from app.cli.progress import warnings_of
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from app.rest.results import RestResults
-    from app.rest.scheduler import RestWork, TaskEnd
-    from app.session.method_view import MethodParts, MethodView
-    from app.settings import Settings
-    from gi_core.base.pause import Progress
-    from gi_core.discs.stale_receivers import ControlFacts
-    from gi_core.display.dilation import Drawn
-    from gi_core.estimators.base import Setting
-    from gi_core.frames.frame import Changes
-    from gi_core.gather.estimate import Source
-    from gi_core.gloss.light import GlossLight
-    from gi_core.scene import Pose
-    from gi_core.solver import Solver
+from app.rest.results import RestResults
+from app.rest.scheduler import RestWork, TaskEnd
+from app.session.method_view import MethodParts, MethodView, method_view
+from app.settings import Settings
+from gi_core.base.pause import Progress
+from gi_core.discs.stale_receivers import ControlFacts
+from gi_core.display.dilation import Drawn
+from gi_core.estimators.base import Setting
+from gi_core.frames.frame import Changes
+from gi_core.gather.estimate import Source
+from gi_core.gloss.light import GlossLight
+from gi_core.scene import Pose
+from gi_core.solver import Solver
 
 
 class Snapshot(NamedTuple):
@@ -216,8 +214,6 @@ class Show:
     busy: ClassVar[bool] = False
 
     def run(self, solver: Solver, work: RestWork) -> MethodView:
-        from app.session.method_view import method_view
-
         return method_view(solver, self.parts)
 
 

@@ -13,11 +13,12 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from app.rest.jobs import HoldJob
 from app.rest.scheduler import RestWork, TaskEnd
 from app.session.log import WARNING, Log
+from app.session.method_view import MethodParts, MethodView
 from app.session.solver_jobs import (
     Dim,
     Job,
@@ -32,16 +33,12 @@ from app.session.solver_jobs import (
     Time,
     snapshot_of,
 )
+from app.settings import Settings
 from app.worker import PATIENCE, Call, Worker
-from gi_core.base.pause import Interrupted, breaking_off
-
-if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
-    from app.session.method_view import MethodParts, MethodView
-    from app.settings import Settings
-    from gi_core.base.pause import Progress
-    from gi_core.base.results import Results
-    from gi_core.scene import Pose
-    from gi_core.solver import Solver
+from gi_core.base.pause import Interrupted, Progress, breaking_off
+from gi_core.base.results import Results
+from gi_core.scene import Pose
+from gi_core.solver import Solver
 
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
 
@@ -237,8 +234,6 @@ class SolverThread:
             case Rest():
                 self.all_done = True
             case Show(parts):
-                from app.session.method_view import MethodView
-
                 self.method = MethodView(parts, self.snapshot.irradiance)  # not again for this frame
         self.log.failure(job.name, problem)
 

@@ -7,20 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import MAX_PITCH, PARALLEL, WIDE, Bounds, Turntable, from_camera, scene_bounds
+from app.session.lights import LightId
 from app.session.readouts import free_name
+from app.session.session import Session
 from gi_core.scene.pose import three
-
-if TYPE_CHECKING:
-    from app.draw.camera import Turntable
-    from app.session.lights import LightId
-    from app.session.session import Session
-
 
 CLICK_PIXELS = 2.0  # shorter motions of the mouse are a click
 

@@ -7,21 +7,18 @@ computed from the press alone, so a cursor that returns to the press restores th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, Turntable
-from app.window.camera_control import CLICK_PIXELS
+from app.draw.picking import Hit
+from app.session.session import Session
+from app.window.camera_control import CLICK_PIXELS, View
 from gi_core.base.vectors import frame_of
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, carried, four, multiply_quaternions, three, to_millionths
-
-if TYPE_CHECKING:
-    from app.draw.picking import Hit
-    from app.session.session import Session
-    from app.window.camera_control import View
 
 SLIDE, RAISE, FACE, TURN = "slide", "raise", "face", "turn"
 MODES = {

@@ -11,7 +11,7 @@ from imgui_bundle import hello_imgui
 
 from app.cli import saved_scene
 from app.session.session import Session
-from app.settings import TABLE
+from app.settings import TABLE, UsageError
 from app.window import dialogs
 from app.window.viewport import Viewport
 from gi_core.scene.errors import utf8
@@ -77,8 +77,6 @@ class Files:
         file = file if file.suffix.lower() == ".toml" else file.with_name(file.name + ".toml")
         scene = session.settings.scene
         if os.path.isfile(scene) and os.path.realpath(scene) == os.path.realpath(file):
-            from app.settings import UsageError
-
             raise UsageError(f"{file.name} is the scene itself, which stays as it is; choose another name")
         files = None if session.is_editing else session.scene.files
         copies = saved_scene.write(file, self.settings_now(session, viewport), files)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.bare_lights import rectangle_of
+from app.draw.camera import Bounds
 from app.session.lights import Directed, LightId, towards, turned, words_for
+from app.session.session import Session
 from app.window import drag, theme
-from app.window.camera_control import CLICK_PIXELS
+from app.window.camera_control import CLICK_PIXELS, View
+from gi_core.files import edits
+from gi_core.files.edits import Values
 from gi_core.scene import Pose
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Light, PhotometricLight, PlacedLight
-
-if TYPE_CHECKING:
-    from app.draw.camera import Bounds
-    from app.session.session import Session
-    from app.window.camera_control import View
-    from gi_core.files.edits import Values
 
 AIM = "aim"  # beside the modes of a drag
 WORDS = {**drag.MODES, AIM: "shines at the surface under the cursor"}
@@ -169,8 +167,6 @@ class LampHandles:
         return (("position", pose.position),)
 
     def _change(self, session: Session, values: Values) -> None:
-        from gi_core.files import edits
-
         light_id, now = self.held.id, session.lights.get(self.held.id)
         if values and now is not None and any(getattr(now, key) != value for key, value in values):
             session.change_scene(edits.Light(light_id.name, values, number=light_id.number), first=not self._moved)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui
 
+from app.draw.camera import Turntable
 from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, Scale, automatic_scale, fixed_scale
 from app.draw.legend import COLOUR_STEPS, PLATE, PLATE_OPACITY, TICK_EM, Layout, Legend, layout
 from app.draw.raycast import visible_light
+from app.session.session import Session
 from app.settings import FALSE_COLOURS
 from app.window import theme
+from app.window.camera_control import View
+from app.window.label import Box
 from app.window.view_content import Change, Errors, Shown
-
-if TYPE_CHECKING:
-    from app.draw.camera import Turntable
-    from app.session.session import Session
-    from app.window.camera_control import View
-    from app.window.label import Box
 
 NO_DATA = "no reference yet"
 MINUS = "\N{MINUS SIGN}"

@@ -13,6 +13,8 @@ from app.window.actions import ACTIONS, ESTIMATOR_KEYS
 from app.window.actions.objects import SHAPES
 from app.window.dialogs import UNSAVED
 from app.window.files import Files
+from gi_core.estimators import ESTIMATORS
+from gi_core.files.find import shipped_scenes
 
 SHIPPED, RECENT, WATCHES, VIEWS, LINE = "Shipped scenes", "Open recent", "Reload changed files", "Kept views", ""
 SIZE, SHAPE = "Interface size", "Insert shape"
@@ -65,8 +67,6 @@ class Menus:
         if entry == LINE:
             imgui.separator()
         elif entry == SHIPPED:
-            from gi_core.files.find import shipped_scenes
-
             if imgui.begin_menu(SHIPPED):
                 for name in shipped_scenes():
                     if imgui.menu_item(name, "", False)[0]:
@@ -207,8 +207,6 @@ def draw_help(is_ready: bool, area: tuple[float, float, float, float], is_open: 
         imgui.separator_text("Keys")
         numbers = []
         if is_ready:
-            from gi_core.estimators import ESTIMATORS
-
             names = list(ESTIMATORS)[: len(ESTIMATOR_KEYS)]
             numbers = [(str(k), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(names, 1)]
         numbers.append(("Ctrl+1 to Ctrl+9", "show a kept view"))

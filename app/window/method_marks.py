@@ -6,21 +6,17 @@ a click stays while the camera orbits about it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from imgui_bundle import imgui
 
+from app.draw.picking import Hit
+from app.session.method_view import Counted, HemisphereView, MethodView, Strokes
 from app.settings import CLICKED
 from app.window import label, theme
+from app.window.viewport import Viewport
 from gi_core.gloss.hemisphere import SIDE, directions, disc_of
 from gi_core.photons.paths import ADDED, KEPT, REMOVED
-
-if TYPE_CHECKING:
-    from app.draw.picking import Hit
-    from app.session.method_view import Counted, HemisphereView, MethodView, Strokes
-    from app.window.viewport import Viewport
-    from gi_core.rays.leaf_boxes import LeafBoxes
+from gi_core.rays.leaf_boxes import LeafBoxes, leaf_boxes, visited
 
 RADIUS_EM = 7.0
 EDGE_STEPS = 4  # of a cell's edge
@@ -205,8 +201,6 @@ class RayCells:
         The ray of a click stays while the camera moves.
         """
         thick, thin = 2.0, 1.0  # [points]
-        from gi_core.rays.leaf_boxes import leaf_boxes, visited
-
         session, view = viewport.session, viewport.view
         model, camera, settings = session.model, view.camera, session.settings
         poses, clicked = session.pose_list, viewport.clicked if settings.cells == CLICKED else None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
@@ -15,10 +14,6 @@ from app.window import label, legend, theme
 from app.window.panel.widgets import shortened
 from app.window.viewport import Viewport
 from gi_core.scene.errors import utf8
-
-if TYPE_CHECKING:
-    pass
-
 
 KEY_HINT = "H: help    Tab: panel"
 MESSAGE_SECONDS = {INFO: 3.0, WARNING: 8.0, ERROR: 20.0}  # on show

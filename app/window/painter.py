@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import moderngl
 from imgui_bundle import imgui
 
 from app.draw.bare_lights import bare_lights, light_faces
@@ -12,15 +11,11 @@ from app.draw.renderer import SAMPLES, Look, Renderer
 from app.draw.tonemap import NEUTRAL
 from app.draw.vertex_colours import colours, weights
 from app.session.first_look import FirstLook
+from app.session.session import Session
 from app.settings import Settings
 from app.window import view_content, window
 from app.window.method_marks import RayCells
-
-if TYPE_CHECKING:
-    import moderngl
-
-    from app.session.session import Session
-    from app.window.viewport import Viewport
+from app.window.viewport import Viewport
 
 
 class Preview:

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui
 
+from app.draw.picking import Hit
 from app.draw.readout import Pinned, Reading, nearest_receiver, new_pin, read, read_pin
 from app.session.readouts import free_name
-from app.window.view_content import Change, lit
+from app.session.session import Session
+from app.window.camera_control import View
+from app.window.view_content import Change, Shown, lit
 from gi_core.display.dilation import Drawn
-
-if TYPE_CHECKING:
-    from app.draw.picking import Hit
-    from app.session.session import Session
-    from app.window.camera_control import View
-    from app.window.view_content import Shown
 
 
 class Pointer:

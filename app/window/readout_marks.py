@@ -5,27 +5,21 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.colour_map import sequential_colours
-from app.draw.legend import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks
+from app.draw.legend import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks, Point
+from app.rest.calculation_surface import Grid, SurfaceLight
 from app.session.readouts import unit_of
 from app.window import label, legend
-from app.window.label import LabelPlaces
+from app.window.camera_control import View
+from app.window.label import Box, LabelPlaces
 from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES
+from app.window.viewport import Viewport
 from gi_core.lights.daylight import axes_of, sun_of
-from gi_core.scene.types import UNITS
-
-if TYPE_CHECKING:
-    from app.draw.legend import Point
-    from app.rest.calculation_surface import Grid, SurfaceLight
-    from app.window.camera_control import View
-    from app.window.label import Box
-    from app.window.viewport import Viewport
-    from gi_core.scene.types import CalculationSurface, Daylight
+from gi_core.scene.types import UNITS, CalculationSurface, Daylight
 
 OF_BEFORE = 0.4  # opacity of numbers of the light before
 COMPASS_EM, COMPASS_AT_EM = 1.8, (3.2, 6.0)  # radius of the compass; its middle from the lower left corner

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import imgui
 
 from app.draw.legend import PLATE, ROUND_EM, TEXT
 from app.session.readouts import percent, shown
 from app.window import theme
+from app.window.camera_control import View
 from app.window.panel.widgets import shortened
+from app.window.viewport import Viewport
 from gi_core.gather.origins import GROUPS, Share, Way
 from gi_core.scene.types import UNITS
-
-if TYPE_CHECKING:
-    from app.window.camera_control import View
-    from app.window.viewport import Viewport
 
 WAY_OPACITY = 0.8, 0.5, 0.3  # of the last leg, of the one before, and of earlier ones
 MOST_BARS = 5  # of a group; the last one is of all others

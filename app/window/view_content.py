@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from app.draw.colour_map import UNKNOWN_COLOUR, signed_colours
-from app.draw.draw_mesh import dimmed
+from app.draw.draw_mesh import DrawMesh, dimmed
 from app.draw.false_colour import round_scale
+from app.draw.lit_scene import LitScene
+from app.draw.readout import Pinned
+from app.rest.results import ReferencePicture
+from app.session.readouts import Row, csv_text
+from app.session.session import Session
 from app.settings import CHANGE, ERRORS
 from gi_core.display.dilation import Drawn
 from gi_core.gather.estimate import Source
 from gi_core.geometry.error import luminance, signed_error
 from gi_core.scene.pose import three
-from gi_core.scene.types import UNITS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from app.draw.draw_mesh import DrawMesh
-    from app.draw.lit_scene import LitScene
-    from app.draw.readout import Pinned
-    from app.rest.results import ReferencePicture
-    from app.session.session import Session
-    from gi_core.scene.types import Units
+from gi_core.scene.types import UNITS, Units
 
 # Display colours of receivers by their last computation (method_view.py): background, changed, estimated, path traced
 RECOMPUTED = ((0.52, 0.53, 0.55), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40, 0.70, 0.95))
@@ -141,9 +137,6 @@ def _coming(session: Session, reference: ReferencePicture | None, errors: Errors
 
 def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
     """Return all read-outs on show as CSV."""
-    from app.session.readouts import Row, csv_text
-    from gi_core.scene.types import UNITS
-
     snapshot = session.light.snapshot
     places = {p.name: p.position for p in session.scene.probes}
     rows = [Row("probe", name, places[name], float(luminance(E))) for name, E in snapshot.probes.items()]

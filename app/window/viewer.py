@@ -18,6 +18,7 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
+from app.draw.picture_files import write_png
 from app.session.lights import EXPOSURE_STAYS, changes_exposure, flux_of
 from app.session.log import WARNING, Log
 from app.session.opening import COMPILING, Opening
@@ -33,6 +34,7 @@ from app.window.menus import Menus
 from app.window.painter import Painter
 from app.window.viewport import Viewport
 from app.worker import limit_arenas
+from gi_core.scene import SceneError
 
 LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 DOUBLE_CLICK = 0.3  # s, ImGui's default
@@ -406,8 +408,6 @@ def is_user_error(problem: BaseException | None) -> bool:
     """Return whether a problem lies in the user's input; any other is a defect, shown in the window."""
     if problem is None:
         return False
-    from gi_core.scene import SceneError
-
     return isinstance(problem, (SceneError, UsageError, OSError))
 
 
@@ -436,8 +436,6 @@ def run(
     finally:
         sys.setswitchinterval(interval)
     if screenshot is not None:
-        from app.draw.picture_files import write_png
-
         write_png(Path(screenshot), hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})
     return finish(viewer)
 

@@ -13,6 +13,8 @@ from importlib import import_module
 from pathlib import Path
 
 from app.settings import Settings
+from app.window import theme
+from gi_core.scene.errors import utf8
 
 TITLE = "gi-viewer"
 GL_VERSION = (3, 3)  # macOS has at most 4.1
@@ -124,8 +126,6 @@ def runner_params(
     """Return HelloImGui's parameters: menu bar, viewport, panel at its right, status line."""
     from imgui_bundle import hello_imgui, imgui
 
-    from app.window import theme
-
     params = hello_imgui.RunnerParams()
     window = params.app_window_params
     window.window_title = title_of(settings.document or settings.scene)
@@ -178,8 +178,6 @@ def runner_params(
 
 
 def title_of(scene: str) -> str:
-    from gi_core.scene.errors import utf8
-
     return f"{utf8(Path(scene).stem)} - {TITLE}"
 
 

@@ -170,7 +170,7 @@ def test_a_setting_changed_and_changed_back_shows_the_same_light():
 
 def test_work_at_rest_is_stored_at_quit(monkeypatch):
     """Nothing is saved by the clock: PATIENCE is less than a year."""
-    monkeypatch.setattr("app.rest.reference_store.SAVE_SECONDS", 3e7)
+    monkeypatch.setattr("app.rest.jobs.SAVE_SECONDS", 3e7)
     session = opened()
     rest_until(
         session, lambda: (g := session.light._solver.frame_light.static.gathered) and g.state and g.state.sets.any()

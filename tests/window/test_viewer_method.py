@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.session import method_view
+from app.session import method_view, solver_jobs
 from app.window import label, method_marks
 from app.window.view_content import RECOMPUTED
 from gi_core.scene.types import Gloss, Material
@@ -19,7 +19,7 @@ from tests.support.viewer_hand import BLOCK_FRONT, in_window, keys
 def test_paths_disc_and_colours_follow_keys_cursor_and_drags(hand, viewer, monkeypatch):
     threads, view = set(), method_view.method_view
     monkeypatch.setattr(
-        method_view, "method_view", lambda *given: (threads.add(threading.current_thread().name), view(*given))[1]
+        solver_jobs, "method_view", lambda *given: (threads.add(threading.current_thread().name), view(*given))[1]
     )
     light, K = viewer.session.light, keys()
     hand.wait(lambda: light.all_done)

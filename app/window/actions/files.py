@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 from imgui_bundle import imgui
 
+from app.cli.version import version
 from app.cli.writable import write_whole
 from app.draw.picture_files import next_free, png, screenshot
 from app.rest.calculation_surface import NOISE
 from app.session.log import WARNING
+from app.session.report import Content, page
 from app.settings import UsageError
 from app.window import dialogs, readout_marks, view_content
 from app.window.actions.lamps import use_file
@@ -155,8 +157,6 @@ def _picture(window: Window, scale: int = 1) -> np.ndarray:
 
 def report(window: Window) -> None:
     """Write a report of the light on show, with the surfaces as far as they are measured."""
-    from app.cli.version import version
-    from app.session.report import Content, page
 
     def content() -> str:
         s = window.session

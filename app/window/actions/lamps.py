@@ -6,7 +6,6 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,20 +27,18 @@ from app.window.parts import Window
 from app.window.viewport import BESIDE
 from gi_core.base.vectors import unit
 from gi_core.files.completion.pilot import ring
+from gi_core.files.edits import Darken, Daylight, Light, Values
+from gi_core.files.load import free_name
+from gi_core.geometry.error import luminance
 from gi_core.lights.daylight import SKY, SUN
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.errors import utf8
 from gi_core.scene.pose import three
 from gi_core.scene.types import PlacedLight
 
-if TYPE_CHECKING:
-    from gi_core.files.edits import Values
-
 
 def change(window: Window, light: LightId | None, values: Values, first: bool = True) -> None:
     """Change a light, or the daylight (None); not `first`: the next value of a field that is still held."""
-    from gi_core.files.edits import Daylight, Light
-
     edit = Light(light.name, values, number=light.number) if light is not None else Daylight(values)
     window.session.change_scene(edit, first=first)
 
@@ -61,8 +58,6 @@ def add(window: Window, kind: str) -> None:
 
 def _add_daylight(window: Window) -> None:
     """Add sun and sky, in place of the lights of these names."""
-    from gi_core.files.edits import Darken, Daylight
-
     replaced = [Darken(light.name, 1) for light in window.session.lights if light.name in (SUN, SKY)]
     values = {key: value for key, value in NEW_DAYLIGHT._asdict().items() if value is not None}
     window.session.change_scene(*replaced, Daylight(tuple(values.items())))
@@ -76,8 +71,6 @@ def choose_file(window: Window, lamp: LightId | None) -> None:
 
 def use_file(window: Window, lamp: LightId | None, name: str, at: np.ndarray | None = None) -> None:
     """Give a lamp the distribution of a photometric file, or add one with it; at (3,) [m]: over this place."""
-    from gi_core.files.edits import Light
-
     file, room = os.path.abspath(os.path.expanduser(name)), _room(window, at)
     if lamp is None:
         _add(window, utf8(Path(file).stem), photometric({}, room), file)
@@ -94,8 +87,6 @@ def choose_file_for_selected(window: Window) -> None:
 
 def duplicate(window: Window) -> None:
     """Put a copy of the selected lamp beside it."""
-    from gi_core.files.edits import Light
-
     session, lamp = window.session, _selected(window)
     if lamp is None:
         return
@@ -113,8 +104,6 @@ def duplicate(window: Window) -> None:
 
 def remove(window: Window) -> None:
     """Remove the selected lamp; of a lamp of several lights, the selected one."""
-    from gi_core.files.edits import Darken
-
     session, lamp = window.session, _selected(window)
     if lamp is None:
         return
@@ -129,8 +118,6 @@ def remove(window: Window) -> None:
 
 def replace_faces(window: Window) -> None:
     """Put a panel in place of the light of the selected lamp's surfaces."""
-    from gi_core.files.edits import Darken, Light
-
     session, lamp = window.session, _selected(window)
     if lamp is None:
         return
@@ -156,14 +143,10 @@ def _selected(window: Window) -> LightId | None:
 
 
 def _add(window: Window, name: str, values: Values, file: str = "") -> None:
-    from gi_core.files.edits import Light
-
     window.session.change_scene(Light(_free_name(window, name), values, file))
 
 
 def _free_name(window: Window, name: str) -> str:
-    from gi_core.files.load import free_name
-
     session = window.session
     taken = (*session.model.emitters.lamps.names, *(m.name for m in session.scene.materials))
     return free_name((*taken, *(light.name for light in session.scene.lights), *(e.name for e in session.edits)), name)
@@ -171,8 +154,6 @@ def _free_name(window: Window, name: str) -> str:
 
 def _room(window: Window, at: np.ndarray | None = None) -> Room:
     """Return the place of a new lamp: over a point (3,) [m], the surface clicked last, or the picture's middle."""
-    from gi_core.geometry.error import luminance
-
     session = window.session
     up, size = np.array(session.scene.up, np.float64), session.chosen.scene_size
     if at is None and window.viewport.clicked is not None:

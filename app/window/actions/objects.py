@@ -6,20 +6,20 @@ import os
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from imgui_bundle import imgui
 
+from app.session.free_place import beside, lowered_pose
 from app.session.log import WARNING
 from app.window import dialogs
 from app.window.parts import Window
+from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, Values
+from gi_core.files.load import free_name
 from gi_core.scene import Pose
 from gi_core.scene.errors import utf8
 from gi_core.scene.pose import carried, three
-
-if TYPE_CHECKING:
-    from gi_core.files.edits import Values
 
 SHAPES: dict[str, dict[str, Any]] = {  # that the window inserts: values in units of that length
     "box": {"size": (1.0, 1.0, 1.0)},
@@ -49,15 +49,11 @@ def refinish(window: Window, surface: str, part: str, material: Values, first: b
 
     Not `first`: the next value of a slider that is still held.
     """
-    from gi_core.files.edits import Finish
-
     window.session.change_scene(Finish(surface, material, part), first=first)
 
 
 def rest(window: Window) -> None:
     """Lower each selected object onto the surface below it, the lowest one first."""
-    from app.session.free_place import lowered_pose
-
     session = window.session
     before, up = session.poses, np.array(session.scene.up)
     rested: dict[str, Pose] = {}
@@ -78,8 +74,6 @@ def rest(window: Window) -> None:
 
 def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
     """Add a mobile from a mesh file, upright and clear of other objects at a place (3,) [m]; None: where one looks."""
-    from gi_core.files.edits import Insert
-
     pose = None if place is None else Pose(three(place))
     file = os.path.abspath(os.path.expanduser(name))
     edit = Insert(_free_name(window, utf8(Path(file).stem)), file, pose)
@@ -95,8 +89,6 @@ def _look_at(window: Window, name: str, point: np.ndarray) -> None:
 
 def insert_shape(window: Window, kind: str) -> None:
     """Add a shape as a mobile at the place that was clicked, else where one looks."""
-    from gi_core.files.edits import Insert
-
     session, at = window.session, window.viewport.clicked
     size = float(f"{session.chosen.scene_size / 8:.1g}")  # as meshes in other units get
     edit = Insert(_free_name(window, kind), shape=shape_of(kind, size))
@@ -117,9 +109,6 @@ def choose_and_insert(window: Window) -> None:
 
 def duplicate(window: Window) -> None:
     """Put copies of the selected objects beside them."""
-    from app.session.free_place import beside
-    from gi_core.files.edits import Duplicate
-
     session, names = window.session, _selected(window)
     if not names:
         return
@@ -133,24 +122,18 @@ def duplicate(window: Window) -> None:
 
 
 def remove(window: Window) -> None:
-    from gi_core.files.edits import Remove
-
     if names := _selected(window):
         window.session.change_scene(*map(Remove, names))
 
 
 def freeze(window: Window) -> None:
     """Join the selected objects, where they are, to the static part."""
-    from gi_core.files.edits import Freeze
-
     if names := _selected(window):
         window.session.change_scene(*(Freeze(name, window.session.poses[name]) for name in names))
 
 
 def promote(window: Window) -> None:
     """Make the connected static piece that was clicked a mobile."""
-    from gi_core.files.edits import Promote
-
     at, material = window.viewport.clicked, window.viewport.clicked_material
     if at is None:
         window.log("click on the static object that shall move, then make it movable", WARNING)
@@ -183,8 +166,6 @@ def _holds_a_field(window: Window) -> bool:
 
 def _free_name(window: Window, name: str, taken: Iterable[str] = ()) -> str:
     """Return a name for a new object; those of edits that are still to come are taken too."""
-    from gi_core.files.load import free_name
-
     session = window.session
     return free_name((*(m.name for m in session.scene.mobiles), *(edit.name for edit in session.edits), *taken), name)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from app.window.actions.objects import reset_poses
 from app.window.parts import Window
+from gi_core.estimators import ESTIMATORS
 
 
 def frame(window: Window) -> None:
@@ -53,8 +54,6 @@ def meter(window: Window) -> None:
 
 
 def choose_estimator(k: int, window: Window) -> None:
-    from gi_core.estimators import ESTIMATORS
-
     if k < len(ESTIMATORS):
         window.session.choose_estimator(list(ESTIMATORS)[k])
         window.viewport.name_estimator()

@@ -12,6 +12,7 @@ from app.settings import Settings
 from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.estimators import ESTIMATORS
 
 FRAME_MS = 1000 / 60  # a frame at 60 Hz
 COLOURS = ((0.918, 0.655, 0.298), (0.400, 0.700, 0.950), (0.560, 0.800, 0.450), (0.850, 0.550, 0.850))
@@ -20,8 +21,6 @@ TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 100
 
 
 def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
-    from gi_core.estimators import ESTIMATORS  # already loaded here; at the top it would delay the window
-
     points = window.session.points.all
     if not points:
         imgui.text_wrapped("Each setting adds a point once its error is measured at rest.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from imgui_bundle import imgui
 
@@ -30,6 +30,8 @@ from app.session.session import Session
 from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.files.edits import Values
+from gi_core.files.formats.toml_file import COSINE
 from gi_core.lights.daylight import sun_of
 from gi_core.lights.lamps import OTHERS
 from gi_core.scene.errors import utf8
@@ -47,9 +49,6 @@ from gi_core.scene.types import (
     SkyLight,
     SpotLight,
 )
-
-if TYPE_CHECKING:
-    from gi_core.files.edits import Values
 
 FILE = "from a file..."
 KINDS = {
@@ -135,8 +134,6 @@ def _kind(light: Light | None) -> str:
         case SpotLight():
             return SPOT
         case PhotometricLight():
-            from gi_core.files.formats.toml_file import COSINE
-
             return PANEL if light.intensity is COSINE else "photometric"
         case DirectionalLight():
             return SUN

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from imgui_bundle import imgui
 
 from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
-
-if TYPE_CHECKING:
-    from gi_core.bsdf.models.common import Parameter
-    from gi_core.files.edits import Values
+from gi_core.bsdf.models import MODELS, lobe
+from gi_core.bsdf.models.common import Parameter
+from gi_core.files.edits import Values
+from gi_core.files.formats.materials_table import IOR
+from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 
 COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 DIFFUSE, METAL_ROUGH = "diffuse", "metal-rough"
@@ -25,11 +26,6 @@ COLOURS = "reflectance", "kd", "rho", "C"  # parameters that carry on the colour
 @functools.cache
 def models() -> dict[str, dict[str, Parameter]]:
     """Return the parameters of each model, by name."""
-    from gi_core.bsdf.models import MODELS
-    from gi_core.bsdf.models.common import Parameter
-    from gi_core.files.formats.materials_table import IOR
-    from gi_core.geometry.texture_filter import MOST_REFLECTANCE
-
     colour = Parameter((0.5, 0.5, 0.5), 0.0, MOST_REFLECTANCE, True, "share of light reflected, linear")
     metal_rough = {
         "reflectance": colour._replace(meaning="base colour, linear: of the metal, or under the gloss"),
@@ -108,8 +104,6 @@ def with_model(values: dict[str, Any], name: str) -> Values:
 
     Its Lambertian albedo is at most 1 less those of the others: a sum above is refused.
     """
-    from gi_core.bsdf.models import MODELS, lobe
-
     parts = _parts(values)
     new: dict[str, Any] = {key: p.default for key, p in models()[name].items()}
     if "kd" in new:
@@ -159,8 +153,6 @@ def _draw_part(number: int, values: Values, of: int, removed: list[int]) -> Valu
 
     of: number of models; removed: takes the number of one whose button is pressed.
     """
-    from gi_core.bsdf.models.common import Parameter
-
     part: dict[str, Any] = dict(values)
     imgui.push_id(number)
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x

@@ -13,6 +13,7 @@ from app.session.session import Session
 from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.estimators import ESTIMATORS
 
 ERROR = "Error of the light in the picture, mean over all surfaces: as its paths state it, then as measured."
 
@@ -90,8 +91,6 @@ def _about(chosen: int, points: tuple[MeasuredPoint, ...]) -> str:
 
 
 def _estimator(s: Settings, actions: set[str]) -> None:
-    from gi_core.estimators import ESTIMATORS  # already loaded here; at the top it would delay the window
-
     ui.label("Estimator")
     with_key = min(len(ESTIMATORS), 9)
     names = {

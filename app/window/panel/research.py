@@ -12,6 +12,8 @@ from app.rest.results import GatherProgress
 from app.settings import CLICKED, POINTED, Settings
 from app.window.panel import widgets as ui
 from app.window.parts import Window
+from gi_core.discs.search import SEARCHES
+from gi_core.rays.structures import DEFAULT, STRUCTURES
 
 SWITCHES = {  # field -> estimator, name, explanation
     "control": (
@@ -80,8 +82,6 @@ def artifacts(s: Settings, window: Window, actions: set[str]) -> Settings:
 
 def search(s: Settings, window: Window, actions: set[str]) -> Settings:
     """Disc search of tangent_plane: choice, time, size of the index."""
-    from gi_core.discs.search import SEARCHES  # already loaded here; at the top it would delay the window
-
     s = ui.choice(s, "Search", "search", {key: ui.title(key) for key in SEARCHES},
                   "Method that finds path segments through a disc: a grid of discs, spheres, or all pairs.\n"
                   "It changes the time, not the picture.")  # fmt: skip
@@ -95,8 +95,6 @@ def search(s: Settings, window: Window, actions: set[str]) -> Settings:
 
 def rays(s: Settings, window: Window, actions: set[str]) -> Settings:
     """The structure that traces rays: choice, and its cells over the picture."""
-    from gi_core.rays.structures import DEFAULT, STRUCTURES  # already loaded here
-
     shown = replace(s, rays=s.rays or DEFAULT)
     chosen = ui.choice(shown, "Structure", "rays", {key: LABELS.get(key, ui.title(key)) for key in STRUCTURES},
                        "Space partitioning that traces rays. A change opens the scene again;\n"

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from app.rest import hold, live_error
+from app.rest import jobs, live_error
 from app.rest.jobs import ChangeJob, FineJob, Job, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
 from app.rest.scheduler import RestWork
@@ -119,7 +119,7 @@ def test_a_surface_is_measured_and_light_kept_before_all_photons(monkeypatch):
 
 def test_levels_are_found_before_all_photons_are_there(monkeypatch):
     """They wait for paths at their points alone; the search says how far it is."""
-    monkeypatch.setattr(hold, "measured_steps", partial(hold.measured_steps, noise=0.2))
+    monkeypatch.setattr(jobs, "measured_steps", partial(jobs.measured_steps, noise=0.2))
     lamp = PointLight("bulb", (0.5, 0.5, 0.8), (10.0,) * 3)
     surface = CalculationSurface("desk", "", (0.5, 0.5), (0.6, 0.6), 0.5, points=(2, 2), targets=(("mean", 1.0),))
     solver = Solver(replace(UNLIT, lights=(lamp,)), photons=1_000_000, radius=0.06, light="best")
