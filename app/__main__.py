@@ -19,6 +19,8 @@ from app import values
 from app.cli.terminal import Exit, fail, guarded
 from app.commands import COMMANDS, VIEW
 from app.settings import UsageError
+from gi_core.files.find import shipped_scenes
+from gi_core.scene import SceneError
 
 
 class Parser(argparse.ArgumentParser):
@@ -60,7 +62,6 @@ def _run(argv: list[str]) -> int:
         return int(stop.code or 0)
 
     from gi_core.base.memory import sentence
-    from gi_core.scene import SceneError
 
     try:
         return arguments.run(arguments)
@@ -75,8 +76,6 @@ def _run(argv: list[str]) -> int:
 
 
 def _is_scene(name: str) -> bool:
-    from gi_core.files.find import shipped_scenes
-
     return Path(name).exists() or name in shipped_scenes()
 
 

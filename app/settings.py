@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app import values
 from app.values import Pin
+from gi_core.scene import Camera, Pose, Scene, SceneError
 from gi_core.scene.types import CalculationSurface, LampLevel, LightScene
 
 if TYPE_CHECKING:
     from gi_core.base.results import Results
     from gi_core.files.edits import Edit
     from gi_core.model import Model
-    from gi_core.scene import Camera, Pose, Scene
     from gi_core.solver import Solver
 
 UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
@@ -404,7 +404,6 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
     Raises SceneError for a mobile that the scene does not have and for a pose that is not rigid.
     """
-    from gi_core.scene import Pose, SceneError
     from gi_core.scene.pose import as_pose, four, three
 
     mobiles = {m.name: m for m in scene.mobiles}
@@ -424,7 +423,6 @@ def _place_of(settings: Settings, table: str, name: str, otherwise: str = "") ->
     """Return the table of the saved scene that has a name; `otherwise` where it stands on the command line."""
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import read_toml
-    from gi_core.scene import SceneError
 
     if document := settings.document:
         file = Path(document)
@@ -452,7 +450,6 @@ def make_solver(scene: Scene, settings: Settings, results: Results | None = None
     """
     from gi_core.estimators import DEFAULT, ESTIMATORS
     from gi_core.files.edits import removed_lamps
-    from gi_core.scene import SceneError
     from gi_core.solver import Solver
 
     check_names(settings)

@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gi_core.scene.errors import SceneError
 from gi_core.scene.types import CalculationSurface, Camera, LampLevel
 
 if TYPE_CHECKING:
@@ -180,8 +181,6 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
 def _keys(text: str, table: str, example: str, read: Callable[[dict], Any]) -> Any:
     """Return the value that `read` makes of the keys of a table of a scene file, with commas between them."""
     import tomllib
-
-    from gi_core.scene.errors import SceneError
 
     try:
         return read(tomllib.loads(f"keys = {{{text}}}")["keys"])

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from app.settings import Settings
+from gi_core.scene import Scene
+
 if TYPE_CHECKING:
-    from app.settings import Settings
-    from gi_core.scene import Scene
     from gi_core.solver import Solver
 
 REDRAW_SECONDS = 0.1

@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 from app.cli.writable import remove_parts, replacing, write_whole
 from app.settings import OPTIONS, TABLE, TOGETHER, LampLevel, Pin, Settings, flag_of, open_scene
+from gi_core.files.find import shipped_scenes
+from gi_core.scene import Camera, Pose
+from gi_core.scene.errors import SceneError, shown, utf8
 from gi_core.scene.types import CalculationSurface
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Edit
-    from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
 KEYS = tuple(dict.fromkeys(row.kept for row in TABLE.values() if row.kept))
@@ -76,8 +78,6 @@ def opened(settings: Settings, allow_outside: bool = False) -> Settings:
 
     The loader reads any other file, and gives the reason if it is no TOML.
     """
-    from gi_core.scene.errors import SceneError
-
     path = settings.scene
     if Path(path).suffix.lower() != ".toml" or not os.path.isfile(path):
         return settings
@@ -262,7 +262,6 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
     """Return the edit of a table of a saved scene. Raises SceneError."""
     from gi_core.files.edits import KINDS, Insert
     from gi_core.files.formats.toml_fields import Table
-    from gi_core.scene import Pose, SceneError
 
     of = f"{where}: edit {number + 1}"
     kind = KINDS[Table({"kind": values.get("kind")}, of, None).text("kind", choices=tuple(KINDS))]
@@ -291,8 +290,6 @@ def _camera_table(camera: Camera) -> dict[str, Any]:
 
 def _checked(field: str, value: Any, where: str) -> Any:
     """Return a value of [settings] as its option gives it. Raises SceneError."""
-    from gi_core.scene.errors import SceneError, shown
-
     option = OPTIONS[field].option
     if option.get("action") in ("store_true", "store_false"):
         if not isinstance(value, bool):
@@ -315,9 +312,6 @@ def _checked(field: str, value: Any, where: str) -> Any:
 
 def _found(name: str, file: Path, boundary, where: str) -> str:
     """Return the path of a file that a saved scene names, or the name of a shipped scene."""
-    from gi_core.files.find import shipped_scenes
-    from gi_core.scene.errors import SceneError
-
     path = file.parent / name
     if not os.path.isfile(path) and name in shipped_scenes():
         return name
@@ -334,8 +328,6 @@ def _names_of_files(
     made: receives the folders and files that are new. Raises OSError.
     """
     from gi_core.files.edits import files_of_edits
-    from gi_core.files.find import shipped_scenes
-    from gi_core.scene.errors import SceneError, utf8
 
     named = dict.fromkeys((settings.scene, *settings.mobiles, *files_of_edits(settings.edits)))
     places, outside = {name: name for name in named}, []
@@ -365,8 +357,6 @@ def _copied(file: Path, parts: tuple[str, ...], document: Path, made: list[Path]
 
     It lies in NAME-files/FOLDER, with a number where other files are: those of the scene saved before stay whole.
     """
-    from gi_core.scene.errors import utf8
-
     beside = document.with_name(f"{utf8(document.stem)[:60]}-files")  # names have at most 255 bytes
     beneath = [Path(part).relative_to(file.parent) for part in parts if Path(part).is_relative_to(file.parent)]
     for k in itertools.count(1):

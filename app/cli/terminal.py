@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout
 from enum import IntEnum
 
+from gi_core.scene.errors import printable
+
 
 class Exit(IntEnum):
     """Codes that the program exits with."""
@@ -48,8 +50,6 @@ class _Printable:
 def _printable(text: str) -> str:
     if text.isprintable():
         return text
-    from gi_core.scene.errors import printable  # heavy, but already imported once a file has been read
-
     return printable(text)
 
 

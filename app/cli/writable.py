@@ -9,12 +9,9 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from app.settings import Settings, UsageError
-
-if TYPE_CHECKING:
-    from gi_core.scene import Scene
+from gi_core.scene import Scene
 
 
 def check_writable(option: str, file: Path) -> None:

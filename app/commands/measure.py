@@ -13,6 +13,7 @@ from app.cli.progress import Bar, opened, time_left
 from app.cli.terminal import Exit, say
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
+from gi_core.scene.types import UNITS
 
 if TYPE_CHECKING:
     from app.rest.calculation_surface import SurfaceLight
@@ -44,7 +45,6 @@ def measure(settings: Settings, error: float, file: Path | None = None, shares: 
     """
     from app.session.readouts import csv_text, text_lines
     from gi_core.lights.power import power_of
-    from gi_core.scene.types import UNITS
 
     if file is not None:
         if file.suffix.lower() != ".csv":
@@ -93,7 +93,6 @@ def _points(settings: Settings, solver: Solver, error: float, shares: bool) -> t
     from app.rest.jobs import placed
     from app.session.readouts import Row, share_lines
     from gi_core.gather.origins import origin_steps
-    from gi_core.scene.types import UNITS
 
     for pin in settings.pins:
         if pin.object and pin.object not in solver.poses:

@@ -10,6 +10,7 @@ from app.cli import options
 from app.cli.options import settings_of
 from app.cli.terminal import Exit, fail
 from app.commands.render import FALLBACK_PICTURE
+from app.settings import open_scene
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +46,6 @@ def run(arguments: argparse.Namespace) -> int:
     if not settings.fallback:
         return fail(reason, Exit.NO_GL)
     from app.commands.render import render, unused_name
-    from app.settings import open_scene
 
     open_scene(settings)  # an error of the scene comes first, and alone
     print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
