@@ -11,9 +11,7 @@ from app.draw.camera import from_camera
 from app.draw.draw_mesh import meshes_of
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
-from app.draw.vertex_colours import gloss_colours
 from app.settings import Settings
-from gi_core.bsdf import ggx
 from gi_core.bsdf.models import MODELS, Lobe, lobe
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather.reference import reference_irradiance
@@ -208,32 +206,6 @@ def test_a_new_surface_equals_a_solver_built_with_it():
         fresh = solve(scene, **GIVEN)
         assert np.array_equal(solver.irradiance, fresh.irradiance)
         assert np.array_equal(solver.frame.gloss.directions().cells, fresh.frame.gloss.directions().cells)
-
-
-@pytest.mark.parametrize("name, alpha", [("gold", 0.2), ("varnish", 0.3)])
-def test_a_ball_in_a_furnace_shows_its_directional_albedo(name, alpha):
-    """Black walls of equal radiance, a ball: its gloss shows its directional albedo times them, within 10 %."""
-    gloss = SURFACES[name].gloss._replace(alpha=alpha)
-    materials = (Material("wall", (0, 0, 0), (1, 1, 1)), Material("ball", (0, 0, 0), gloss=gloss))
-    ball = Mobile("ball", sphere((0, 0, 0), 0.3, 2, 1))
-    scene = Scene(box((-1, -1, -1), (1, 1, 1), 4, 0, inward=True), materials, (ball,), up=(0, 0, 1), name="furnace")
-    solver = solve(scene, photons=100_000, radius=0.1, seed=2)
-    surface = np.array([*gloss.f0, gloss.f90, alpha])
-    numbers = np.random.default_rng(0).random((4000, 4))
-    for pose in (Pose((0.1, 0, 0)), Pose((0.2, 0.3, -0.1), axis_angle((0, 1, 1), 40.0))):
-        solver.move("ball", pose)
-        mesh = meshes_of(solver.model)[1]
-        eye = np.array([0.0, -0.9, 0.0])  # in the ball's space
-        front, _ = gloss_colours(mesh, solver.frame.gloss.directions(), solver.irradiance, eye)
-        way = eye - mesh.positions
-        cosine = (way * mesh.gloss.normal).sum(axis=1) / np.linalg.norm(way, axis=1)
-        for low, high in ((0.9, 1.0), (0.5, 0.7)):
-            seen = (cosine > low) & (cosine <= high)
-            c = float(cosine[seen].mean())
-            i = np.sqrt(1 - c * c), 0.0, c
-            drawn = [ggx.scattered(ggx.albedos(), surface, np.zeros(3), *i, *u)[3:] for u in numbers]
-            radiance = solver.irradiance[mesh.front[seen]].mean() / np.pi  # of the walls, as the estimator has it
-            np.testing.assert_allclose(front[seen].mean(axis=0), radiance * np.mean(drawn, axis=0), rtol=0.1)
 
 
 TILES, SIDE, CORNER = 4, 0.15, -0.3  # tiles along a side of the slab, their size [m], the first one's corner [m]

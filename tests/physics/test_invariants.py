@@ -217,20 +217,6 @@ def test_any_history_equals_from_scratch_with_each_structure_of_rays(rays, histo
         np.testing.assert_array_equal(solver.irradiance, twin.irradiance(DEFAULT, solver.poses))
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-@settings(max_examples=15)
-@given(history=st.lists(moves, min_size=1, max_size=4))
-@example(history=[("box", AWAY)])
-def test_there_and_back_is_the_start(estimator, history):
-    solver = solved(estimator=estimator)
-    start, begun = dict(solver.poses), solver.irradiance.copy()
-    assert solver.frame.changes.photons_cut > 0
-    for name, pose in history:
-        solver.move(name, pose)
-    solver.move_all(start)
-    assert np.array_equal(solver.irradiance, begun)
-
-
 @pytest.mark.parametrize("mutation", ["a branch skipped", "a tail forgotten"])
 def test_comparison_detects_mutations(monkeypatch, estimator, mutation):
     real = gi_core.frames.frame.change
@@ -270,17 +256,6 @@ def test_threads_do_not_change_bits(estimator, small_shares):
     assert np.array_equal(one, five)
 
 
-@pytest.mark.parametrize("search", SEARCHES)
-@pytest.mark.parametrize("control", [True, False])
-def test_searches_give_the_same_bits(search, control, small_shares):
-    expected = solved(control=control, threads=1)
-    assert expected.frame.changes.photons_cut > 0
-    for threads in (1, 2):
-        found = solved(control=control, threads=threads, search=search)
-        assert np.array_equal(found.irradiance, expected.irradiance)
-        assert np.array_equal(found.from_scratch(), expected.irradiance)
-
-
 @settings(max_examples=15)
 @given(poses)
 def test_flux_is_accounted_for(pose):
@@ -300,14 +275,6 @@ def test_refined_equals_solved_at_once(estimator):
         refined.configure(photons=photons)
         refined.solve()
     assert np.array_equal(refined.irradiance, solved(estimator=estimator).irradiance)
-
-
-def test_a_subset_of_more_photons_is_the_smaller_solution(estimator):
-    many = solved(estimator=estimator, photons=2 * PHOTONS)
-    many.configure(photons=PHOTONS)
-    many.solve()
-    assert many.frame.photons == PHOTONS
-    assert np.array_equal(many.irradiance, solved(estimator=estimator).irradiance)
 
 
 def test_steps_may_be_abandoned_at_any_point(estimator):

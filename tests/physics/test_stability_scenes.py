@@ -251,17 +251,6 @@ def test_no_light_under_a_box_on_the_floor(estimator):
     assert solver.irradiance[low, 0].mean() > 0.2 * solver.irradiance[high, 0].mean() > 0
 
 
-def test_mobile_at_rest_changes_no_bit(estimator):
-    solver = solved(room(box_mobile("a")), estimator=estimator)
-    pose = Pose((0.5, 0.5, 0.4), axis_angle((0, 1, 0), 30))
-    solver.move("a", pose)
-    begun = solver.irradiance.copy()
-    assert solver.frame.changes.photons_cut > 0
-    for _ in range(3):
-        solver.move("a", pose)
-        assert np.array_equal(solver.irradiance, begun)
-
-
 def test_tiny_move_changes_at_most_the_flux_of_cut_photons():
     """Photons with uncut paths before and after add the same light; only cut photons can change it.
 

@@ -118,16 +118,6 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
     assert kept is not None and np.array_equal(kept.state.mean, solver.frame_light.static.gathered.state.mean)
 
 
-def test_other_mobiles_find_the_same_file_other_walls_do_not():
-    def path(scene, seed=0):
-        return StaticStore(Solver(scene, photons=0).model, seed).path
-
-    assert path(SCENE) == path(coloured_room((box_mobile(size=0.1),))) == path(coloured_room(()))
-    paler = tuple(m._replace(reflectance=tuple(0.9 * r for r in m.reflectance)) for m in SCENE.materials)
-    assert path(SCENE) != path(replace(SCENE, materials=paler))
-    assert path(SCENE) != path(SCENE, seed=1)
-
-
 def test_estimators_keep_their_light():
     """Keys 1, 2, 3, 1: gathered light comes back with the estimator that it was shown with."""
     session = opened()

@@ -114,20 +114,3 @@ def test_full_log_is_recorded_again(monkeypatch):
     assert 0 in calls
     assert np.array_equal(frame, again)
     assert np.array_equal(resting, at_rest)
-
-
-def test_threads_and_parts_do_not_change_bits(monkeypatch, small_shares):
-    def frames(threads):
-        solver = solver_of(threads=threads)
-        for _ in solver.solve_steps():  # small parts, put in order when a subset is prepared
-            pass
-        out = []
-        for pose in walk()[::6]:
-            solver.move_all({"box": pose}, photons=solver.frame.subsets[1])
-            out.append(solver.irradiance)
-        return out
-
-    one = frames(1)
-    monkeypatch.setattr("gi_core.frames.background.PART", 97)
-    for threads in (2, 3):
-        assert np.array_equal(one, frames(threads))

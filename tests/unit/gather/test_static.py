@@ -191,12 +191,6 @@ def test_gathering_leaves_the_light_of_photons_unchanged(gathered):
     assert not np.array_equal(solver.irradiance, before)
 
 
-def test_progress_goes_up_to_the_end(monkeypatch):
-    monkeypatch.setattr(static, "ENOUGH", 0.05)
-    fractions = [p.fraction for p in solved(5000).gather_steps()]
-    assert fractions == sorted(fractions) and fractions[-1] == 1.0
-
-
 def test_error_at_levels_is_scaled_as_noise_is():
     """Of two lamps the first brings ten times the light, with a fifth of the relative noise."""
     lamps = PointLight("bright", (0.5, 0.5, 0.9), (10.0,) * 3), PointLight("dim", (0.4, 0.5, 0.9), (1.0,) * 3)
@@ -219,24 +213,10 @@ def test_error_at_levels_is_scaled_as_noise_is():
     assert static_light.error(solver.levels) == pytest.approx(0.03), "of no light"
 
 
-def test_a_scene_without_light_needs_nothing():
-    unlit = tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials)
-    dark = solve(replace(SCENE, materials=unlit, lights=()), photons=100, light="best")
-    assert len(list(dark.gather_steps())) <= 2
-    assert not dark.irradiance.any()
-
-
 def test_light_of_another_scene_is_refused(gathered):
     light = kept(gathered)
     light = light._replace(state=ReferenceState(*(a[:-1] for a in light.state)))
     assert not StaticGather(gathered.model, gathered.seed).go_on_from(light)
-
-
-def test_settings_of_a_twin_are_separate(gathered):
-    gathered.configure(light="best")
-    twin = gathered.twin()
-    twin.configure(subset_only=True)
-    assert gathered.light == "best" and twin.frame_light.static.gathered is gathered.frame_light.static.gathered
 
 
 def test_light_without_noise_is_gathered_to_the_end():

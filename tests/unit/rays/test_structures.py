@@ -11,10 +11,9 @@ import pytest
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.model import Model
 from gi_core.rays import bvh
-from gi_core.rays.accelerator import Accelerator, _nearest
+from gi_core.rays.accelerator import Accelerator
 from gi_core.rays.leaf_boxes import leaf_boxes, visited
-from gi_core.rays.structures import DEFAULT, STRUCTURES, new_ray
-from gi_core.rays.triangles import CELLS, TESTS
+from gi_core.rays.structures import DEFAULT, STRUCTURES
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material, Mesh, Scene
 from gi_core.solver import Solver
@@ -119,17 +118,6 @@ def test_objects_have_their_own_cells(name):
         assert np.array_equal(face, np.where(expected_face < 0, -1, expected_face + every.first_face[k]))
         assert np.array_equal(every.occluded(k, o, d, far), alone.occluded(0, o, d, far))
         assert (face >= 0).any() == (k != 1)
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_structures_test_few_triangles(name):
-    """Counters of a ray's buffer: with 2,000 triangles, far fewer are tested per ray."""
-    mesh = soup(2000, size=0.05)
-    o, d = CASES["random"](500)[1]
-    scenes, ray = STRUCTURES[name].build([(mesh.vertices, mesh.faces)]), new_ray()
-    _nearest(scenes, 0, 0, ray, o, d, np.full(500, 10, np.float32), np.empty(500, np.float32), np.empty(500, np.int32))
-    cells, tests = ray.view(np.int32)[[CELLS, TESTS]] / len(o)
-    assert 1 < cells < 100 and 0 < tests < 100
 
 
 def test_equal_distances_go_to_the_lower_face():

@@ -9,7 +9,7 @@ import pytest
 
 from app.rest import jobs, live_error
 from app.rest.jobs import ChangeJob, FineJob, Job, SurfacesJob, first_task
-from app.rest.reference_store import SAVE_SECONDS, RecordFile, StaticStore
+from app.rest.reference_store import SAVE_SECONDS, StaticStore
 from app.rest.scheduler import RestWork
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
@@ -18,7 +18,6 @@ from app.session.solver_jobs import Refine
 from app.settings import CHANGE, Settings, State
 from app.window import view_content
 from gi_core.gather import static
-from gi_core.gather.reference import ReferenceState
 from gi_core.scene import CalculationSurface, PointLight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
@@ -171,24 +170,6 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     session.move({"box": pose._replace(position=(0.6, 0.5, 0.4))})
     rest(session)
     assert len(calls) == 1, "nor after a move"
-
-
-@pytest.mark.parametrize("what", ["empty", "text", "truncated", "another shape", "another type", "a number"])
-def test_unusable_stored_file_counts_as_none(what, folder):
-    file, state = RecordFile("key", folder), ReferenceState.empty(5)
-    file.save(state)
-    whole = file.path.read_bytes()
-    assert file.read(state) is not None
-    match what:
-        case "another shape":
-            file.save(state._replace(mean=np.zeros(5)))
-        case "another type":
-            file.save(state._replace(sets=np.array(["one"] * 5)))
-        case "a number":
-            file.save(state._replace(sets=np.int32(0)))
-        case _:
-            file.path.write_bytes({"empty": b"", "text": b"what?", "truncated": whole[: len(whole) // 2]}[what])
-    assert file.read(state) is None
 
 
 @pytest.mark.slow
