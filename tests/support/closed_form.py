@@ -112,17 +112,6 @@ def parallel_rectangle(radiance: float, x0: float, x1: float, y0: float, y1: flo
     return corner(x1 - x, y1 - y) - corner(x0 - x, y1 - y) - corner(x1 - x, y0 - y) + corner(x0 - x, y0 - y)
 
 
-def disc_over_floor(radiance: float, disc_radius: float, height: float, x):
-    """Return E on a floor at distance x from the axis of a parallel emitting disc at a height.
-
-    On the axis E = pi L R^2 / (R^2 + h^2): the disc's cone has sin^2 = R^2 / (R^2 + h^2). Off the axis
-    E = pi L/2 (1 - (x^2 + h^2 - R^2) / sqrt((x^2 + h^2 + R^2)^2 - 4 x^2 R^2)), from Lambert's outline
-    integral over the circle; at x = 0 it falls back to the first.
-    """
-    x2, h2, R2 = np.square(x), height * height, disc_radius * disc_radius
-    return math.pi * radiance / 2 * (1 - (x2 + h2 - R2) / np.sqrt((x2 + h2 + R2) ** 2 - 4 * x2 * R2))
-
-
 def furnace(radiance: float, reflectance: float) -> float:
     """Return E in a closed room whose walls all emit Le and reflect rho.
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.support import closed_form
 from tests.support import significance as sig
 
 
@@ -61,66 +60,3 @@ def test_chi_square_finds_a_bent_distribution():
     bent = rng.choice(10, 10000, p=np.r_[0.12, np.full(9, 0.88 / 9)])
     with pytest.raises(AssertionError, match="chi-square"):
         sig.chi_square(np.bincount(bent, minlength=10), expected)
-
-
-# -- closed forms against each other: two derivations that meet ------------------------------------
-
-
-def test_rectangle_by_corners_is_lambert_s_polygon():
-    polygon = [(-0.5, -0.5, 1), (0.5, -0.5, 1), (0.5, 0.5, 1), (-0.5, 0.5, 1)]
-    for x, y in ((0.0, 0.0), (0.3, -0.2), (0.5, 0.5), (0.9, 0.1), (-0.7, 0.8)):
-        four = closed_form.parallel_rectangle(2.0, -0.5, 0.5, -0.5, 0.5, 1.0, x, y)
-        assert four == pytest.approx(closed_form.lambert_polygon(2.0, polygon, (x, y, 0), (0, 0, 1)), rel=1e-12)
-
-
-def test_disc_over_floor_is_a_polygon_of_many_corners():
-    phi = 2 * np.pi * np.arange(2000) / 2000
-    polygon = np.stack([0.4 * np.cos(phi), 0.4 * np.sin(phi), np.full(2000, 0.7)], axis=1)
-    for x in (0.0, 0.2, 0.9):
-        E = closed_form.lambert_polygon(3.0, polygon, (x, 0, 0), (0, 0, 1))
-        assert closed_form.disc_over_floor(3.0, 0.4, 0.7, x) == pytest.approx(E, rel=1e-5)
-    assert closed_form.disc_over_floor(3.0, 0.4, 0.7, 0.0) == pytest.approx(3 * np.pi * 0.16 / (0.16 + 0.49))
-
-
-def test_surrounding_polygon_is_the_sky_and_one_below_the_horizon_zero():
-    far = 1e5
-    square = np.array([(-far, -far, 1), (far, -far, 1), (far, far, 1), (-far, far, 1)])
-    assert closed_form.lambert_polygon(1.0, square, (0, 0, 0), (0, 0, 1)) == pytest.approx(closed_form.sky(1.0), 1e-4)
-    tilted = (np.sin(0.5), 0, np.cos(0.5))
-    assert closed_form.lambert_polygon(1.0, square, (0, 0, 0), tilted) == pytest.approx(
-        closed_form.sky(1.0, np.cos(0.5)), 1e-4
-    )
-    assert closed_form.lambert_polygon(1.0, square, (0, 0, 0), (0, 0, -1)) == 0.0
-
-
-def test_an_endless_wall_fills_half_the_view_of_the_edge():
-    far = 1e4
-    wall = [(0, -far, 0), (0, far, 0), (0, far, far), (0, -far, far)]
-    E = closed_form.lambert_polygon(1.0, wall, (0.01, 0, 0), (0, 0, 1))
-    assert E == pytest.approx(np.pi * closed_form.corner_view(np.pi / 2), rel=1e-3)
-
-
-def test_disc_mean_of_a_quadratic_is_its_centre_plus_r2_over_8_laplacian():
-    field = lambda p: 1 + 2 * p[:, 0] + 3 * p[:, 0] ** 2 + p[:, 1] ** 2  # noqa: E731
-    assert closed_form.disc_mean(field, (0, 0, 0), (0, 0, 1), 0.3) == pytest.approx(1 + 0.09 / 4 * 4)
-    # Mean of x^2 over the disc is r^2 / 4.
-
-
-def test_disc_mean_and_triangle_mean_agree_with_brute_force():
-    field = lambda p: closed_form.point_over_plane(1.0, 0.5, np.hypot(p[:, 0], p[:, 1]))  # noqa: E731
-    rng = np.random.default_rng(4)
-    r, phi = 0.2 * np.sqrt(rng.random(200000)), 2 * np.pi * rng.random(200000)
-    points = np.stack([0.3 + r * np.cos(phi), r * np.sin(phi), 0 * r], axis=1)
-    values = field(points)
-    sig.z_test(values.mean(), closed_form.disc_mean(field, (0.3, 0, 0), (0, 0, 1), 0.2), values.std() / 447.2)
-    corners = np.array([(0, 0, 0), (0.2, 0, 0), (0.1, 0.3, 0)])
-    s, t = np.sqrt(rng.random(200000)), rng.random(200000)
-    w = np.stack([1 - s, s * (1 - t), s * t], axis=1)
-    values = field(w @ corners)
-    assert closed_form.triangle_mean(field, corners) == pytest.approx(values.mean(), rel=2e-3)
-
-
-def test_flux_through_a_plane_under_a_point_light_is_half():
-    x = np.linspace(0, 400, 4_000_001)
-    E = closed_form.point_over_plane(1.0, 1.0, x)
-    assert np.trapezoid(2 * np.pi * x * E, x) == pytest.approx(2 * np.pi, rel=1e-2)
