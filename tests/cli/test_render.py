@@ -151,7 +151,7 @@ def test_isolines_lie_where_the_light_has_their_value(width):
         solver = make_solver(card(), settings)
         x = solver.receivers.positions[:, 0] + 0.5
         solver.frame = solver.frame._replace(irradiance=np.repeat(x[:, None], 3, axis=1))
-        rows.append(raycast_row(Shot(solver, settings), width))
+        rows.append(Shot(solver, settings).take()[width // 2].astype(float))  # without the legend
     t = (2 * (np.arange(width) + 0.5) / width - 1) * 2.0 * np.tan(np.radians(30)) + 0.5
     on_card = (t > 0.03) & (t < 0.97)
     apart = np.abs(rows[1] - rows[0]).max(axis=1) / 255 * on_card
@@ -164,11 +164,6 @@ def test_isolines_lie_where_the_light_has_their_value(width):
         full = np.abs(colour - rows[0][peak]).max() / 255 * 0.85
         assert apart[near].sum() / full == pytest.approx(1.5, abs=0.45), "pixels, at any size of the picture"
     assert apart[(np.abs(t - 0.3) > 0.12) & (np.abs(t - 0.8) > 0.12)].max() == 0
-
-
-def raycast_row(shot: Shot, width: int) -> np.ndarray:
-    """Return the middle row of a picture, without its legend."""
-    return shot.take()[width // 2].astype(float)
 
 
 def test_the_scale_of_false_colours_fits_the_visible_surface_and_stays():

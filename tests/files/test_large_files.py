@@ -21,7 +21,8 @@ def test_many_triangles_load_and_light(tmp_path):
     ticks = np.linspace(-SIDE / 2, SIDE / 2, ROWS)
     x, z = np.meshgrid(ticks, ticks, indexing="ij")
     vertices = np.stack([x, 0.3 * np.sin(2 * x) * np.cos(3 * z), z], axis=-1).reshape(-1, 3)
-    a, b, c, d = (k.reshape(-1) for k in _corners(np.arange(ROWS * ROWS).reshape(ROWS, ROWS)))
+    rows = np.arange(ROWS * ROWS).reshape(ROWS, ROWS)
+    a, b, c, d = (k.reshape(-1) for k in (rows[:-1, :-1], rows[:-1, 1:], rows[1:, 1:], rows[1:, :-1]))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     half, black = np.sqrt(0.5), {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
     lights = gltf_lights((SUN, {"rotation": [-half, 0, 0, half]}))  # -z turned down
@@ -38,8 +39,3 @@ def test_many_triangles_load_and_light(tmp_path):
     found = luminance(solver.irradiance)[inside]
     expected = 100.0 * r.normals[inside, 1]
     assert np.average(np.abs(found - expected)) < 0.1 * expected.mean()
-
-
-def _corners(rows: np.ndarray):
-    """Return the vertices of each cell, anticlockwise from above. Four of (n, n)."""
-    return rows[:-1, :-1], rows[:-1, 1:], rows[1:, 1:], rows[1:, :-1]

@@ -5,7 +5,7 @@ import pytest
 
 from gi_core.gather.reference import reference_irradiance
 from gi_core.model import Model
-from gi_core.scene.types import DirectionalLight, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
+from gi_core.scene.types import DirectionalLight, Material, Mesh, Mobile, Paint, Pane, Pose, Scene, Texture
 from tests.support.scene_builders import grey, quad, solve
 
 UP = (0.0, 0.0, 1.0)
@@ -47,8 +47,11 @@ def covered(texture: Texture, uv: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("wrap", [("repeat", "repeat"), ("mirror", "clamp"), ("clamp", "mirror")])
 @pytest.mark.parametrize("rays", ["embree", "bvh"])
 def test_rays_meet_what_is_covered(nearest, wrap, rays):
+    """Also in a scene with panes; kernels of whole frames for both compile for 20 s."""
     mesh = screen(blots(7, 3), repeats=2.5, wrap=wrap, nearest=nearest)
-    model = Model(Scene(mesh, (grey(0.5),), (), (), up=UP, name="leaf"), rays=rays)
+    pane = Mobile("pane", quad((0, 0, 0), (1, 0, 0), (0, 1, 0), material=1))
+    mobiles, glass = (pane,) * (rays == "bvh"), Material("glass").as_pane(Pane())
+    model = Model(Scene(mesh, (grey(0.5), glass), mobiles, (), up=UP, name="leaf"), rays=rays)
     at = np.random.default_rng(5).random((4000, 2)).astype(np.float32)
     origins = np.concatenate([at, np.ones((4000, 1))], axis=1).astype(np.float32)
     down = np.tile(np.float32((0, 0, -1)), (4000, 1))
@@ -59,6 +62,9 @@ def test_rays_meet_what_is_covered(nearest, wrap, rays):
     assert off.mean() < 2e-3, "rounding at borders of texels"
     np.testing.assert_array_equal(t[face >= 0], 1.0)
     np.testing.assert_array_equal(model.accelerator.occluded(0, origins, down, limits), face >= 0)
+    if mobiles:
+        inside = (at > 0.001).all(axis=1) & (at < 0.999).all(axis=1)
+        assert (model.accelerator.nearest(1, origins, down, limits)[1][inside] >= 0).all(), "a pane has no holes"
     assert 0.3 < solid.mean() < 0.9
 
 

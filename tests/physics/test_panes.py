@@ -16,7 +16,6 @@ from gi_core.rays.structures import DEFAULT, new_ray
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Material, Mobile, Pane, PointLight, Pose, Probe, Scene, SkyLight
 from gi_core.solver import Solver
-from tests.physics.test_leaves import blots, screen
 from tests.support.lit_from_outside import MATERIALS, prism
 from tests.support.scene_builders import box, grey, merge, quad, solve, sphere
 
@@ -128,7 +127,7 @@ def test_photons_and_paths_agree_behind_a_pane():
 
 
 def histories() -> Scene:
-    """A room with a tinted pane, a box of glass, a ball and a leaf with holes; a lamp, a bulb, sun and sky."""
+    """A room with a tinted pane, a box of glass and a ball; a lamp, a bulb, sun and sky."""
     materials = (
         Material("wall", (0.8, 0.6, 0.4)),
         Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
@@ -143,7 +142,6 @@ def histories() -> Scene:
     mobiles = (
         Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 3), Pose((0.6, 0.4, 0.0))),
         Mobile("ball", sphere((0, 0, 0), 0.15, 1, 0), Pose((0.3, 0.7, 0.4))),
-        Mobile("leaf", screen(blots(7, 3), 0.4), Pose((0.5, 0.2, 0.3))),
     )
     lights = (
         PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),
@@ -156,7 +154,7 @@ def histories() -> Scene:
 SCENE = histories()
 places = st.tuples(st.floats(-0.1, 1.1), st.floats(-0.1, 1.1), st.one_of(st.just(0.0), st.floats(-0.1, 1.0)))
 poses = st.builds(lambda p, turn: Pose(p, axis_angle((1.0, 0.5, 0.0), turn)), places, st.sampled_from([0.0, 40.0]))
-moves = st.lists(st.tuples(st.sampled_from(["box", "ball", "leaf"]), poses), min_size=1, max_size=4)
+moves = st.lists(st.tuples(st.sampled_from(["box", "ball"]), poses), min_size=1, max_size=4)
 
 
 @pytest.mark.parametrize("light", ["photons", "best"])
@@ -254,7 +252,9 @@ def test_no_light_passes_a_pane_in_the_plane_of_a_wall(height):
 def test_opaque_faces_keep_their_rays_beside_panes():
     """Regions and contact see the scene without its panes; paths and pictures with them."""
     scene, *_ = glazed_room()
-    model, bare = Model(scene), Model(replace(scene, static=_without_panes(scene)))
+    mesh, keep = scene.static, scene.static.face_material != 4
+    without = mesh._replace(faces=mesh.faces[keep], face_material=mesh.face_material[keep])
+    model, bare = Model(scene), Model(replace(scene, static=without))
     rng = np.random.default_rng(1)
     d = rng.normal(size=(2000, 3)).astype(np.float32)
     d /= np.linalg.norm(d, axis=1)[:, None]
@@ -265,8 +265,3 @@ def test_opaque_faces_keep_their_rays_beside_panes():
     np.testing.assert_array_equal(face, face_bare)
     seen = model.accelerator.nearest(0, *rays)[1]
     assert (model.surfaces.pane[seen[seen >= 0]] >= 0).sum() > 100
-
-
-def _without_panes(scene: Scene):
-    keep = scene.static.face_material != 4
-    return scene.static._replace(faces=scene.static.faces[keep], face_material=scene.static.face_material[keep])

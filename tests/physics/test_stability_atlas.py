@@ -63,7 +63,7 @@ FEWER = {
     discs.table_leg: 8, discs.larger_than_the_room: 16, discs.curved_inside: 16,
     discs.lamp_near_a_surface: 32, discs.shadow_edge: 8, estimates.textbook: 8,
     estimates.beside_a_mobile: 8, gloss.blur: 16, gloss.grazing: 2, gloss.noise: 2, gloss.shading_normals: 2,
-    gloss.below_the_surface: 4, gloss.more_than_arrives: 4,
+    gloss.below_the_surface: 12, gloss.more_than_arrives: 8,
 }  # fmt: skip
 
 

@@ -198,7 +198,7 @@ def test_a_key_right_after_a_chord_is_not_lost():
 def test_a_second_ctrl_q_quits_without_saving(play):
     def script(hand, viewer):
         hand.wait_for_light()
-        poses = {"block": replace_place(viewer.session.poses["block"])}
+        poses = {"block": viewer.session.poses["block"]._replace(position=(0.7, 0.4, 0.6))}
         viewer.session.move(poses)
         hand.wait_for_light()
         hand.press(CTRL | int(named_keys().q))
@@ -207,10 +207,6 @@ def test_a_second_ctrl_q_quits_without_saving(play):
         assert viewer._may_leave
 
     play(script, quits=True)
-
-
-def replace_place(pose):
-    return pose._replace(position=(0.7, 0.4, 0.6))
 
 
 @in_window()

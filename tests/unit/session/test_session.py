@@ -54,7 +54,8 @@ def test_different_light_has_different_parameters():
         next(steps)
     early = metadata()
     assert early["static_light"].startswith("bounces that are kept")
-    while solver.frame_light.static.gathered.estimate.error >= early_error(early):
+    early_error = 0.99 * float(early["static_light"].split()[-2]) / 100
+    while solver.frame_light.static.gathered.estimate.error >= early_error:
         next(steps)
     assert metadata()["static_light"] != early["static_light"]
     solver.configure(light="photons")
@@ -66,10 +67,6 @@ def test_different_light_has_different_parameters():
     while (task := work.next_task(settings)) is not None:
         task.run()
     assert metadata()["error"].endswith(" %")
-
-
-def early_error(entries: dict[str, str]) -> float:
-    return 0.99 * float(entries["static_light"].split()[-2]) / 100
 
 
 def test_the_reference_is_a_parameter():
