@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from app import __main__ as cli
 from gi_core import defaults
 from gi_core.files import completion, load
 from gi_core.files.completion import refinement
@@ -68,11 +69,22 @@ IN_TEXT = {  # each command outside of the blocks, and where it stands first
 }
 
 
-@pytest.mark.parametrize("line", IN_TEXT)
+def options(line: str) -> set[str]:
+    words, _ = IN_TEXT[line]
+    return {words[0], *(w for w in words if w.startswith("--"))}
+
+
+@pytest.mark.parametrize("line", [a for a in IN_TEXT if not any(options(a) < options(b) for b in IN_TEXT)])
 def test_every_command_in_the_text_runs(line, monkeypatch, tmp_path):
+    """Or another one with all of its options."""
     words, path = IN_TEXT[line]
     enter(monkeypatch, tmp_path)
     assert run(words) == 0, f"{path.relative_to(ROOT)}: gi-viewer {line}"
+
+
+def test_every_command_in_the_text_names_a_scene_that_is():
+    named = [cli.parse(words).scene for words, _ in IN_TEXT.values() if not {"--help", "atlas"} & set(words)]
+    assert {name for name in named if not Path(name).suffix} <= {*shipped_scenes()}
 
 
 def test_the_design_lists_every_package():

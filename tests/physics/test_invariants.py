@@ -14,7 +14,6 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-import gi_core.frames.frame
 from app.rest.hold import Inputs, measured_steps
 from gi_core.discs.search import SEARCHES
 from gi_core.estimators import DEFAULT, ESTIMATORS
@@ -215,29 +214,6 @@ def test_any_history_equals_from_scratch_with_each_structure_of_rays(rays, histo
     if len(history) == 1 and history[0][1] is not AWAY:
         twin = Twin(SCENE, PHOTONS, RADIUS, NEIGHBOURS, SEED, rays)
         np.testing.assert_array_equal(solver.irradiance, twin.irradiance(DEFAULT, solver.poses))
-
-
-@pytest.mark.parametrize("mutation", ["a branch skipped", "a tail forgotten"])
-def test_comparison_detects_mutations(monkeypatch, estimator, mutation):
-    real = gi_core.frames.frame.change
-
-    def mutated(*arguments):
-        frame = real(*arguments)
-        skipped = mutation == "a branch skipped"
-        segments = frame.new_suffixes if skipped else frame.removed_suffixes.segments()
-        # A photon may miss all discs, and k-nearest may not look as far as its hits: take some more.
-        deposited = np.unique(segments.photon[segments.hit_side >= 0])
-        victims = deposited[: 12 if estimator == "photon_map" else 4]
-        if skipped:
-            return frame._replace(new_suffixes=rows_of(segments, ~np.isin(segments.photon, victims)))
-        return frame._replace(
-            removed_suffixes=frame.removed_suffixes.of(~np.isin(frame.removed_suffixes.photon, victims))
-        )
-
-    monkeypatch.setattr(gi_core.frames.frame, "change", mutated)
-    solver = solved(estimator=estimator)
-    assert solver.frame.changes.photons_cut > 0
-    assert not np.array_equal(solver.irradiance, TWIN.irradiance(estimator, solver.poses))
 
 
 def test_mobiles_outside_all_light_give_the_static_solution(estimator):

@@ -10,7 +10,6 @@ import pytest
 
 from gi_core.discs.region import EXTENSION
 from gi_core.files.load import load_scene
-from gi_core.scene import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mesh, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
@@ -156,11 +155,6 @@ def test_zero_normals_in_a_file(tmp_path):
     solver = solved(scene, 1000)
     assert_sound(solver)
     assert np.linalg.norm(solver.receivers.normals, axis=1) == pytest.approx(1.0)
-
-
-def test_a_mesh_without_faces_is_refused_in_one_sentence(tmp_path):
-    with pytest.raises(SceneError, match="no triangles"):
-        load_scene(written(tmp_path, CUBE.vertices, []))
 
 
 def test_tiny_bright_lamp_just_above_the_floor(estimator):

@@ -191,7 +191,8 @@ def bring(names: str) -> None:
             path.write_text(FILES[name])
         elif path.suffix == ".glb" and name.startswith("room"):
             lights = gltf_lights(({"type": "point", "intensity": 5}, {"translation": [0.5, 0.8, 0.5]}))
-            write_glb(path, BOX, BOX_FACES, material={"doubleSided": True}, **lights)
+            grey = {"doubleSided": True, "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}
+            write_glb(path, BOX, BOX_FACES, material=grey, **lights)  # in a white room paths are long
         elif path.suffix == ".toml":
             small_room(Path(), name)
         elif path.suffix == ".ies":

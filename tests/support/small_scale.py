@@ -61,7 +61,7 @@ def one_row() -> Iterator[row.AtlasRow]:
 def small_work(patch: pytest.MonkeyPatch) -> None:
     """Make all measurements, pictures, time for gathering and the default settings of bare meshes small."""
     small_charts(patch)
-    least = {"limit_photons": 8192, "truth": 0.5, "gathered_seconds": 0.0, "radii": (1.0,)}
+    least = {"limit_photons": 8192, "truth": 0.5, "gathered_seconds": 0.0, "radii": (1.0,), "photons": (4096,)}
     for name in ("QUICK", "FULL"):  # they run, and their numbers are not read
         patch.setattr(chart_settings, name, getattr(chart_settings, name)._replace(**least))
     patch.setattr(pilot, "PHOTONS", 1024)
