@@ -141,7 +141,7 @@ CASES = {
         point_over_plane,
         lambda p, n: closed_form.point_over_plane(1.0, 0.6, np.hypot(p[:, 0], p[:, 1])),
         rings(0, 0.4, 0.7, 1.2),
-        60_000,
+        25_000,
         0.12,
     ),
     "spot over a plane": ClosedFormCase(
@@ -150,18 +150,18 @@ CASES = {
             1.0, 1.0, np.hypot(p[:, 0], p[:, 1]), math.cos(math.radians(20)), math.cos(math.radians(40))
         ),
         rings(0, 0.36, 0.8),
-        50_000,
+        25_000,
         0.12,
         200,
     ),
     "luminaire over a plane": ClosedFormCase(
-        luminaire_over_plane, from_luminaire, rings(0, 0.4, 0.7, 1.2), 60_000, 0.12
+        luminaire_over_plane, from_luminaire, rings(0, 0.4, 0.7, 1.2), 25_000, 0.12
     ),
     "oblique parallel light": ClosedFormCase(
         directional_plane,
         lambda p, n: np.full(len(p), closed_form.directional(3.0, (1, 0.5, -1), (0, 0, 1))),
         lambda r: {"all": within(r, 0.15)},
-        50_000,
+        25_000,
         0.12,
     ),
     **{
@@ -169,7 +169,7 @@ CASES = {
             partial(sky_plane, cie=cie),
             lambda p, n: np.full(len(p), closed_form.sky(1.0)),
             lambda r: {"all": within(r, 0.15)},
-            60_000,
+            25_000,
             0.12,
         )
         for cie in (5, 13, 16)
@@ -191,7 +191,7 @@ CASES = {
         sphere_in_sun,
         lambda p, n: closed_form.directional(1.0, (0, 0, -1), n),
         bands(0.1, 0.5, 0.8, 1.0),
-        50_000,
+        25_000,
         0.11,
         dark=inside,
     ),
@@ -207,7 +207,7 @@ CASES = {
         plate,
         lambda p, n: closed_form.point_light(1.0, (0, 0, 1.2), p, n),
         lambda r: {"plate": np.linalg.norm(r.positions - PLATE_POSE.position, axis=1) < 0.4},
-        120_000,
+        40_000,
         0.1,
         250,
     ),
