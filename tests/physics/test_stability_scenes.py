@@ -3,8 +3,6 @@
 The first line of each test names the failure. Numbers predicted by theory are tested in test_stability_atlas.py.
 """
 
-import math
-
 import numpy as np
 import pytest
 
@@ -66,42 +64,6 @@ def test_scaled_by_a_power_of_two_the_picture_is_the_same(factor, estimator):
     scene = Scene(mesh._replace(vertices=mesh.vertices * factor), (lamp(1.0, 0.5),), up=UP)
     scaled = solved(scene, estimator=estimator, radius=0.1 * factor)
     np.testing.assert_allclose(scaled.irradiance, one.irradiance, rtol=1e-5)
-
-
-def test_any_distance_from_the_origin_gives_the_same_light(tmp_path):
-    """At 100 room sizes rays hit the face that they leave, and all was dark; geometry is shifted to the origin."""
-    mesh = furnace_scene(1.0, 0.5, 4).static
-    for distance in (30.0, 100.0, 1e6):
-        scene = Scene(mesh._replace(vertices=mesh.vertices + distance), (lamp(1.0, 0.5),), up=UP, name="far room")
-        solver = solved(scene, 20_000)
-        assert solver.irradiance[:, 0].mean() == pytest.approx(2 * math.pi, rel=0.02)
-        assert not solver.frame.fates["escaped"].any()
-        scene = load_scene(written(tmp_path, CUBE.vertices + distance, CUBE.faces), max_edge=0.5)
-        assert_sound(solved(scene, 5_000))
-        assert np.abs(scene.static.vertices - CUBE.vertices.mean(axis=0) - distance).max() < 10
-
-
-def test_rays_through_vertices_and_edges_of_a_closed_room():
-    """Few rays pass between triangles, and these count as escaped; every photon is counted."""
-    scene = furnace_scene(1.0, 0.5, 8)
-    solver = solved(scene)
-    mesh = scene.static
-    middle = np.full(3, 0.5)
-    edges = mesh.vertices[mesh.faces[:, [0, 1]]].mean(axis=1)
-    targets = np.concatenate([mesh.vertices, edges])
-    d = targets - middle
-    d /= np.linalg.norm(d, axis=1)[:, None]
-    origins = np.tile(middle, (len(d), 1)).astype(np.float32)
-    far = np.full(len(d), 10.0, np.float32)
-    distance, face = solver.model.accelerator.nearest(0, origins, d.astype(np.float32), far)
-    assert np.isfinite(distance).all() and (distance > 0).all()
-    assert (face < 0).mean() < 0.002
-    hit = face >= 0
-    wanted = np.linalg.norm(targets - middle, axis=1)
-    assert distance[hit] == pytest.approx(wanted[hit], rel=1e-4)
-    many = solved(furnace_scene(1.0, 0.9, 8), 50_000)
-    assert_sound(many)
-    assert many.frame.fates["escaped"][0] < 1e-3 * many.frame.fates["emitted"][0]
 
 
 def written(folder, vertices, faces, name="a.obj", extra=()):
