@@ -153,16 +153,6 @@ def disc_nodes(centre, normal, radius: float) -> tuple[np.ndarray, np.ndarray]:
     return points.reshape(*n.shape[:-1], -1, 3), np.repeat(w / 2 / ANGULAR, ANGULAR)
 
 
-def disc_mean(field, centre, normal, radius: float) -> float:
-    """Return the mean of field((m, 3) points) -> (m,) over a disc.
-
-    This is the expected tangent-plane estimate if nothing hides a part of the disc: a
-    photon crosses it with probability flux / Phi, and each crossing adds Phi / (N pi r^2).
-    """
-    points, weights = disc_nodes(centre, normal, radius)
-    return float(weights @ field(points))
-
-
 def sector_nodes(centre, normal, first, angle, radius) -> tuple[np.ndarray, np.ndarray]:
     """As disc_nodes(), over sectors that turn from the directions `first` (n, 3) by `angle` (n,) [rad] about `normal`.
 
