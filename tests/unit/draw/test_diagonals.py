@@ -102,47 +102,6 @@ def test_light_that_is_linear_does_not_show_the_diagonals(monkeypatch):
     assert np.ptp(pictures[0]) > 50 and np.abs(pictures[0] - pictures[1]).max() <= 1
 
 
-def teeth(mesh) -> float:
-    """Return the largest variation of light along lines that are parallel to its border, over the whole plane."""
-    x, y = mesh.positions[:, 0].astype(float), mesh.positions[:, 1].astype(float)
-    light = np.clip((x + 0.6 * y - 0.8) / SOFT, 0, 1)
-    t, found = np.linspace(0.05, 0.95, 400), []
-    for offset in np.linspace(0.75, 1.0, 11):
-        points = np.stack([offset - 0.6 * t, t], axis=1)
-        a, b, c = (np.stack([x, y], axis=1)[mesh.triangles[:, k]] for k in range(3))
-        (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-        wx, wy = (points[:, None] - a).transpose(2, 0, 1)
-        u, v = (wx * vy - wy * vx) / (ux * vy - uy * vx), (ux * wy - uy * wx) / (ux * vy - uy * vx)
-        face = np.minimum(np.minimum(u, v), 1 - u - v).argmax(axis=1)
-        k = np.arange(len(t))
-        of = light[mesh.triangles[face]]
-        found.append((of * np.stack([1 - u - v, u, v], axis=2)[k, face]).sum(axis=1).std())
-    return max(found)
-
-
-def test_a_border_of_light_has_fewer_teeth():
-    """0.60 of the variation along the border in this grid, 0.60 to 0.66 in grids of 8 to 20 cells."""
-    shot = striped(plane(20))
-    mesh, colours = shot.lit.meshes[0], shot.lit.sides[0]
-    drawn = along_light(mesh, *colours)
-    assert teeth(drawn) < 0.7 * teeth(mesh)
-    wrong = with_diagonals(drawn, drawn.quads.beside[drawn.quads.faces[:, 0]] < 0)
-    assert teeth(drawn) < 0.7 * teeth(wrong), "the ends of the drawn diagonals differ less, not more"
-
-
-def test_a_quad_with_an_unreached_corner_keeps_its_diagonal():
-    shot = striped(plane())
-    mesh, colours = shot.lit.meshes[0], shot.lit.sides[0]
-    free = along_light(mesh, *colours).quads.beside >= 0
-    weights = np.ones((len(mesh.positions), 2), np.float32)
-    corner = mesh.quads.corners[2, free[mesh.quads.faces[:, 0]]][0]
-    weights[corner, 0] = 1e-3
-    kept = along_light(mesh, *colours, weights).quads.beside >= 0
-    at_corner = (mesh.quads.corners == corner).any(axis=0)
-    assert free[mesh.quads.faces[at_corner]].any() and not kept[mesh.quads.faces[at_corner]].any()
-    assert np.array_equal(free[mesh.quads.faces[~at_corner]], kept[mesh.quads.faces[~at_corner]])
-
-
 @pytest.mark.gl
 def test_both_pictures_have_the_same_diagonals():
     """A slab that is lit only on its back is in the picture too: backs count."""

@@ -4,7 +4,6 @@ Colours of draw vertices, compared with numpy, and their kernels. Irradiance ove
 colours: only the faces that rays hit are placed.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -78,16 +77,6 @@ def mesh():
 @pytest.fixture
 def irradiance(mesh):
     return np.random.default_rng(5).random((max(mesh.front.max(), mesh.back.max()) + 1, 3))
-
-
-@pytest.mark.parametrize("with_reflectance", [True, False])
-def test_radiance_is_that_of_both_sides(mesh, irradiance, with_reflectance):
-    rho = mesh.reflectance if with_reflectance else np.float32(1.0)
-    front, back = colours(mesh, irradiance, with_reflectance)
-    assert (mesh.back >= 0).any() and (mesh.back < 0).any() and front.dtype == np.float32
-    assert np.array_equal(front, irradiance[mesh.front].astype(np.float32) * rho / np.float32(math.pi))
-    expected = irradiance[mesh.back].astype(np.float32) * rho / np.float32(math.pi)
-    assert np.array_equal(back, np.where(mesh.back[:, None] >= 0, expected, 0.0))
 
 
 def test_weights_are_those_of_receivers(mesh, irradiance):
