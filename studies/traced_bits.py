@@ -14,6 +14,7 @@ import hashlib
 import json
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,28 +29,26 @@ RADIUS = 0.1  # [m]
 SHIFT = (0.02, 0.05, 0.02)  # [m], of the first mobile
 
 
-def traced_bits(name: str) -> dict[str, str]:
-    """Return the digests of a scene: inputs, paths, fates and sums of the background, and those of a moved mobile."""
+def traced_bits(name: str) -> Iterator[tuple[str, str]]:
+    """Yield the digests of a scene: inputs, paths, fates and sums of the background, and those of a moved mobile."""
     scene = load_scene(name)
     solver = Solver(
         scene, photons=PHOTONS, radius=RADIUS, estimator="tangent_plane", control=False, rays="bvh", threads=1
     )
+    # No scene has a pane, and each photon has one direct segment.
+    surfaces, world = solver.surfaces._replace(means=(), pane=(), panes=()), solver.model.world._replace(panes=())
+    yield "inputs", digest(surfaces, world, solver.model.emitters, _sines())
     solver.solve()
     first = solver.frame
     paths, _ = first.store.subset(PHOTONS)
-    # No scene has a pane, and each photon has one direct segment.
-    surfaces, world = solver.surfaces._replace(means=(), pane=(), panes=()), solver.model.world._replace(panes=())
-    found = {
-        "inputs": digest(surfaces, world, solver.model.emitters, _sines()),
-        "paths": digest(paths[:-1]),
-        "fates": digest(first.store.fates),
-        "sums": digest(first.background.estimate.background(PHOTONS)),
-    }
+    yield "paths", digest(paths[:-1])
+    yield "fates", digest(first.store.fates)
+    yield "sums", digest(first.background.estimate.background(PHOTONS))
     mobile = scene.mobiles[0]
     solver.move(mobile.name, mobile.pose._replace(position=tuple(np.add(mobile.pose.position, SHIFT))))
     change = solver.frame.change
     parts = change.removed_suffixes.segments()[:-1], change.new_suffixes[:-1], change.fates
-    return found | {"moved": digest(*parts, solver.frame.evaluated.sums)}
+    yield "moved", digest(*parts, solver.frame.evaluated.sums)
 
 
 def digest(*values) -> str:
@@ -79,7 +78,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write the digests to the file of the test")
     write = parser.parse_args().write
-    found = {name: traced_bits(name) for name in SCENES}
+    found = {name: dict(traced_bits(name)) for name in SCENES}
     if write:
         FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
         return 0

@@ -68,6 +68,12 @@ def pictures_do_not_wait(monkeypatch):
     monkeypatch.setattr("app.settings.SECONDS", 0.0)
 
 
+@pytest.fixture(autouse=True)
+def bare_meshes_are_coarse(monkeypatch):
+    """Bare meshes are refined to 1,000 receivers unless a test asks for more."""
+    monkeypatch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
+
+
 @pytest.fixture
 def small_shares(monkeypatch):
     """Split work over threads however small it is."""

@@ -17,7 +17,7 @@ ROOM = """
 [[shape]]
 type = "room"
 size = [4, 3, 5]
-max_edge = 0.1
+max_edge = 0.2
 openings = [{ wall = "right", position = [-0.5, 0.9], size = [1.0, 0.4] }]
 [camera]
 position = [0.5, 2.4, 2.3]
@@ -95,9 +95,9 @@ def test_an_option_asks_for_another_sun(room, tmp_path, capsys):
     assert f"2026-03-21 12.5 h, UTC+1, at (40.4, -3.7): sun {noon:.2f} degrees" in capsys.readouterr().out
     assert 40 < noon < 50
     keys = "place = [40.4, -3.7], date = 2026-03-21, hour = 9, utc_offset = 1"
-    assert cli.main(["info", "gallery", "--photons", "2000", "--daylight", keys]) == 0
+    assert cli.main(["info", "furnace", "--photons", "2000", "--daylight", keys]) == 0
     assert "sun 18.65 degrees above the horizon, 106.2" in capsys.readouterr().out
-    assert cli.main(["info", "gallery", "--photons", "2000", "--daylight", "hour = 9"]) == 3
+    assert cli.main(["info", "furnace", "--photons", "2000", "--daylight", "hour = 9"]) == 3
     assert "[daylight]: place is missing" in capsys.readouterr().err
     for keys, sentence in (("hour = 25", "hour must be"), ("height = 1", "keys of [daylight]"), ("9", "such as")):
         assert cli.main(["info", str(room), "--daylight", keys]) == 2

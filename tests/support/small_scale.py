@@ -71,6 +71,5 @@ def small_work(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(settings.Settings.__init__, "__defaults__", (*values[:k], (60, 40), *values[k + 1 :]))
     patch.setattr(settings, "SECONDS", 0.1)
     patch.setattr("gi_core.defaults.MOST_PHOTONS", 4096)
-    patch.setattr("gi_core.files.load.MOST_RECEIVERS", 1000)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)},))
