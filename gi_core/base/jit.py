@@ -89,16 +89,17 @@ def lowest_bit(bits):
     return _PLACE[(np.uint32(lowest * _DE_BRUIJN)) >> np.uint32(27)]
 
 
-def by_type(functions: dict[type, Callable], otherwise: Callable | None = None) -> Callable:
+def by_type(functions: dict[type, Callable], otherwise: Callable | None = None, inline: bool = False) -> Callable:
     """Return a function that kernels call for the one of `functions` of the class of its first argument, a NamedTuple.
 
-    All take the same arguments; those that are no kernels are compiled with each caller, in half the time.
+    All take the same arguments; those that are no kernels are compiled with each caller, in half the time. inline: take
+    them into the caller, where they are short and no kernels.
     """
 
     def query(first, *rest):
         raise NotImplementedError  # outside of kernels
 
-    @overload(query, strict=False, inline="always")
+    @overload(query, strict=False, inline="always" if inline else "never")
     def _(first, *rest):
         kind = getattr(first, "instance_class", None)
         chosen = functions.get(kind, otherwise)

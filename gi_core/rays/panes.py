@@ -176,7 +176,7 @@ def _through_glass(s, o, ray, ox, oy, oz, dx, dy, dz, limit):
 
 # transmitted(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit): shares (red, green, blue) of light that object o lets pass
 # along a ray, all 0 where it blocks it; arguments as for `structures.any_hit`. For kernels only.
-transmitted = by_type({Glazed: _product}, _all_or_nothing)
+transmitted = by_type({Glazed: _product}, _all_or_nothing, inline=True)
 
 
 @inlined
