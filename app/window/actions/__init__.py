@@ -122,7 +122,7 @@ ACTIONS = {
     ),
     "promote": Action(objects.promote, label="Make clicked object movable"),
     "freeze": Action(objects.freeze, label="Make object static"),
-    "frame": Action(views.frame, (K.f,), "F", "show what is selected, or everything", label="Frame selected"),
+    "frame": Action(views.frame, (K.f,), "F", "show the selection, or everything", label="Frame selected"),
     "top": Action(lambda w: w.viewport.control.look_along(None), label="Top"),
     "front": Action(lambda w: w.viewport.control.look_along(0), label="Front"),
     "side": Action(lambda w: w.viewport.control.look_along(1), label="Side"),
@@ -146,11 +146,11 @@ ACTIONS = {
         partial(views.toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"
     ),
     "show disc": Action(
-        partial(views.toggle, "show_disc"), (K.n,), "N", "draw what the estimator counts at the cursor or a click",
+        partial(views.toggle, "show_disc"), (K.n,), "N", "draw the photons that count at the cursor or a click",
         label="What the estimator counts",
     ),
     "show recomputed": Action(
-        partial(views.toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed",
+        partial(views.toggle, "show_recomputed"), (K.c,), "C", "colour the receivers that the last frame computed",
         label="What the frame computed",
     ),
     "meter": Action(views.meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),

@@ -42,7 +42,7 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     any_object, is_selected, play = bool(session.poses), bool(selected), "Pause" if session.motion.playing else "Play"
     ui.buttons(
         actions,
-        ui.Button("rest", "Rest on floor", "Lower each selected object until it stands on what lies below it.",
+        ui.Button("rest", "Rest on floor", "Lower each selected object onto the surface below it.",
                   is_selected),
         ui.Button("frame", "Frame", "Let the camera show the selected objects. Key F.", is_selected),
         ui.Button("play", f"{play}###Play", "Move the objects along their paths, or one on a circle. Key Space.",

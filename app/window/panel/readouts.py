@@ -27,7 +27,7 @@ from gi_core.scene.types import MOST_GRID_POINTS, QUANTITIES, TARGETS, UGR, UNIT
 PIN = ui.Button(
     "pin",
     "Pin a read-out",
-    "Then click a surface in the picture. Key I pins at once what is under the cursor; Del removes it.",
+    "Then click a surface in the picture. Key I pins the point under the cursor at once; Del removes it.",
 )
 
 

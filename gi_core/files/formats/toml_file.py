@@ -294,7 +294,7 @@ def read_surface(values: dict, where: str) -> CalculationSurface:
     if "on" in table:
         for key in ("position", "size", "tilt", "turn"):
             if key in table:
-                raise SceneError(f"{where}: {key} is that of what the surface lies on; leave out {key}, or on")
+                raise SceneError(f"{where}: the surface has the {key} of the face it lies on; leave out {key}, or on")
     return CalculationSurface(**table.fields())
 
 
