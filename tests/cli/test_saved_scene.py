@@ -201,7 +201,7 @@ def test_every_option_is_saved_or_names_a_reason():
 
 
 BAD = {
-    "scene = 3": "scene must be a text in quotes, got 3",
+    "scene = 3": "scene must be a text in quotes, not empty, got 3",
     'scene = "cornell"\nscne = 1': "unknown key 'scne'",
     'scene = "cornell"\n[settings]\nphotns = 5': "unknown key 'photns'",
     'scene = "cornell"\n[settings]\nphotons = -5': "photons must be a whole number in 1 .. 134217728, got -5",
