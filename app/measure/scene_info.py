@@ -23,7 +23,7 @@ from gi_core.lights.power import power_of
 from gi_core.model import Model
 from gi_core.rays.structures import STRUCTURES
 from gi_core.scene.types import material_named, part_named
-from gi_core.scene.validate import FLUX_OF
+from gi_core.scene.validate import strength_of
 from gi_core.solver import Solver
 
 HEAD = ("materials", "diffuse reflectance", "triangles", "area", "")
@@ -104,7 +104,7 @@ def _lights(scene, solver: Solver, settings: Settings) -> list[tuple[str, str]]:
         flux = emitters.flux[area][faces].sum(axis=0)
         text = f"{_flux(flux, unit)}, from {int(faces.sum()):,} triangles"
         rows.append((f'light "{scene.materials[k].name}"', text))
-    named = [light for light in scene.lights if max(light._asdict()[FLUX_OF.get(type(light), "radiance")]) > 0]
+    named = [light for light in scene.lights if max(getattr(light, strength_of(light))) > 0]
     for light, flux in zip(named, emitters.flux[~area], strict=True):
         kind = type(light).__name__.removesuffix("Light").lower()
         rows.append((f'light "{light.name}"', f"{_flux(flux, unit)}, {kind}"))

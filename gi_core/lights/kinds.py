@@ -1,5 +1,6 @@
 """Kinds of lights, one file each. A new one is a file with these names, its import and place in KINDS, its number, and
-a branch of emitted() and of arrived().
+a branch of emitted() and of arrived(). Besides: its record in `gi_core.scene.types`, the rules of its fields in
+`gi_core.scene.validate`, its word for scene files in LIGHTS of `gi_core.files.formats.toml_file`.
 
     RECORD                                     the record of `gi_core.scene.types`
     parameters(light, around, table) -> list   at most WIDTH numbers: place (3), axis (3), others; table: of a luminaire

@@ -22,6 +22,7 @@ class Rule(NamedTuple):
     text: str  # completes "flux must be ..."
     holds: Callable[[Any], bool]
     make: Callable[[Any], Any] = lambda value: value
+    example: str = "1.0"  # as a scene file has it
 
     def check(self, where: str, value):
         """Return the value. Raises SceneError, one sentence, if the value breaks the rule."""
@@ -41,6 +42,8 @@ def is_array(values, shape: tuple, low: float = -BIGGEST, high: float = BIGGEST,
         array = np.asarray(values)
     except ValueError:  # rows of several lengths
         return False
+    if array.ndim == 1 and not isinstance(values, np.ndarray) and any(isinstance(v, bool) for v in values):
+        return False  # beside numbers True would become 1
     fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
     return fits and array.dtype.kind in kinds and bool(((low <= array) & (array <= high)).all())
 
@@ -48,6 +51,11 @@ def is_array(values, shape: tuple, low: float = -BIGGEST, high: float = BIGGEST,
 def is_direction(values) -> bool:
     """Return whether values are three numbers that can be made a unit vector."""
     return is_array(values, (3,)) and bool(np.abs(values).max() >= TINIEST)
+
+
+def vector(text: str, holds: Callable[[Any], bool], n: int = 3) -> Rule:
+    """Return the rule of n numbers, which become a tuple; None stays where it holds."""
+    return Rule(text, holds, lambda values: values if values is None else tuple(map(float, values)), str([1] * n))
 
 
 def whole(low: int, high: int) -> Rule:
@@ -69,10 +77,10 @@ FLAG = Rule("true or false", lambda value: isinstance(value, bool | np.bool_), b
 FILE = Rule("the name of a file", lambda value: isinstance(value, str | PathLike))
 NUMBER = Rule("a finite number", is_number, float)
 LENGTH = Rule(f"a finite number > 0, from {TINIEST:g} to {BIGGEST:g}", lambda value: is_number(value, TINIEST), float)
-PLACE = Rule(f"three finite numbers of at most {BIGGEST:g}", lambda value: is_array(value, (3,)))
-DIRECTION = Rule(f"three numbers that are not all 0, the largest {TINIEST:g} to {BIGGEST:g}", is_direction)
-STRENGTH = Rule(f"three numbers >= 0 and <= {BIGGEST:g}", lambda value: is_array(value, (3,), 0))
+PLACE = vector(f"three finite numbers of at most {BIGGEST:g}", lambda value: is_array(value, (3,)))
+DIRECTION = vector(f"three numbers that are not all 0, the largest {TINIEST:g} to {BIGGEST:g}", is_direction)
+STRENGTH = vector(f"three numbers >= 0 and <= {BIGGEST:g}", lambda value: is_array(value, (3,), 0))
 INDEX = Rule(f"a number from 1 to {MOST_IOR:g}", lambda value: is_number(value, 1, MOST_IOR), float)
 SHARE = Rule("a number from 0 to 1", lambda value: is_number(value, 0, 1), float)
-SHARES = Rule("three numbers from 0 to 1", lambda value: is_array(value, (3,), 0, 1))
-REFLECTANCE = Rule("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))
+SHARES = vector("three numbers from 0 to 1", lambda value: is_array(value, (3,), 0, 1))
+REFLECTANCE = vector("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))

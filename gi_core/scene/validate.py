@@ -30,6 +30,7 @@ from gi_core.scene.rules import (
     is_direction,
     is_number,
     one_of,
+    vector,
 )
 from gi_core.scene.types import (
     OVERCAST_SKY,
@@ -43,6 +44,7 @@ from gi_core.scene.types import (
     Gloss,
     KeyFrames,
     LampLevel,
+    Light,
     Material,
     Mesh,
     Pane,
@@ -60,25 +62,21 @@ def is_brdf(value) -> bool:
     return isinstance(value, tuple) and all(isinstance(lobe, Lobe) for lobe in value)
 
 
-FLUX_OF = {
-    PointLight: "flux",
-    PhotometricLight: "flux",
-    SpotLight: "intensity",
-    DirectionalLight: "irradiance",
-}  # else radiance
 UNIT = 1.001  # of a component of a unit vector, with rounding
 EXTENTS = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 LEVEL = Rule("a number >= 0", lambda value: is_number(value, 0), float)
 DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
+OPENING = Rule("a number of degrees > 0 and <= 90", lambda value: is_number(value, TINIEST, 90), float)
 CLOSEST = 1e-3  # degrees between angles of a table
 GAMMAS = Rule("two or more degrees that increase, from 0 to 180", lambda values: _increase(values, 180))
 PLANES = Rule(
     "degrees that increase, from 0 at first to 360 at last",
     lambda values: _increase(values, 360) and values[0] == 0 and values[-1] == 360,
 )
-SIZE = Rule(
+SIZE = vector(
     "two numbers of metres > 0, or 0 and 0",
     lambda values: is_array(values, (2,), 0) and (min(values) >= TINIEST or max(values) == 0),
+    2,
 )
 FIELDS: dict[type, dict[str, Rule]] = {
     Gloss: {"f0": SHARES, "alpha": SHARE, "f90": SHARE},
@@ -91,7 +89,7 @@ FIELDS: dict[type, dict[str, Rule]] = {
     PointLight: {"position": PLACE, "flux": STRENGTH},
     SpotLight: {
         "position": PLACE, "direction": DIRECTION, "intensity": STRENGTH,
-        "inner_degrees": DEGREES, "outer_degrees": DEGREES,
+        "inner_degrees": DEGREES, "outer_degrees": OPENING,
     },
     PhotometricLight: {
         "position": PLACE, "direction": DIRECTION, "c0": DIRECTION, "flux": STRENGTH,
@@ -101,7 +99,7 @@ FIELDS: dict[type, dict[str, Rule]] = {
     SkyLight: {
         "radiance": STRENGTH,
         "cie": Rule("a whole number from 1 to 16", lambda value: type(value) is int and 1 <= value <= OVERCAST_SKY),
-        "sun": Rule("None or three numbers that are not all 0", lambda value: value is None or is_direction(value)),
+        "sun": DIRECTION._replace(holds=lambda value: value is None or is_direction(value)),
     },
     Probe: {"position": PLACE, "normal": DIRECTION},
     Camera: {"position": PLACE, "target": PLACE, "vertical_fov_degrees": NUMBER},
@@ -112,6 +110,11 @@ FIELDS: dict[type, dict[str, Rule]] = {
         "surfaces": Rule("a tuple of CalculationSurface", lambda value: all(map(_is_surface, value))),
     },
 }  # fmt: skip
+
+
+def strength_of(light: Light) -> str:
+    """Return the field of a light whose colour and power scale it."""
+    return next(name for name, rule in FIELDS[type(light)].items() if rule is STRENGTH)
 
 
 def _is_surface(value) -> bool:
@@ -167,20 +170,20 @@ def lamps_of(scene: Scene) -> set[str]:
 def check_scene(scene: Scene) -> None:
     """Raise SceneError, one sentence, for the first broken rule."""
     title = TEXT.check("the name of a scene", scene.name)
-    _check_fields(title, scene)
+    check_fields(title, scene)
     for material in scene.materials:
         for name in ("gloss", "pane"):
             if (part := getattr(material, name)) is not None:
-                _check_fields(f"{_named(title, 'material', material)}: {name}", part)
+                check_fields(f"{_named(title, 'material', material)}: {name}", part)
         if material.pane is not None and (max(material.emission) > 0 or material.gloss or material.brdf):
             where = _named(title, "material", material)
             raise SceneError(f"{where}: a pane has no emission, gloss or brdf; remove them, or the pane")
     for kind, records in (("material", scene.materials), ("light", scene.lights), ("probe", scene.probes)):
         for record in records:
-            _check_fields(_named(title, kind, record), record)
+            check_fields(_named(title, kind, record), record)
     if scene.camera is not None:
-        _check_fields(f"{title}: camera", scene.camera)
-    _check_fields(f"{title}: defaults", scene.defaults)
+        check_fields(f"{title}: camera", scene.camera)
+    check_fields(f"{title}: defaults", scene.defaults)
     for light_scene in scene.light_scenes:
         where = _named(title, "light scene", light_scene)
         for lamp, level, colour, on in (LampLevel(*state) for state in light_scene.levels):
@@ -215,7 +218,7 @@ def check_size(where: str, mesh: Mesh) -> None:
         raise SceneError(f"{where} must be {EXTENTS[0]:g} to {EXTENTS[1]:g} m large, got {extent:.3g}; write a scale")
 
 
-def _check_fields(where: str, record) -> None:
+def check_fields(where: str, record) -> None:
     if type(record) not in FIELDS:
         kinds = ", ".join(kind.__name__ for kind in FIELDS)
         raise SceneError(f"{where} must be a {kinds}, got a {type(record).__name__}")

@@ -32,7 +32,7 @@ def test_a_panel_has_constant_luminance():
 @pytest.mark.parametrize(
     ("values", "rule"),
     [
-        ({"size": [0.6]}, "size must be 2 numbers >= 0"),
+        ({"size": [0.6]}, "size must be two numbers of metres > 0, or 0 and 0"),
         ({"flux": [1, -2, 3]}, "flux must be three numbers >= 0"),
         ({"file": "a.ies"}, "unknown key 'file'"),
         ({"type": "lamp"}, f"type must be one of {', '.join(chr(34) + kind + chr(34) for kind in LIGHTS)}"),

@@ -95,7 +95,7 @@ MISTAKES = {
     "spot of no width": (
         SCENE + '[[light]]\ntype = "spot"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\nintensity = [1, 1, 1]\n'
         "outer_degrees = 0",
-        "outer_degrees must be a number > 0 and <= 90",
+        "outer_degrees must be a number of degrees > 0 and <= 90",
     ),
     "key of a light": (
         SCENE + '[[light]]\ntype = "point"\nname = "lamp"\nposition = [0, 1, 0]\nflux = [1, 1, 1]\n'
@@ -137,11 +137,11 @@ MISTAKES = {
     "light key": (SCENE + '[[light]]\ntype = "point"\nposition = [0, 0, 0]\nfluks = [1, 1, 1]',
         "unknown key 'fluks'; did you mean 'flux'"),
     "flux": (SCENE + '[[light]]\ntype = "point"\nname = "ceiling"\nposition = [0, 0, 0]\nflux = [-1, 0, 2]',
-        r'light "ceiling": flux must be three numbers >= 0, got \[-1, 0, 2\]'),
+        r'light "ceiling": flux must be three numbers >= 0 and <= 1e\+15, got \[-1, 0, 2\]'),
     "spot": (
         SCENE + '[[light]]\ntype = "spot"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\nintensity = [1, 1, 1]\n'
         "inner_degrees = 30\nouter_degrees = 20",
-        "inner_degrees must be at most outer_degrees 20, got 30",
+        "inner_degrees <= outer_degrees <= 90, got 30.0 and 20.0",
     ),
     "camera": (SCENE.replace("[0.5, 0.5, 0.9]", "[0.5, 0.5, 0.1]"), "target must differ from position"),
     "photons": (SCENE + "[defaults]\nphotons = 0.5", "photons must be a whole number >= 1, got 0.5"),

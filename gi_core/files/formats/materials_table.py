@@ -92,15 +92,14 @@ def pane_of(table: Table, material: Material) -> Material:
         if key in table:
             raise SceneError(f"{table.where}: {key} and pane exclude each other; a pane has transmittance and ior")
     clear = Pane()
-    passes = SHARES.check(f"{table.where}: transmittance", table.values.get("transmittance", clear.transmittance))
-    ior = INDEX.check(f"{table.where}: ior", table.values.get("ior", clear.ior))
-    return material.as_pane(Pane(three(passes), ior))
+    passes = table.value("transmittance", SHARES, clear.transmittance)
+    return material.as_pane(Pane(passes, table.value("ior", INDEX, clear.ior)))
 
 
 def gloss_of(table: Table, material: Material) -> Material:
     """Return the material with the gloss that its table gives: metallic, roughness and ior, as glTF defines them."""
     rules = {**dict.fromkeys(OF_GLOSS, SHARE), "ior": INDEX}
-    gloss = {key: rule.check(f"{table.where}: {key}", table.values[key]) for key, rule in rules.items() if key in table}
+    gloss = {key: table.value(key, rule) for key, rule in rules.items() if key in table}
     if gloss and "roughness" not in gloss:
         raise SceneError(f"{table.where}: {next(iter(gloss))} needs a roughness from 0 to 1; write roughness = 0.3")
     if not gloss:

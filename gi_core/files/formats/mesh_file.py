@@ -27,7 +27,7 @@ from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line, shown, utf8
 from gi_core.scene.rules import BIGGEST
 from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint, PlacedLight
-from gi_core.scene.validate import FLUX_OF
+from gi_core.scene.validate import strength_of
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 BRIGHTEST = FARTHEST = BIGGEST  # radiance, coordinates: as in scene files
@@ -377,7 +377,7 @@ def scaled(read: MeshFile, factor: float) -> MeshFile:
 def _scaled_light(light: Light, factor: float) -> Light:
     if not isinstance(light, PlacedLight):
         return light
-    strength = FLUX_OF[type(light)]
+    strength = strength_of(light)
     place, more = _times(light.position, factor), _times(getattr(light, strength), factor**2)
     return light._replace(position=place, **{strength: more})
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from gi_core.files.formats.boundary import MOST_KEY_PARTS, Boundary, text_of
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.rules import BIGGEST, is_direction, is_number
+from gi_core.scene.rules import BIGGEST, Rule, is_direction, is_number
 
 REQUIRED = object()  # default of a key that must be there
 _QUOTED = re.compile(r"""\"(?:\\.|[^"\\\n])*\"|'[^'\n]*'|#[^\n]*""")
@@ -58,6 +58,11 @@ class Table:
         """Return the value of each key of the schema, defaults included."""
         schema: Any = self.keys
         return {key: getattr(self, field.read)(key, **field.rule) for key, field in schema.items()}
+
+    def value(self, key: str, rule: Rule, default=REQUIRED) -> Any:
+        """Return a value that holds to a rule."""
+        value = self._get(key, default, rule.example)
+        return value if value is default else rule.check(f"{self.where}: {key}", value)
 
     def text(self, key: str, default=REQUIRED, choices: tuple[str, ...] = ()) -> str:
         """Return a string, one of `choices` if there are any."""

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import read_materials
 from gi_core.files.formats.photometry_file import PhotometryFile, read_photometry
 from gi_core.files.formats.shapes import Shape, read_shape
-from gi_core.files.formats.toml_fields import Schema, Table, of, read_toml, shown
+from gi_core.files.formats.toml_fields import REQUIRED, Table, of, read_toml, shown
 from gi_core.scene.errors import SceneError, utf8
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
 from gi_core.scene.rules import is_number
@@ -24,9 +25,7 @@ from gi_core.scene.types import (
     MOST_GRID_POINTS,
     OVERCAST_SKY,
     QUANTITIES,
-    SUN_DEGREES,
     TARGETS,
-    UNIFORM_SKY,
     CalculationSurface,
     Camera,
     Daylight,
@@ -43,35 +42,21 @@ from gi_core.scene.types import (
     SkyLight,
     SpotLight,
 )
+from gi_core.scene.validate import FIELDS, check_fields
 
-PLACE, AXIS, STRENGTH = of("vector"), of("direction"), of("vector", least=0)
-SKY_TYPE = of("count", default=UNIFORM_SKY, most=OVERCAST_SKY)
-PANEL = {  # c0: None: see c0_of()
-    "position": PLACE, "direction": AXIS, "c0": of("direction", default=None), "flux": STRENGTH,
-    "size": of("vector", n=2, least=0),
+PLACE = of("vector")
+LIGHTS: dict[str, type[Light]] = {  # by type
+    "point": PointLight, "spot": SpotLight, "panel": PhotometricLight, "photometric": PhotometricLight,
+    "directional": DirectionalLight, "sky": SkyLight,
 }  # fmt: skip
-CONE = {
-    "inner_degrees": of("number", default=0.0, least=0),
-    "outer_degrees": of("number", above=0, below=math.nextafter(90, 91)),
-}
-LIGHTS: dict[str, tuple[type[Light], Schema]] = {  # by type: record and keys
-    "point": (PointLight, {"position": PLACE, "flux": STRENGTH}),
-    "spot": (SpotLight, {"position": PLACE, "direction": AXIS, "intensity": STRENGTH} | CONE),
-    "panel": (PhotometricLight, PANEL),
-    "photometric": (PhotometricLight, {"file": of("text")} | PANEL),
-    "directional": (
-        DirectionalLight,
-        {
-            "direction": AXIS,
-            "irradiance": STRENGTH,
-            "disc_degrees": of("number", default=SUN_DEGREES, least=0, below=math.nextafter(90, 91)),
-        },
-    ),
-    "sky": (SkyLight, {"radiance": STRENGTH, "cie": SKY_TYPE, "sun": of("direction", default=None)}),
-}
+PANEL = "position", "direction", "c0", "flux", "size"  # keys of a panel
 # A surface of constant radiance: intensity falls with the cosine, linear between whole degrees within 4e-5.
 GAMMAS, PLANES = np.arange(0.0, 91.0), np.array([0.0, 360.0])
 COSINE = np.tile(np.append(np.cos(np.radians(GAMMAS[:-1])), 0.0), (2, 1))
+LEFT_OUT: dict[str, dict[str, Any]] = {  # values of keys that a table leaves out, where they are not the record's
+    "spot": {"inner_degrees": 0.0},
+    "panel": {"c0": None, "gammas_degrees": GAMMAS, "planes_degrees": PLANES, "intensity": COSINE},
+}
 
 
 class Luminaires:
@@ -92,50 +77,46 @@ class Luminaires:
 def read_light(values: dict, where: str, default_name: str, luminaires: Luminaires) -> Light:
     """Return the light of a table [[light]]. Raises SceneError."""
     kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
-    record, schema = LIGHTS[kind]
-    t = Table(values, where, schema, ("type", "name"))
+    record, of_file = LIGHTS[kind], ("file",) if kind == "photometric" else ()
+    keys = keys_of(record)
+    t = Table(values, where, keys, ("type", "name", *of_file))
     name = t.text("name", default_name)
-    fields = _of_file(t, luminaires) if kind == "photometric" else t.fields()
-    if kind == "panel":
-        fields |= {"gammas_degrees": GAMMAS, "planes_degrees": PLANES, "intensity": COSINE}
+    rest = _of_file(t, luminaires) if of_file else LEFT_OUT.get(kind, record._field_defaults)
+    fields = rest | {key: t.value(key, FIELDS[record][key], rest.get(key, REQUIRED)) for key in keys}
     if "c0" in fields:
         fields["c0"] = fields["c0"] or c0_of(fields["direction"])
-    if kind == "spot" and fields["inner_degrees"] > (outer := fields["outer_degrees"]):
-        inner = fields["inner_degrees"]
-        raise SceneError(f"{where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
-    return record(name, **fields)
+    light = record(name, **fields)
+    check_fields(where, light)
+    return light
+
+
+def keys_of(record: type[Light]) -> Sequence[str]:
+    """Return the keys of a light in a scene file, besides type, name and file."""
+    return PANEL if record is PhotometricLight else tuple(FIELDS[record])
 
 
 def changed_light(light: Light, table: Table) -> Light:
     """Return a light with the values that a table gives in place of its own. Raises SceneError for a wrong key."""
-    keys = light._fields[1:] if not isinstance(light, PhotometricLight) else PANEL
-    t, changes = Table(table.values, table.where, keys), {}
-    for key in t.values:
-        if key == "cie":
-            changes[key] = t.count(key, most=OVERCAST_SKY)
-        else:
-            changes[key] = t.number(key) if key.endswith("degrees") else t.vector(key, 2 if key == "size" else 3)
-    return light._replace(**changes)
+    t = Table(table.values, table.where, keys_of(type(light)))
+    return light._replace(**{key: t.value(key, FIELDS[type(light)][key]) for key in t.values})
 
 
 def _of_file(t: Table, luminaires: Luminaires) -> dict[str, Any]:
-    """Return the fields of a light by a photometric file, whose flux and size stand for missing ones."""
-    file = luminaires.read(t.text("file"), t.where)
-    direction = np.array(t.direction("direction"))
-    axis = direction / np.sqrt((direction * direction).sum())
-    if "flux" in t:
-        flux = t.vector("flux", least=0)
-    elif luminaires.photometric:
+    """Return the fields that the photometric file of a light gives. Its table may have another flux and size."""
+    file, flux = luminaires.read(t.text("file"), t.where), None
+    if "flux" not in t and luminaires.photometric:
+        direction = np.array(t.direction("direction"))
+        axis = direction / np.sqrt((direction * direction).sum())
         tilt = math.degrees(math.acos(min(max(-float((axis * luminaires.up).sum()), -1.0), 1.0)))
         flux = (file.flux * (file.tilt.factor(tilt) if file.tilt else 1.0),) * 3
-    else:
+    elif "flux" not in t:
         raise SceneError(
             f"{t.where}: flux is missing; write flux = [r, g, b] in watts, or units = "
             f'"photometric" at the top of the file for the {file.flux:.0f} lm of {t.text("file")}'
         )
-    own = Table({"size": list(file.size), "flux": list(flux)} | t.values, t.where, PANEL, t.values)
-    return own.fields() | {
-        "gammas_degrees": file.gammas, "planes_degrees": file.planes, "intensity": file.intensity, "watts": file.watts,
+    return {
+        "c0": None, "gammas_degrees": file.gammas, "planes_degrees": file.planes, "intensity": file.intensity,
+        "size": file.size, "flux": flux, "watts": file.watts,
     }  # fmt: skip
 
 
