@@ -21,7 +21,7 @@ import numpy as np
 
 from gi_core.base.pause import Progress, pause
 from gi_core.base.random_numbers import Stream, seed_of
-from gi_core.files.completion.camera_view import picture_rays
+from gi_core.files.completion.camera_view import picture_rays, unit
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
 from gi_core.gather.radiosity import Radiosity
@@ -52,27 +52,76 @@ def visual_shares(model: Model, E: np.ndarray, areas: np.ndarray) -> np.ndarray:
 
 def _median_in_view(model: Model, E: np.ndarray) -> float:
     """Return the median luminance [W/m2] of static faces in the view of the scene's camera; 0: nothing is seen."""
-    scene, s = model.scene, model.surfaces
-    if scene.camera is None:
-        return 0.0
-    way = picture_rays([scene.camera], scene.up, 32, 20)[0].astype(np.float32)
-    origin = np.repeat(np.array(scene.camera.position, np.float32)[None], len(way), axis=0)
-    parts, far = [], FAR * model.world.size + float(np.linalg.norm(origin[0]))
+    seen = _in_view(model, (32, 20))
+    return float(np.median(E[seen.corners].mean(axis=1))) if len(seen.corners) else 0.0
+
+
+class Met(NamedTuple):
+    """Points where n rays meet the static part."""
+
+    corners: np.ndarray  # (n, 3) int32, receivers at the corners of the face, on the side that is met
+    place: np.ndarray  # (n, 3) float64 [m], off the surface
+    normal: np.ndarray  # (n, 3) float64 unit, of that side
+    area: np.ndarray  # (n,) float64, that each stands for
+
+    def receivers(self, count: int) -> np.ndarray:
+        """Return the areas (count,) of the receivers that were met."""
+        return np.bincount(self.corners.reshape(-1), np.repeat(self.area / 3, 3), count)
+
+
+def _in_view(model: Model, pixels: tuple[int, int]) -> Met:
+    """Return what pixels of the scene's camera show, past backs of one-sided faces; nothing without a camera."""
+    camera, far = model.scene.camera, FAR * model.world.size
+    if camera is None:
+        return Met(np.zeros((0, 3), np.int32), *np.zeros((2, 0, 3)), np.zeros(0))
+    eye, parts = np.array(camera.position, np.float64), []
+    way = picture_rays([camera], model.scene.up, *pixels)[0]
+    rays = np.repeat(eye[None], len(way), axis=0), way, np.ones(len(way))
     for _ in range(BACKS):
-        distance, face = model.accelerator.opaque.nearest(0, origin, way, np.full(len(way), far, np.float32))
-        hit = face >= 0
-        origin, way, distance, face = origin[hit], way[hit], distance[hit], face[hit]
-        front = (s.normals[face] * way).sum(axis=1) < 0
-        parts.append(E[s.corner_front[face[front]]].mean(axis=1))
-        back = ~front & s.two_sided[face]
-        parts.append(E[s.corner_back[face[back]]].mean(axis=1))
-        on = ~front & ~back
-        past = distance[on] + LIFT * np.maximum(
-            model.world.reach[face[on]], np.abs(origin[on]).max(axis=1, initial=0.0)
-        )
-        origin, way = origin[on] + past[:, None] * way[on], way[on]
-    seen = np.concatenate(parts)
-    return float(np.median(seen)) if len(seen) else 0.0
+        met, rays = _meet(model, *rays, far + float(np.linalg.norm(eye)))
+        parts.append(met)
+    seen = Met(*map(np.concatenate, zip(*parts, strict=True)))
+    to_eye = eye - seen.place
+    d2 = (to_eye * to_eye).sum(axis=1)
+    slope = (to_eye * seen.normal).sum(axis=1) / np.sqrt(d2)
+    return seen._replace(area=seen.area * d2 / np.maximum(slope, 0.1))  # 0.1: no pixel stands for ten times its area
+
+
+Rays = tuple[np.ndarray, np.ndarray, np.ndarray]  # origin (n, 3) [m], unit direction (n, 3), area (n,) as of Met
+
+
+def _meet(model: Model, origin: np.ndarray, way: np.ndarray, area: np.ndarray, far: float) -> tuple[Met, Rays]:
+    """Return what Rays meet up to `far` [m], and those that go on past backs of one-sided faces."""
+    s, reach = model.surfaces, model.world.reach
+    limits = np.full(len(way), far, np.float32)
+    distance, face = model.accelerator.opaque.nearest(0, origin.astype(np.float32), way.astype(np.float32), limits)
+    hit = face >= 0
+    origin, way, area, distance, face = origin[hit], way[hit], area[hit], distance[hit], face[hit]
+    lift = LIFT * np.maximum(reach[face], np.abs(origin).max(axis=1, initial=0.0))
+    front = (s.normals[face] * way).sum(axis=1) < 0
+    on = front | s.two_sided[face]
+    normal = np.where(front[:, None], 1.0, -1.0) * s.normals[face]
+    corners = np.where(front[:, None], s.corner_front[face], s.corner_back[face])
+    place = origin + distance[:, None] * way
+    met = Met(corners[on], (place + lift[:, None] * normal)[on], normal[on], area[on])
+    return met, ((place + lift[:, None] * way)[~on], way[~on], area[~on])
+
+
+def area_in_reach(model: Model, seed: int) -> np.ndarray:
+    """Return the areas (n,) of static receivers that the view, and bounces from there, meet; 0 without a camera.
+
+    Bounces meet all of an open room by area, and little in gaps, such as that below a tile, which no one sees.
+    """
+    met, rng = _in_view(model, (64, 40)), np.random.default_rng(seed)
+    count = model.surfaces.receiver_range(0).stop
+    out = met.receivers(count)
+    for _ in range(4):
+        z, turn = 2.0 * rng.random(len(met.area)) - 1.0, 2.0 * np.pi * rng.random(len(met.area))
+        r = np.sqrt(1.0 - z * z)
+        way = unit(met.normal + np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1))  # by the cosine
+        met, _ = _meet(model, met.place, way, met.area, FAR * model.world.size)
+        out += met.receivers(count)
+    return out
 
 
 def _median(values: np.ndarray, weights: np.ndarray) -> float:
@@ -300,7 +349,10 @@ class StaticGather:
     def _measure(self, E: np.ndarray, noise: float) -> float:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample."""
         if self._sample is None:
-            rows, times = draw_by_area(np.flatnonzero(self._paid > 0), self._paid, SAMPLE, self._seed)
+            reached = area_in_reach(self._model, seed_of(Stream.ERROR_SAMPLE, self._seed))
+            shares = np.divide(self._paid, self._areas, out=np.zeros_like(self._paid), where=self._areas > 0)
+            counted = reached * shares if reached.any() else self._paid
+            rows, times = draw_by_area(np.flatnonzero(counted > 0), counted, SAMPLE, self._seed)
             self._sample = ErrorSample(rows, times, ReferenceState.empty(len(rows)))
         s = self._sample
         if self._sampled is None:

@@ -8,7 +8,7 @@ import pytest
 from gi_core.base.pause import steps
 from gi_core.gather import static
 from gi_core.gather.estimate import Estimate, Source
-from gi_core.gather.static import BACKS, WHITE, StaticGather, visual_shares
+from gi_core.gather.static import BACKS, WHITE, StaticGather, area_in_reach, visual_shares
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.origin import translated
@@ -61,6 +61,24 @@ def test_a_scene_far_from_the_origin_has_the_same_weights():
         E = np.where(model.evaluation_points[0][rows][:, 0] > 6.5 - model.origins[0, 0] + by, 100.0, 2.0)
         found.append(visual_shares(model, E, areas))
     assert np.allclose(*found)
+
+
+def test_errors_count_by_area_in_the_open_and_little_in_gaps():
+    """Tiles a millimetre above a floor: light between vertices is wrong below them, where no one looks."""
+    tiles = [quad((x, 0.01, 0.001), (0.3, 0, 0), (0, 0.98, 0), (2, 6), 1) for x in (0.02, 0.35, 0.68)]
+    room = merge(box((0, 0, 0), (1, 1, 1), 4, 0, inward=True), *tiles)
+    scene = replace(sunny_room(), static=room, materials=(grey(0.5), grey(0.5)._replace(two_sided=True)), mobiles=(),
+                    up=(0, 0, 1), camera=Camera((0.5, 0.05, 0.6), (0.5, 0.9, 0.4), 60.0))  # fmt: skip
+    model = Model(scene, 1)
+    rows = model.surfaces.receiver_range(0)
+    (points, normals), areas = (a[rows] for a in model.evaluation_points), model.object_receivers.areas[rows]
+    reached = area_in_reach(model, 1)
+    below = (points[:, 2] < 0.002) & ((normals[:, 2] < 0) | (points[:, 2] < 0.0005))
+    walls = [(abs(normals[:, k]) > 0.9) & (points[:, k] * normals[:, k] <= 0) for k in (0, 1)]
+    share = [reached[at].sum() / areas[at].sum() for at in (below, *walls)]
+    assert areas[below].sum() > 1.5 and share[0] < 0.2 * min(share[1:])
+    assert max(share[1:]) < 2 * min(share[1:])
+    assert not area_in_reach(Model(replace(scene, camera=None), 1), 1).any()
 
 
 def test_darkness_counts_by_area():
