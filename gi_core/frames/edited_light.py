@@ -1,14 +1,15 @@
-"""Light after an edit: that before it, changed by photons, until the edited scene has light of less error.
+"""Light after an edit: that before it, changed, until the edited scene has light of less error.
 
     E = changed(G, B, F)        see `control_variate.py`
+    E = the bounces of radiosity before the edit, in new direct light, where lights or colours alone change
 
 G is the best light before the edit, F and B the light of photons with the edit and without. Photons that met no edited
 face have the same paths, so most of the noise of F and B cancels. docs/decisions/edits.md has the measurements.
 
-Static part: F and B are of the same number of photons. The change is smoothed in proportion to its noise, which photon
-subsets measure. Receivers that the static part did not have before show photons alone, as all do of a new or moved
-lamp: G = B = 0. Where the static part stays as it is, so does the light of each unchanged lamp, though its photons may
-be others.
+Static part: the estimate of less error counts. F and B are of the same number of photons. The change is smoothed in
+proportion to its noise, which photon subsets measure. Receivers that the static part did not have before show photons
+alone, as all do of a new or moved lamp: G = B = 0. Where the static part stays as it is, so does the light of each
+unchanged lamp, though its photons may be others.
 
 Resting poses: G is the light gathered there, F and B that of frames without it. The static light of frames may improve
 meanwhile, which is no change by the edit. So F of static receivers is its difference from static light, added to that
@@ -17,6 +18,7 @@ before. Receivers of mobiles count where the mobile has the same receivers and p
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +29,10 @@ from gi_core.frames.background import Background
 from gi_core.frames.control_variate import REACH, changed
 from gi_core.frames.unchanged_paths import StaticPart, edited_faces
 from gi_core.gather.denoise import smoothed_by_subset
-from gi_core.gather.estimate import Estimate, Source, variance_per_lamp
+from gi_core.gather.direct_light import DirectLight
+from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
+from gi_core.gather.radiosity import Bounces, relit
+from gi_core.gather.static import denoised, visual_shares
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.emission import Emitters, unchanged_lamps
@@ -47,15 +52,19 @@ class LightBefore(NamedTuple):
     static: StaticPart
     unreached: np.ndarray  # (k,) int64 receivers that light cannot reach
     by_photons: dict[int, np.ndarray]  # number of photons -> their irradiance per lamp (n, 3 G) float32 [W/m2]
+    bounces: Bounces | None  # None: too few are known
 
 
-def light_before(b: Background, estimate: Estimate, of_photons: float, unreached: np.ndarray) -> LightBefore:
+def light_before(
+    b: Background, estimate: Estimate, of_photons: float, unreached: np.ndarray, bounces: Bounces | None
+) -> LightBefore:
     """Return light of a background's static part, to be changed by edits; arguments as in LightBefore."""
     by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
     m = b.model
     return LightBefore(
-        _places(m), estimate, of_photons, b.setting, m.emitters, StaticPart(m.surfaces, m.scene), unreached, by_photons
-    )
+        _places(m), estimate, of_photons, b.setting, m.emitters, StaticPart(m.surfaces, m.scene), unreached, by_photons,
+        bounces,
+    )  # fmt: skip
 
 
 class EditedLight:
@@ -69,18 +78,67 @@ class EditedLight:
         stays = edited is not None and not edited.any()  # the static part: so does the light of unchanged lamps
         self._changes = np.flatnonzero(np.repeat((self._lamps < 0) | (not stays), 3))  # columns of light per lamp
         self._unreached = before.unreached if edited is not None else np.zeros(0, np.int64)  # by the same geometry
-        self._weights = model.object_receivers.areas[: len(self._rows)]
-        self._threads = model.threads
+        self._model, self._threads = model, model.threads
+        self._weigh(self._at_receivers(before.estimate.light))
         self._last: tuple[Background, int, Estimate] | None = None  # of the photons of a background
+        bounces = before.bounces
+        can_be_relit = bounces is not None and bounces.hits and bounces.rays_key == model.static_rays_key
+        self._bounces = bounces if can_be_relit and len(self._changes) else None  # to be lit, None: not, or done
+        self._relit: Estimate | None = None
+
+    def _weigh(self, light: np.ndarray) -> None:
+        """Compare light as it counts in the picture, by light (n, 3 G) [W/m2]; else a sunlit outside counts alone."""
+        areas = self._model.object_receivers.areas[: len(self._rows)]
+        self._weights = areas * visual_shares(self._model, luminance(sum_of_lamps(light)), areas)
+
+    @property
+    def paths(self) -> int:
+        """Paths per receiver of the bounces that are lit; 0: photons change the light."""
+        return self.before.bounces.paths if self._relit is not None and self.before.bounces else 0
+
+    def relight(self, direct: DirectLight, seed: int) -> None:
+        """Light the bounces of the scene before an edit that leaves geometry, with a pause every 10 ms; once.
+
+        Only columns that change are lit. Direct light of a lamp is that before where it stays, else that of points on
+        the lamp, where these stand for it; without either this does nothing.
+        """
+        bounces, model, columns = self._bounces, self._model, self._changes
+        if bounces is None or not direct.is_known:
+            return
+        stays = unchanged_lamps(bounces.emitters, model.emitters)
+        light, deviation = direct.per_lamp.copy(), direct.deviation
+        for g in np.unique(columns // 3):
+            if stays[g] >= 0 and not direct.has_delta(g):
+                after, earlier = (slice(3 * k, 3 * k + 3) for k in (g, stays[g]))
+                light[:, after], deviation[:, after] = bounces.direct[:, earlier], bounces.deviation[:, earlier]
+            elif not direct.stands_for(g):
+                self._bounces = None
+                return
+        now = light.take(columns, 1), deviation.take(columns, 1), direct.by_delta
+        r = relit(model, seed, self._weights, bounces, columns, *now)
+        errors = r.standard_error, r.lamp_error
+        lit, variance, left = denoised(model, seed, self._weights, r.per_lamp, *errors, exact=r.by_delta)
+        G, of = self._per_lamp(self.before.estimate.light), self.before.estimate
+        share, E, V = self._share_kept(G), G.copy(), np.zeros((len(G), G.shape[1] // 3))
+        kept = self._lamps >= 0
+        V[:, kept] = self._at_receivers(of.variance)[:, self._lamps[kept]]
+        E[:, columns], V[:, columns[::3] // 3] = lit, variance
+        self._weigh(E)
+        noise = relative_noise(np.sqrt(V.sum(axis=1)), sum_of_lamps(E), self._weights)
+        error = math.hypot(share.max(initial=0.0) * of.error, max(math.hypot(left * r.noise, 0.01), noise))
+        self._relit, self._bounces = Estimate(Source.EDITED, E, V, noise, error), None
 
     def estimate(self, b: Background, around: Neighbours) -> Estimate | None:
-        """Return the light with the change that the photons of a background say; None: of no number known before."""
+        """Return the light by bounces, or with the change that the photons of a background say, of less error.
+
+        None: neither is known; photons only by a number that was known before.
+        """
         counts = self.before.by_photons if _of_sums(b) == _of_sums(self.before) else {}
         photons = max((n for n in b.estimate.subsets if n in counts), default=0)
         if photons and (self._last is None or self._last[:2] != (b, photons)):
             fewer = max((n for n in b.estimate.subsets if n in counts and 2 * n <= photons), default=0)
             self._last = b, photons, self._changed(b, photons, fewer, around)
-        return self._last[2] if photons else None
+        return better(self._relit, self._last[2] if photons else None)
 
     def _changed(self, b: Background, photons: int, fewer: int, around: Neighbours) -> Estimate:
         """Return the light changed by a number of photons; fewer: a subset that measures the noise; 0: none."""

@@ -168,6 +168,10 @@ class FirstFrame:
                     self.show(b, wanted, show, direct=False)
                 self.show(b, wanted, show)
 
+        if static.shows_earlier:
+            pause(Progress("measuring direct light", b.added / wanted, False))
+            self._light.measure_direct()  # bounces before an edit are lit by it
+            static.compare(b)
         paths = EARLY_PATHS if b.added < DRAGGED else ALL_PATHS
         if self._light.setting.takes_gathered and static.is_early(paths):
             pause(Progress("gathering", b.added / wanted, False))

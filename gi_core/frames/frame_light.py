@@ -336,6 +336,7 @@ class FrameLight:
         """Measure the static part's direct light, where frames take it."""
         if self.setting.takes_gathered:
             self.direct.measure()
+            self.static.relight()
 
     def knows_direct(self, b: Background) -> bool:
         """Whether frames take direct light as it is, and bounced light alone from the photons of a background."""

@@ -27,6 +27,7 @@ from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
 from gi_core.gather.denoise import averaged, smoothed_by_subset
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
+from gi_core.gather.radiosity import Bounces
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import luminance, noise_from_subset, relative_noise, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
@@ -89,6 +90,7 @@ class StaticLight:
         self.best: Estimate | None = None
         self._model, self._seed, self.direct = model, seed, direct
         self._areas = model.object_receivers.areas[model.surfaces.receiver_range(0)]
+        self._before: LightBefore | None = None  # an edit
         self._edited: EditedLight | None = None  # until gathered light has less error
         self._straight: tuple[Background, int, np.ndarray | None] | None = None  # of the photons of a background
         # Of the last background, per lamp or not, with the direct light in it.
@@ -101,7 +103,8 @@ class StaticLight:
 
     def is_early(self, paths: int) -> bool:
         """Whether there is no light but that of photons and of fewer than so many paths per receiver."""
-        return self.gathered is None or self.gathered.is_early(paths)
+        relit = 0 if self._edited is None else self._edited.paths
+        return relit < paths and (self.gathered is None or self.gathered.is_early(paths))
 
     def irradiance(self, b: Background, levels: np.ndarray) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] at levels of the lamps; the same array for the same light.
@@ -268,10 +271,21 @@ class StaticLight:
         if self.best is not None and self._edited is not None:
             return self._edited.before
         if self.best is not None:
-            return light_before(shown, self.best, self._error_of(self.of_photons(shown)), unreached)
+            return light_before(shown, self.best, self._error_of(self.of_photons(shown)), unreached, self._bounces())
         if not math.isfinite(self.of_photons(shown).noise):
             return None
-        return light_before(shown, self.of_photons(shown, per_lamp=True), 0.0, unreached)
+        return light_before(shown, self.of_photons(shown, per_lamp=True), 0.0, unreached, self._bounces())
+
+    def _bounces(self) -> Bounces | None:
+        """Return the bounces of this light, or those before an edit while they are more."""
+        before = None if self._before is None else self._before.bounces
+        own = None if self.gathered is None else self.gathered.bounces
+        return max((b for b in (before, own) if b is not None), key=lambda b: b.paths, default=None)
+
+    def relight(self) -> None:
+        """Light the bounces of the scene before an edit, once direct light is known."""
+        if self._edited is not None:
+            self._edited.relight(self.direct, self._seed)
 
     def begin_with(self, before: LightBefore | None, gathered: StaticGather | None = None) -> None:
         """Show light before an edit, changed as photons say, until there is better.
@@ -279,7 +293,7 @@ class StaticLight:
         gathered: before an edit that leaves the static part as it was; it goes on.
         """
         self.gathered = None if gathered is None else gathered.copied(self._model)
-        self._edited = None if before is None else EditedLight(before, self._model)
+        self._before, self._edited = before, None if before is None else EditedLight(before, self._model)
 
     @property
     def shows_earlier(self) -> bool:

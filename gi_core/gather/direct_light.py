@@ -12,7 +12,7 @@ import copy
 import itertools
 import time
 from collections.abc import Collection, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -142,6 +142,35 @@ class DirectLight:
             out &= (away * away).sum(axis=1) >= 9.0 * spread  # three radii of the disc
         return out
 
+    def stands_for(self, lamp: int) -> bool:
+        """Return whether the points on a lamp stand for it at all receivers."""
+        of_lamp = self._points.lamp == lamp
+        return not (self._points.spread[of_lamp] > 0.0).any() or bool(self.resolves().all())
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """Standard error (n, 3 G) [W/m2] of `per_lamp`, from two halves of the points; see share_error()."""
+        p = self._points
+        one, other = (self._sum(self._groups, len(self.per_lamp), p.value * half[:, None]) for half in p.halves.T)
+        return 0.5**0.25 * 0.5 * np.abs(one - other)
+
+    def _sum(self, groups: Groups, places: int, value: np.ndarray) -> np.ndarray:
+        """Return the light (places, 3 G) of points of some value (P, 3)."""
+        light, lamp = np.zeros((places, self._model.lights.channels)), self._points.lamp
+        work = partial(_sum, groups, value, lamp)
+        run_ranges(lambda _, a, b: work(a, b, light), len(groups.radius), self._model.threads, COSTLY)
+        return light
+
+    @property
+    def by_delta(self) -> np.ndarray:
+        """The part (n, 3 G) [W/m2] of `per_lamp` that comes from delta lights."""
+        p = self._points
+        return self._sum(self._groups, len(self.per_lamp), p.value * (p.kind == DELTA)[:, None])
+
+    def has_delta(self, lamp: int) -> bool:
+        """Return whether a lamp has a delta light."""
+        return bool((self._points.kind[self._points.lamp == lamp] == DELTA).any())
+
     @property
     def points_of_lamps(self) -> np.ndarray:
         """Points on each lamp, (G,) int64."""
@@ -170,7 +199,7 @@ class DirectLight:
         """Measure direct light, once."""
         if self.is_known or self._points is None:
             return
-        m, places = self._model, self._places or Places.of_receivers(self._model)
+        places = self._places or Places.of_receivers(self._model)
         groups, at, pace = _groups(*places), 0, Pace(2e-4, 16, 1 << 12)
         taken, unknown = self._taken_over()
         parts = [taken]
@@ -186,13 +215,9 @@ class DirectLight:
             order = np.lexsort((point, group))
             group, point, strength = group[order], point[order], strength[order]
         first = np.searchsorted(group, np.arange(len(groups.radius) + 1))
-        groups, light = (
-            groups._replace(first=first, point=point, strength=strength),
-            np.zeros((len(places.lifts), m.lights.channels)),
-        )
-        value, lamp = self._points.value, self._points.lamp
-        run_ranges(lambda _, a, b: _sum(groups, value, lamp, a, b, light), len(groups.radius), m.threads, COSTLY)
-        self.per_lamp, self._groups, self._earlier = light, groups, None
+        groups = groups._replace(first=first, point=point, strength=strength)
+        self.per_lamp = self._sum(groups, len(places.lifts), self._points.value)
+        self._groups, self._earlier = groups, None
 
     def _taken_over(self) -> tuple[Pairs, np.ndarray]:
         """Return pairs of the points that an earlier light has too, and the numbers of those that it lacks."""

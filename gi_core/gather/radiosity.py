@@ -43,6 +43,7 @@ from gi_core.gather.direct_light import DirectLight, Places
 from gi_core.gather.path_ends import BLACK, BounceHits, Bright, KeptHits, arrive, starts
 from gi_core.gather.path_tracer import BLOCK, add_unblocked, scatter
 from gi_core.geometry.error import REC709, luminance, relative_noise, small_sample_bias
+from gi_core.lights.emission import Emitters
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.lights.next_event import DELTA, picks
 from gi_core.model import Model
@@ -59,19 +60,42 @@ class FaceLight(NamedTuple):
     of_bright: np.ndarray  # (A, 3 G) float64, reflected by the fronts of bright faces
 
 
-def face_light(model: Model, seed: int, weights: np.ndarray) -> FaceLight:
-    """Return the light of a model's static faces, with a pause every 10 ms; weights (n,): of static receivers."""
+class Bounces(NamedTuple):
+    """Bounces that are kept, and direct light, to light the same geometry again after an edit of lights or colours."""
+
+    hits: list[np.ndarray]  # as of Radiosity
+    direct: np.ndarray  # (n, 3 G) float64 [W/m2]; of lamps that are no delta lights, without light of bright faces
+    deviation: np.ndarray  # (n, 3 G) float64 [W/m2], its standard error
+    emitters: Emitters  # of these lamps
+    rays_key: str  # Model.static_rays_key
+
+    @property
+    def paths(self) -> int:
+        """Paths per receiver."""
+        return sum(2 * hits.shape[2] for hits in self.hits)
+
+
+def face_light(model: Model, seed: int, weights: np.ndarray, by_delta: np.ndarray | None = None) -> FaceLight:
+    """Return the light of a model's static faces, with a pause every 10 ms; weights (n,): of static receivers.
+
+    by_delta (n, 3 G) [W/m2]: light of delta lights at receivers, where no face gets rays of its own as bright; None: it
+    is measured.
+    """
     s, lights, world = model.surfaces, model.lights, model.world
     of = s.face_range(0)
     count = of.stop
     faces = StaticFaces.of(s)
-    delta = DirectLight(model, seed, (DELTA,))
-    if count and len(lights.delta.kind):
-        delta = delta.measured_at(Places.of_receivers(model))
+    at_receivers = by_delta
+    if at_receivers is None:
+        delta = DirectLight(model, seed, (DELTA,))
+        if count and len(lights.delta.kind):
+            delta = delta.measured_at(Places.of_receivers(model))
+        at_receivers = delta.per_lamp
     on_faces = DirectLight(model, seed, (DELTA,), sun_points=1)
-    if not delta.per_lamp.any():
-        none, dark = np.zeros((0, lights.channels)), np.zeros(count)
-        return FaceLight(none, none.astype(np.float32), faces.bright(dark, dark, len(world.face_object)), none)
+    none, dark = np.zeros((0, lights.channels)), np.zeros(count)
+    no_face = faces.bright(dark, dark, len(world.face_object))
+    if not at_receivers.any():
+        return FaceLight(none, none.astype(np.float32), no_face, none)
     points = min(max((1 << 19) // (count * len(lights.delta.kind)), 1), 4)  # at most 0.3 s of rays
     albedo = np.tile(world.bsdfs.albedo[of], lights.channels // 3)
     both = np.zeros((count, 2, lights.channels), np.float32)
@@ -79,13 +103,34 @@ def face_light(model: Model, seed: int, weights: np.ndarray) -> FaceLight:
         light = on_faces.measured_at(_on_faces(model, rows, 1 - 2 * side, points)).per_lamp
         both[rows, side] = albedo[rows] * light.reshape(len(rows), points, lights.channels).mean(axis=1)
         pause()
+    if by_delta is not None:
+        return FaceLight(by_delta, both.reshape(2 * count, -1), no_face, none)
     reflected = luminance(sum_of_lamps(both[faces.face, 0]))
     view = _looked_at(model, seed, weights)[faces.face]
     # Above 0: the mean is that of all faces that receivers see.
-    bright = faces.bright(np.maximum(reflected, 1e-12 * reflected.max()), view, len(world.face_object))
-    of_bright = both[bright.face, 0].astype(np.float64)
-    both[bright.face, 0] = 0.0
-    return FaceLight(delta.per_lamp, both.reshape(2 * count, -1), bright, of_bright)
+    chosen = faces.bright(np.maximum(reflected, 1e-12 * reflected.max()), view, len(world.face_object))
+    of_bright = both[chosen.face, 0].astype(np.float64)
+    both[chosen.face, 0] = 0.0
+    return FaceLight(at_receivers, both.reshape(2 * count, -1), chosen, of_bright)
+
+
+def relit(
+    model: Model, seed: int, weights: np.ndarray, bounces: Bounces, columns: np.ndarray, direct: np.ndarray,
+    deviation: np.ndarray, by_delta: np.ndarray,
+) -> Radiosity:  # fmt: skip
+    """Return the light of kept bounces in columns (k,) of light per lamp, from direct light there.
+
+    direct, deviation: that light and its standard error (n, k) [W/m2]; by_delta (n, 3 G): light of delta lights. It
+    traces rays from faces to these alone. weights (n,): of static receivers.
+    """
+    points, normals = (a[model.surfaces.receiver_range(0)] for a in model.evaluation_points)
+    r = Radiosity(model, seed, points, normals, weights)
+    of = face_light(model, r._seed, weights, by_delta)
+    # take(): kernels are compiled for rows that lie one after another
+    receivers, reflected, of_bright = (a.take(columns, 1) for a in (of.receivers, of.reflected, of.of_bright))
+    r._on_faces, r.per_lamp = FaceLight(receivers, reflected, of.bright, of_bright), np.zeros_like(direct)
+    r._light(bounces.hits, direct, deviation**2)
+    return r
 
 
 def _on_faces(model: Model, rows: np.ndarray, side: int, points: int) -> Places:
@@ -203,6 +248,14 @@ class Radiosity:
         pause()
         direct_variance = a * a * self._direct_variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
         pause()
+        self._light(pairs, direct, direct_variance)
+        if len(pairs) == self._most_pairs:
+            self.end()
+
+    def _light(self, pairs: list[np.ndarray], direct: np.ndarray, direct_variance: np.ndarray) -> None:
+        """Light the hits of pairs from direct light and its variance (n, 3 G)."""
+        paths = np.array([2 * hits.shape[2] for hits in pairs])
+        shares = paths / paths.sum()
         E, sets = self._iterated(pairs, shares, direct)
         lamp_variance, variance = direct_variance, sum_of_lamps(direct_variance)
         for share, (one, other) in zip(shares, sets, strict=True):
@@ -215,8 +268,6 @@ class Radiosity:
         self._variance, self._lamp_variance = variance, lamp_variance
         self.per_lamp, self.mean, self.paths = E, sum_of_lamps(E), int(paths.sum())
         self._hits = pairs
-        if len(pairs) == self._most_pairs:
-            self.end()
 
     @property
     def by_delta(self) -> np.ndarray | None:
@@ -225,8 +276,14 @@ class Radiosity:
         return light if len(light) else None
 
     def end(self) -> None:
-        """Forget the hits: no pair follows."""
-        self._hits, self.is_complete = [], True
+        """Forget most hits: no pair follows."""
+        self._hits, self.is_complete = self.bounces.hits, True
+
+    @property
+    def bounces(self) -> Bounces:
+        """The first 112 bounces and direct light, to begin an edited scene with; none before the first pair."""
+        m, deviation = self._model, np.sqrt(self._direct_variance)
+        return Bounces(self._hits[:3], self._direct, deviation, m.emitters, m.static_rays_key)  # 20 MB in the classroom
 
     def _iterated(
         self, pairs: list[np.ndarray], shares: np.ndarray, direct: np.ndarray

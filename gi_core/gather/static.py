@@ -24,7 +24,7 @@ from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.files.completion.camera_view import picture_rays, unit
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
-from gi_core.gather.radiosity import Radiosity
+from gi_core.gather.radiosity import Bounces, Radiosity
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
 from gi_core.geometry.error import luminance, relative_noise
@@ -168,6 +168,25 @@ class Kept(NamedTuple):
     numbers: np.ndarray  # (4,) float64: noise; first phase, fraction, done; least noise of whole paths
 
 
+def denoised(
+    model: Model, seed: int, weights: np.ndarray, per_lamp: np.ndarray, standard_error: np.ndarray,
+    lamp_error: np.ndarray, guide: np.ndarray | None = None, exact: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
+    """Return denoised light (n, 3 G), its variance (n, G) as of Estimate, and the share of its noise that is left.
+
+    Arguments as of StaticGather._take_over; weights (n,): of the share.
+    """
+    if exact is not None:
+        per_lamp, guide = per_lamp - exact, None if guide is None else guide - sum_of_lamps(exact)
+    several = per_lamp if per_lamp.shape[1] > 3 else None
+    result = denoise(sum_of_lamps(per_lamp), standard_error, model.adjacency, seed, model.threads, several, guide=guide)
+    light = result.irradiance.copy()
+    light += 0.0 if exact is None else exact
+    of_lamps = standard_error if several is None else lamp_error
+    of_lamps = luminance(of_lamps.reshape(len(light), -1, 3))
+    return light, variance_per_lamp(result.left * luminance(standard_error), of_lamps), result.share(weights)
+
+
 class StaticGather:
     """Irradiance of the static part's receivers without mobiles, by lamp.
 
@@ -261,6 +280,11 @@ class StaticGather:
             self._weigh(weights)
             self._is_weighed = True
         return True
+
+    @property
+    def bounces(self) -> Bounces:
+        """Bounces of phase 1, to begin an edited scene with."""
+        return self._radiosity.bounces
 
     @property
     def is_measured(self) -> bool:
@@ -428,18 +452,10 @@ class StaticGather:
         noise): returns the error of denoised light (n, 3) with so much noise left. guide: for denoise(). exact
         (n, 3 G): the part without noise, such as sunlight, whose borders stay sharp; None: none.
         """
-        if exact is not None:
-            per_lamp, guide = per_lamp - exact, None if guide is None else guide - sum_of_lamps(exact)
-        several = per_lamp if per_lamp.shape[1] > 3 else None
-        mean = sum_of_lamps(per_lamp)
-        threads = self._model.threads
-        denoised = denoise(mean, standard_error, self._near, self._seed, threads, several, guide=guide)
-        share, light = denoised.share(self.weights), denoised.irradiance.copy()
-        light += 0.0 if exact is None else exact
+        light, variance, share = denoised(
+            self._model, self._seed, self.weights, per_lamp, standard_error, lamp_error, guide, exact
+        )
         left = error(sum_of_lamps(light), share * noise)
-        of_lamps = standard_error if several is None else lamp_error
-        of_lamps = luminance(of_lamps.reshape(len(light), self._channels // 3, 3))
-        variance = variance_per_lamp(denoised.left * luminance(standard_error), of_lamps)
         earlier, self.noise = self.estimate, noise
         if earlier is not None and earlier.source in (Source.PHOTONS, Source.EDITED) and earlier.error <= left:
             return  # light that another session has shown

@@ -85,6 +85,49 @@ def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkey
     assert len(seen) > 3 and all((light[filled] > 0).all() for light in seen)
 
 
+@pytest.fixture(scope="module")
+def with_bounces() -> Solver:
+    """A solver whose static part shows light of 112 kept bounces."""
+    solver = solved(room(), photons=65_536)
+    for _ in solver.gather_steps():
+        if solver.frame_light.static.gathered.bounces.paths >= 112:
+            return solver
+    raise AssertionError("too few bounces")
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [
+        (Light("bulb", (("position", (0.7, 0.6, 0.3)), ("flux", (4.0, 3.0, 1.0)))),),
+        (Finish("wall", (("reflectance", (0.2, 0.5, 0.8)),)),),
+        (Light("bulb", (("flux", (1.0, 2.0, 6.0)),)), Finish("wall", RED)),
+    ],
+)
+def test_kept_bounces_light_an_edited_scene_again(with_bounces, edits):
+    scene = edited(room(), edits)
+    solver = solve(scene, **GIVEN, results=with_bounces.keep_results())
+    static, fresh = solver.frame_light.static, solved(scene)
+    assert static._edited.paths == 112 and static.best.source is Source.EDITED
+    for _ in fresh.gather_steps():
+        if fresh.frame_light.static.gathered.bounces.paths >= 112 and fresh.frame_light.static.gathered.noise < 0.03:
+            break
+    truth, areas = fresh.frame_light.static.gathered._radiosity.mean, fresh.frame.background.weights
+    mine = relative_error(static.best.irradiance, truth, areas).l1
+    photons = relative_error(fresh.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
+    assert mine < min(0.5 * photons, 2 * static.best.error + 0.02), (mine, photons, static.best.error)
+    columns = with_bounces.frame_light.static.best.light, static.best.light
+    stay = static._edited._lamps if not any(isinstance(edit, Finish) for edit in edits) else []
+    for g, k in enumerate(stay):
+        was, now = (light[:, 3 * i : 3 * i + 3] for light, i in zip(columns, (k, g), strict=True))
+        assert k < 0 or ((was == now) | (now == 0.0)).all()  # 0: unreached
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_bounces_of_other_geometry_are_left(with_bounces):
+    static = after(with_bounces, Freeze("ball", Pose((0.5, 0.5, 0.5)))).frame_light.static
+    assert static._edited.paths == 0 and static._before.bounces.paths == 112
+
+
 def test_a_walls_colour_changes_the_light_with_little_noise(before):
     """By few photons the change has less noise than the light itself."""
     edits = Finish("wall", (("reflectance", (0.9, 0.7, 0.5)),)), Finish("crate", RED)
