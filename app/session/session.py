@@ -88,7 +88,7 @@ def _changed(steps: list[Step], key: Field, new: Callable[[Any], Any]) -> list[S
 
 
 LIGHT_TIME = 0.008  # s per frame for refinement
-STILL = 0.25  # s without motion in a drag, after which all photons are shown
+STILL = 0.25  # s without motion in a drag, after which its pose rests
 OF_LAMPS = [field.name for field in fields(Lighting)]  # settings of the panel whose changes are steps of undo
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
@@ -187,6 +187,11 @@ class Session(OpenScene):
         return self.motion.is_active or self.light.is_moving or self.light.partial
 
     @property
+    def has_moved(self) -> bool:
+        """Whether something has moved lately: what a drag or a slider holds still rests."""
+        return self.clock() - self.motion.moved_at < STILL
+
+    @property
     def version(self) -> int:
         """A number that grows with each new picture."""
         return self.light.version + self._refreshed
@@ -214,13 +219,11 @@ class Session(OpenScene):
         if self.motion.playing and not self.motion.dragging:
             self._play(seconds)
             self.motion.playing &= not self.light.move_failed
-        elif not self.motion.dragging and not (editing and self.clock() - self.motion.moved_at < STILL):
+        elif not (self.has_moved and (self.motion.dragging or editing)):
             self.light.settle()
             if not self.is_editing:  # the scene after the edit has other light
                 self.light.refine(budget, self.settings if still and not editing else None)
             self.points.add(self.light.snapshot.rest.point)
-        elif self.clock() - self.motion.moved_at >= STILL:
-            self.light.settle()
         if not self.settings.show_disc:
             self.held_receiver = -1
         self.light.show_method(self._method_parts)

@@ -235,7 +235,7 @@ class Viewer:
         imgui.begin("Viewport", None, flags)
         imgui.pop_style_var()
         self._draw_part("input", lambda: self.viewport.handle_input(self.clock.seconds))
-        editing = imgui.is_any_item_active()
+        editing = imgui.is_any_item_active() and not self.session.motion.dragging  # in which the window is active
         still = not (self.viewport.control.is_moving or self.reload.is_editing)
         started, budget = time.perf_counter(), self.clock.budget(self.viewport.control.is_moving)
         self._guard("light", lambda: self.session.tick(self.clock.seconds, editing, budget, still))

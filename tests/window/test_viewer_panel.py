@@ -273,6 +273,8 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(hand, viewer, monkeyp
     monkeypatch.setattr(session_module, "STILL", 0.05)
     hand.wait(lambda: session.light.snapshot.photons == 8_192)
     assert session.motion.dragging, "held still for a while"
+    session.light.all_done = False
+    hand.wait(lambda: session.light.all_done)  # its pose rests: shadows had the teeth of motion until the release
     monkeypatch.setattr(session_module, "STILL", 60.0)
     hand.move((at[0] + 90, at[1]))
     hand.wait(lambda: session.light.snapshot.photons == few)
