@@ -155,6 +155,7 @@ class PoseJob(Job):
     def key(self, settings: Settings) -> tuple | None:
         s = self._solver
         asked = s.light == "best" and s.model.names and s.frame.photons
+        asked = asked and s.frame.gathered == s.frame_light.is_gathered  # else the frame is of earlier static light
         return (s.frame.photons, *state_of(s)) if asked else None
 
     def begin(self) -> Iterator:
