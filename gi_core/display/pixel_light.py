@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base import random_numbers
-from gi_core.base.jit import kernel
+from gi_core.base.jit import inlined, kernel
 from gi_core.base.nearest_points import hilbert_order
 from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.threads import run_ranges
@@ -92,7 +92,8 @@ class PixelLight:
 
         def work(_, a, b):
             block = max(BLOCK // rays, 1)
-            shadows, room = room_for_shadows(block * rays), np.empty((NEAR_SETS, count))
+            shadows = room_for_shadows(block * rays)
+            room = np.empty((NEAR_SETS, count)), np.empty(m.lights.lamps, bool)
             for first in range(a, b, block):
                 s = slice(first, min(first + block, b))
                 choice = self._seed, rays, self._value, bright, room
@@ -155,15 +156,24 @@ def _along_curve(points: LightPoints) -> LightPoints:
     return LightPoints(*(a[order] for a in points))
 
 
+@inlined
+def _unblocked(points, area, delta, far, bright, i, position, normal):
+    """Return the luminance that point i brings without shadow, and its squared distance over that of its disc."""
+    way = way_to(row(points.place, i), points.reach[i] == np.inf, far, position)
+    strength = strength_of(points, area, delta, i, far, position, normal, way)
+    apart = way[3] * way[3] / points.spread[i] if strength > 0.0 < points.spread[i] else np.inf
+    return strength * bright[i], apart
+
+
 @kernel
 def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
     """Write rays from places to points on lights, the luminance (n,) of all these, and whether a lamp is too near.
 
-    Return the number of rays. choice: seed, rays per place, values and luminance of points, room for a number of each.
-    Rays follow light along the points in equal steps (systematic sampling). A point that brings more light than a step
-    gets one ray from each point of the place.
+    Return the number of rays. choice: seed, rays per place, values and luminance of points, room for a number of each,
+    and for a truth per lamp. Rays follow light along the points in equal steps (systematic sampling). A point that
+    brings more light than a step gets one ray from each point of the place.
     """
-    seed, rays, value, bright, room = choice
+    seed, rays, value, bright, (room, close) = choice
     count, n = room.shape[1], 0
     for k in range(len(sites.key)):
         normal, middle = row(sites.normal, k), (0.0, 0.0, 0.0)
@@ -171,22 +181,25 @@ def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
             share, start = 1.0 / sites.count[k], row(sites.start, q)
             middle = middle[0] + share * start[0], middle[1] + share * start[1], middle[2] + share * start[2]
         chosen = sites.key[k] % LIGHT_SETS
-        total, of_suns, sets = 0.0, 0.0, 1
-        for s in range(NEAR_SETS):
-            if s == sets:
-                break
-            base = (chosen + s) % LIGHT_SETS * count
-            for j in range(count):
-                i = base + j
-                way = way_to(row(points.place, i), points.reach[i] == np.inf, far, middle)
-                strength = strength_of(points, area, delta, i, far, middle, normal, way)
-                room[s, j] = strength * bright[i]
-                total += room[s, j]
-                if points.reach[i] == np.inf:
-                    of_suns += room[s, j]
-                if strength > 0.0 and way[3] * way[3] < SPARSE * SPARSE * NEAR_SETS * points.spread[i]:
-                    sets = NEAR_SETS
-                    near[k] |= way[3] * way[3] < TOO_NEAR * TOO_NEAR * points.spread[i]
+        total, of_suns, sets, base = 0.0, 0.0, 1, chosen * count
+        close[:] = False
+        for j in range(count):
+            room[0, j], apart = _unblocked(points, area, delta, far, bright, base + j, middle, normal)
+            if apart < SPARSE * SPARSE * NEAR_SETS:
+                sets, close[points.lamp[base + j]] = NEAR_SETS, True
+                near[k] |= apart < TOO_NEAR * TOO_NEAR
+        for j in range(count):
+            if close[points.lamp[base + j]]:
+                for s in range(1, sets):
+                    i = (chosen + s) % LIGHT_SETS * count + j
+                    room[s, j], apart = _unblocked(points, area, delta, far, bright, i, middle, normal)
+                    total += room[s, j]
+                    near[k] |= apart < TOO_NEAR * TOO_NEAR
+            else:
+                room[0, j] *= sets  # one set stands for all
+            total += room[0, j]
+            if points.reach[base + j] == np.inf:
+                of_suns += room[0, j]
         whole[k] = total / sets
         if total <= 0.0:
             continue
@@ -195,7 +208,7 @@ def _aim_at_points(points, area, delta, far, sites, choice, out, whole, near):
         step, passed, taken = (total - of_suns + less * of_suns) / rays, 0.0, 0
         offset = random_numbers.independent(seed, sites.key[k], 0, OFFSET)
         for j in range(count):  # along the curve, the sets abreast
-            for s in range(sets):
+            for s in range(sets if close[points.lamp[chosen * count + j]] else 1):
                 chance = less if points.reach[chosen * count + j] == np.inf else 1.0
                 passed += chance * room[s, j]
                 times = 0

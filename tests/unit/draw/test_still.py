@@ -76,6 +76,19 @@ def test_a_square_lamp_lights_the_pixels_of_a_floor_as_its_closed_form_says():
     assert np.abs(off).max() < 0.03 and abs(off.mean()) < 0.003
 
 
+def test_a_lamp_near_by_leaves_the_light_of_another():
+    """Places near to a lamp have 16 sets of points on it, and one of those on others, such as a bulb."""
+    scene, height = lamp_over_floor(1.0, 0.6, 0.15), 0.14
+    bulb = PointLight("bulb", (1.5, 0.0, height), (800.0,) * 3)
+    solver = known(replace(scene, lights=(bulb,), camera=ABOVE._replace(position=(0.0, -0.8, 0.1))), 64)
+    x, y, _ = np.moveaxis(places_on_floor(solver), -1, 0)
+    away = np.sqrt((x - 1.5) ** 2 + y**2 + height**2)
+    expected = parallel_rectangle(1.0, -0.3, 0.3, -0.3, 0.3, 0.15, x, y) + 800 / (4 * np.pi) * height / away**3
+    under = ((np.abs(x) < 0.2) & (np.abs(y) < 0.2)).all(axis=2)
+    off = shot_of(solver, 0).irradiance[..., 0][under] / expected.mean(axis=2)[under] - 1
+    assert under.sum() > 50 and np.abs(off).max() < 0.05 and abs(off.mean()) < 0.01
+
+
 def test_the_error_bar_of_whole_paths_covers_their_error():
     """Pixels are independent, so z has the variance 1: 64 sets, so Student's t is nearly normal."""
     scene = replace(lamp_over_floor(10.0, 0.6, 1.0), camera=ABOVE)
