@@ -93,12 +93,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", nargs="*")
     parser.add_argument("--sheet", metavar="FILE", help="SHOTS: light at receivers, at fine points, per pixel")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of gathering")
-    parser.add_argument("--points", type=int, default=1500)
-    parser.add_argument("--paths", type=int, default=600)
+    parser.add_argument("--last", nargs=3, default=(), metavar="FILE", help="480x300, the sheet's last row")
+    for option, default in (("--seconds", 20.0), ("--points", 1500), ("--paths", 600)):
+        parser.add_argument(option, type=type(default), default=default)
     a = parser.parse_args()
     if a.sheet:
-        Image.fromarray(np.concatenate([strip(a.seconds, *shot) for shot in SHOTS])).save(a.sheet, quality=80)
+        last = [np.hstack([np.asarray(Image.open(file).convert("RGB")) for file in a.last])] if a.last else []
+        Image.fromarray(np.vstack([*(strip(a.seconds, *shot) for shot in SHOTS), *last])).save(a.sheet, quality=80)
     print("| scene | everywhere | near | beside | points |\n|---|---|---|---|---|")
     for name in a.scene:
         for line in row(name, a.seconds, a.points, a.paths):
@@ -129,8 +130,7 @@ def row(name: str, seconds: float, points: int, paths: int):
     solver = make_solver(replace(open_scene(settings), mobiles=()), settings)
     solver.solve()
     gather(solver, seconds, lambda *_: None, at_poses=False)
-    model = solver.model
-    aspect = settings.size[0] / settings.size[1]
+    model, aspect = solver.model, settings.size[0] / settings.size[1]
     place, face, normals = seen(solver, home_camera(solver).relative_to(model.origins[0]), aspect, points)
     above = place + LIFT * model.world.size * normals
     truth, deviation = reference_irradiance(solver.scene, above + model.origins[0], normals, paths, 3, model=model)
