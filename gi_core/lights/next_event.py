@@ -294,8 +294,8 @@ def aim_ray(row, position, direction, limit, out, j):
     out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = direction[0], direction[1], direction[2]
 
 
-LIGHT_POINTS = 64  # on area lights, and directions to an open sky, and to the disc of a directional light
-SKY_DIRECTIONS = 1024  # to a sky of which little arrives: of 64, one or two show through a window
+LIGHT_POINTS = 64  # on area lights, and directions to the disc of a directional light
+SKY_DIRECTIONS = 1024  # where little of it arrives, else a quarter: of 64, one or two show through a window
 MOST_DELTA = 64  # delta lights: beyond, photons alone measure changes
 FACE, DELTA, SKY = range(3)
 
@@ -351,7 +351,7 @@ def light_points(
         parts.append((FACE, face, place, reach, value, lamp_of, each / math.pi, halves))
     if SKY in kinds and sky.radiance.any():
         by_window = arriving[sky.lamp] < 1.0
-        count = SKY_DIRECTIONS if by_window else LIGHT_POINTS
+        count = SKY_DIRECTIONS if by_window else SKY_DIRECTIONS // 4
         lamp_of, reach = np.full(count, sky.lamp), np.full(count, np.inf)
         towards, value = (low_directions if by_window else directions)(sky, _pairs(seed, count))
         index, spread = np.zeros(count, np.int64), np.zeros(count)
@@ -378,8 +378,8 @@ def point_keys(points: LightPoints, lights: Lights) -> list[tuple]:
 
 
 def _halves(count: int) -> np.ndarray:
-    """Return the weights (count, 2) of points in halves of a stratified set: fours of points in turn."""
-    first = np.arange(count) >> 2 & 1 == 0
+    """Return the weights (count, 2) of points in halves of a stratified set: runs of half its root in turn, or of 4."""
+    first = np.arange(count) >> max(count.bit_length() // 2 - 1, 2) & 1 == 0
     of_each = np.stack([first, ~first], axis=1).astype(float)
     return of_each * (count / of_each.sum(axis=0)) if count > 4 else np.ones((count, 2))
 
