@@ -25,7 +25,8 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from tests.support.fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings
+from tests.support.fuzz_mutations import mutate, seeds, surroundings
+from tests.support.mesh_writers import ROOM
 
 MEMORY = 1 << 30  # bytes that a case may allocate
 SECONDS = 20  # of computing, for a case
@@ -163,12 +164,11 @@ def work(options) -> int:
 
 def _placed(folder: Path, kind: str, data: bytes) -> Path:
     """Write a case where it is read from; an MTL is read through an OBJ that names it."""
-    if kind == "mtl":
-        (folder / "case.mtl").write_bytes(data)
-        (folder / "case.obj").write_bytes(FULL_OBJ.replace("room.mtl", "case.mtl").encode())
-        return folder / "case.obj"
     path = folder / f"case.{kind}"
     path.write_bytes(data)
+    if kind == "mtl":
+        path = folder / "case.obj"
+        path.write_text(ROOM.replace("room.mtl", "case.mtl"))
     return path
 
 

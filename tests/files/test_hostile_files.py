@@ -23,9 +23,10 @@ from gi_core.files.formats.toml_file import read_scene_file
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from gi_core.scene.errors import SENTENCE, one_line
-from tests.support.fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings
+from tests.support import bombs
+from tests.support.fuzz_mutations import mutate, seeds, surroundings
 from tests.support.grammar.cases import KINDS, case, write
-from tests.support.mesh_writers import BOX_FACES, SCENE, write_obj, write_scene
+from tests.support.mesh_writers import BOX_FACES, ROOM, SCENE, write_obj, write_scene, write_textured_room
 
 SEEDS = seeds()
 
@@ -126,8 +127,10 @@ def test_unused_vertex_may_have_any_value(tmp_path, stray):
 
 @pytest.mark.filterwarnings("error")
 def test_normals_and_texture_coordinates_out_of_range(tmp_path):
-    surroundings(tmp_path)
-    text = FULL_OBJ.replace("vt 1 0", "vt 1e308 -1e308").replace("vn 0 0 1", "vn 1e200 1e300 nan")
+    write_textured_room(tmp_path)
+    text = ROOM.replace("vt 1 0", "vt 1e308 -1e308\nvn 1e200 1e300 nan").replace(
+        "4/4 3/3 2/2 1/1", "4/4/1 3/3/1 2/2/1 1/1/1"
+    )
     (tmp_path / "a.obj").write_text(text)
     mesh = read_mesh_file(tmp_path / "a.obj").mesh
     assert np.isfinite(mesh.paint.corner_uv).all()
@@ -150,6 +153,14 @@ def test_faces_with_missing_vertices(tmp_path):
         assert read(tmp_path / "a.ply")
 
 
+@pytest.mark.parametrize("faces", ["property list uchar int vertex_indices\nend_header\n0.5 7", "end_header"])
+def test_faces_that_are_no_lists_of_corners(tmp_path, faces):
+    """Rows as long as half a corner were sought for ever; without a list, StopIteration was raised."""
+    head = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n"
+    (tmp_path / "a.ply").write_text(f"{head}element face 1\n{faces}\n")
+    assert "has no triangles" in (read(tmp_path / "a.ply") or "")
+
+
 def test_trimesh_stays_silent(tmp_path, capfd):
     """Messages of trimesh must not appear beside our sentence."""
     (tmp_path / "a.stl").write_bytes(b"solid x\n facet normal nonsense\n" + b"\xff" * 200)
@@ -170,12 +181,12 @@ def test_accessor_without_data_is_refused_before_allocation(tmp_path, count):
 
 
 def test_accessor_longer_than_its_buffer(tmp_path):
-    whole = json.loads(SEEDS["gltf"][0])
-    surroundings(tmp_path)
+    path = bombs.gltf(tmp_path, 4, [0, 1, 2], stored=True)
+    whole, (positions, order) = json.loads(path.read_text()), json.loads(path.read_text())["accessors"]
+    assert read(path) is None
     for key, value in (("count", 1 << 50), ("byteOffset", 1 << 50), ("byteOffset", -4)):
-        whole["accessors"][0] = {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", key: value}
-        (tmp_path / "a.gltf").write_text(json.dumps(whole))
-        assert read(tmp_path / "a.gltf")
+        path.write_text(json.dumps(whole | {"accessors": [positions | {key: value}, order]}))
+        assert read(path)
 
 
 @pytest.mark.parametrize("kind", ["ply", "stl"])

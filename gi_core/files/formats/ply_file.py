@@ -107,7 +107,7 @@ def _columns(e: _Element, body: bytes, at: int) -> tuple[dict[str, Any], int]:
         rows = _values(body, row, min(left, most, max((len(body) - at) // max(row.itemsize, 1), 1)), at)
         alike = np.ones(len(rows), bool)
         for name, count in counts.items():
-            alike &= rows[f"{name} count"] == count
+            alike &= np.trunc(rows[f"{name} count"]) == count
         n = len(rows) if alike.all() else int(alike.argmin())
         parts.append(rows[:n])
         at, left, most = at + n * row.itemsize, left - n, 2 * most if n == len(rows) else 64
@@ -148,10 +148,10 @@ def _part(elements: list[_Element], columns: list[dict[str, Any]], where: str, b
         raise ValueError("it holds triangle strips")
     vertex, values = by_name["vertex"]
     vertices = np.stack([values[k] for k in "xyz"], axis=1)
-    if "face" not in by_name:
+    face, of_faces = by_name.get("face") or (vertex, {})
+    lists = next((c for c in of_faces.values() if isinstance(c, _Lists)), None)
+    if lists is None:
         return Part(vertices, np.zeros((0, 3), np.int64), np.zeros(0, np.int64))
-    face, of_faces = by_name["face"]
-    lists = next(c for c in of_faces.values() if isinstance(c, _Lists))
     boundary.take(where, "triangles", int(np.maximum(lists.counts - 2, 0).sum()))
     faces, polygon = _fans(lists, vertices, where)
     colours = None
