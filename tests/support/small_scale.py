@@ -72,4 +72,7 @@ def small_work(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(settings, "SECONDS", 0.1)
     patch.setattr("gi_core.defaults.MOST_PHOTONS", 4096)
     patch.setattr("gi_core.files.load.COARSEST", 0.5)
+    patch.setattr(
+        "matplotlib.figure.Figure.savefig", lambda _, file, **__: file.write_text("<svg>")
+    )  # test_chart.py draws
     patch.setattr(atlas.atlas, "__defaults__", ({"A bright room": (one_row,)},))

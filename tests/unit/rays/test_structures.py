@@ -148,40 +148,18 @@ def test_an_unknown_name_is_refused_in_one_sentence():
     assert Model(coloured_room(()), rays="octree").accelerator.rays == "octree"
 
 
-def run(code: str, **environment) -> subprocess.CompletedProcess:
-    path = os.pathsep.join([environment.pop("first", str(ROOT)), str(ROOT)])
-    environment = os.environ | {"PYTHONPATH": path} | environment
-    return subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300
-    )
-
-
-@pytest.mark.slow
-def test_kernels_of_structures_that_are_not_chosen_are_not_compiled():
-    """By bvh, whose kernels other tests need too: any other structure compiles those of tracing again."""
-    code = """
-from gi_core.photons.trace import _follow, _trace_paths
-from gi_core.rays import bvh
-from gi_core.rays.structures import STRUCTURES
-from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
-Solver(coloured_room((box_mobile(size=0.1),)), photons=100, radius=0.1, rays="bvh").solve()
-compiled = {scenes.instance_class for kernel in (_follow, _trace_paths) for scenes, *_ in kernel.signatures}
-assert [kind.__module__ for kind in compiled] == [bvh.__name__], compiled
-others = [name for name, module in STRUCTURES.items() if name not in ("embree", "bvh") and module.trace.signatures]
-assert not others, others
-"""
-    ran = run(code)
-    assert ran.returncode == 0, ran.stderr
-
-
 @pytest.mark.slow
 def test_without_embreex_rays_are_traced_by_bvh_and_one_line_says_so():
-    """A subprocess that cannot import embreex: opens a scene, moves an object, equals the solution from scratch."""
+    """A subprocess that cannot import embreex opens a scene, moves an object, equals the solution from scratch.
+
+    It compiles no kernel of a structure that is not chosen.
+    """
     code = """
 from app.cli.progress import Bar
 from gi_core.base.kernel_cache import problems
 from gi_core.files.load import load_scene
+from gi_core.photons.trace import _follow, _trace_paths
+from gi_core.rays import bvh
 from gi_core.rays.structures import STRUCTURES
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
@@ -192,9 +170,16 @@ solver.solve()
 solver.move("box", Pose((0.4, 0.5, 0.3)))
 assert (solver.irradiance == solver.from_scratch()).all() and solver.frame.changes.photons_cut
 assert solver.model.accelerator.rays == "bvh" and "embree" not in STRUCTURES
+compiled = {scenes.instance_class for kernel in (_follow, _trace_paths) for scenes, *_ in kernel.signatures}
+assert [kind.__module__ for kind in compiled] == [bvh.__name__], compiled
+others = [name for name, module in STRUCTURES.items() if name != "bvh" and module.trace.signatures]
+assert not others, others
 print(*problems, sep="\\n")
 """
-    ran = run(code, first=str(ROOT / "tests" / "support" / "no_embreex"))
+    path = os.pathsep.join(map(str, (ROOT / "tests" / "support" / "no_embreex", ROOT)))
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
+    )
     assert ran.returncode == 0, ran.stderr
     (line,) = ran.stdout.splitlines()
     assert line.startswith("Embree cannot be loaded (No module named 'embreex'): rays are traced by bvh")
