@@ -149,57 +149,6 @@ def test_a_model_that_reflects_more_than_arrives_is_refused(tmp_path):
     assert scene_file(tmp_path, 'brdf = "phong"\nks = 1.0\nkd = 0.0\nscale = true').scaled
 
 
-WORDS = [
-    ("metallic = 1", "metallic needs a roughness from 0 to 1; write roughness = 0.3"),
-    ("roughness = 2", "roughness must be a number from 0 to 1, got 2"),
-    ("roughness = [0.1, 0.1, 0.1]", "roughness must be a number from 0 to 1, got [0.1, 0.1, 0.1]"),
-    ("roughness = 0.3\nior = 0.5", "ior must be a number from 1 to 10, got 0.5"),
-    ("roughness = 0.3\nmetallic = -1", "metallic must be a number from 0 to 1, got -1"),
-    ("emission = [1e300, 0, 0]", "emission must be three numbers >= 0, at most 1e+15, got [1e+300, 0, 0]"),
-    ('brdf = "phong"\nks = 1.0', "phong reflects more light than arrives, at "),
-    ('brdf = "wart"\nks = 0.3', 'brdf: unknown reflection model "wart"; did you mean "ward"?'),
-    ('brdf = "glass"', 'brdf: unknown reflection model "glass"; the models are perfect_diffuse, perfect_specular, '),
-    ('brdf = "ward"\nks = 3', "ks of ward must be a number or three (r, g, b) from 0 to 1, got 3"),
-    ('brdf = "ward"\nks = [1, 0]', "ks of ward must be a number or three (r, g, b) from 0 to 1, got [1, 0]"),
-    ('brdf = "ward"\nks = 1' + 400 * "0", "ks of ward must be a number or three (r, g, b) from 0 to 1, got 1000"),
-    ('brdf = "ward"\nn = 20', 'ward has no parameter "n"; it has kd, ks, ax, ay, bounded'),
-    ('brdf = "ward"\nscale = 1', "scale must be true or false, got 1"),
-    ('brdf = "ward"\nroughness = 0.1', "roughness and brdf exclude each other; write the parameters of the model"),
-    ('brdf = "ward"\nmetallic = 0.1', "metallic and brdf exclude each other; write the parameters of the model"),
-    ("brdf = 7", 'brdf must name a model or list several, got 7; write brdf = "ward" or brdf = [{ model = "ward"'),
-    ("brdf = 7\nks = 1", "brdf must name a model or list several, got 7; "),
-    ("brdf = []", 'brdf must name a model or list several, got []; write brdf = "ward"'),
-    ('brdf = ["ward"]', "model 1 of brdf must be a table such as { model = \"ward\", ks = 0.3 }, got 'ward'"),
-    ("brdf = [{ ks = 0.3 }]", 'model 1 of brdf: model is missing; write model = "ward"'),
-    ('brdf = [{ model = ["ward"] }]', "model 1 of brdf: unknown reflection model ['ward']; the models are "),
-    ('brdf = [{ model = "eon" }, { model = "eon", n = 2 }]', 'model 2 of brdf: eon has no parameter "n"; it has '),
-    ('brdf = [{ model = "eon", scale = true }]', "model 1 of brdf: scale belongs to the whole material; write it"),
-    ('brdf = [{ model = "eon", factor = -1 }]', "model 1 of brdf: factor of eon must be a number from 0 to 1e+06, got"),
-    ('brdf = [{ model = "eon", factor = true }]', "model 1 of brdf: factor of eon must be a number from 0 to "),
-    ('brdf = [{ model = "eon" }]\nks = 1', 'ks belongs to a model of the list; write brdf = [{ model = "ward", ks ='),
-    (
-        'brdf = [{ model = "ward", kd = 1 }, { model = "lewis", kd = 1 }]',
-        "ward + lewis has a diffuse albedo of 2, and must have at most 1; lower its",
-    ),
-    ("ks = 0.3", 'ks belongs to a model of reflection; write brdf = "ward"'),
-    ("grain = [1, 0, 0]", 'grain belongs to a model of reflection; write brdf = "ward"'),
-]
-
-
-@pytest.mark.parametrize("lines, said", WORDS)
-def test_bad_gloss_of_a_scene_file(tmp_path, lines, said):
-    with pytest.raises(SceneError) as error:
-        scene_file(tmp_path, lines)
-    assert str(error.value).startswith(f'{tmp_path / "a.toml"}: material "m": {said}')
-
-
-@pytest.mark.parametrize("material", ["3", '[{ brdf = "ward" }]'])
-def test_a_material_that_is_no_table(tmp_path, material):
-    (tmp_path / "a.toml").write_text(f'static.mesh = "a.obj"\nmaterials.m = {material}\n')
-    with pytest.raises(SceneError, match=r'material "m": a material is written as a table \[materials.NAME\], got '):
-        load_scene(tmp_path / "a.toml")
-
-
 @pytest.mark.parametrize(
     "pbr, extensions, said",
     [

@@ -111,28 +111,6 @@ def test_keys_of_a_scene_file(tmp_path):
     assert light.c0 == (0, 0, 1) and light.flux == (1, 2, 3) and light.size == (0.1, 0.2)
 
 
-@pytest.mark.parametrize(
-    ("lines", "units", "expected"),
-    [
-        (
-            "direction = [0, -1, 0]",
-            "radiometric",
-            'flux is missing; write flux = [r, g, b] in watts, or units = "photo',
-        ),
-        ("direction = [0, -1, 0]\nc0 = [0, 1, 0]", "photometric", "c0 must not lie along direction"),
-        ("direction = [0, -1, 0]\nsize = [0, 1]", "photometric", "size must be two numbers of metres > 0, or 0 and 0"),
-        ("", "photometric", "direction is missing"),
-        ("direction = [0, -1, 0]\nangle = 3", "photometric", "unknown key 'angle'"),
-    ],
-)
-def test_mistakes_in_a_scene_file(tmp_path, lines, units, expected):
-    write_scene(tmp_path)
-    write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1))
-    with pytest.raises(SceneError) as caught:
-        photometric(tmp_path, lines, units=units)
-    assert expected in str(caught.value) and "lit.toml" in str(caught.value)
-
-
 def test_files_outside_of_the_scene_are_refused(tmp_path):
     (tmp_path / "room").mkdir()
     write_scene(tmp_path / "room")

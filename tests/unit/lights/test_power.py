@@ -15,7 +15,7 @@ from gi_core.files.formats.photometry_file import read_photometry
 from gi_core.files.load import load_scene
 from gi_core.lights.power import Power, power_of
 from gi_core.model import Model
-from gi_core.scene import CalculationSurface, SceneError
+from gi_core.scene import CalculationSurface
 from gi_core.scene.types import PHOTOMETRIC
 from tests.support.photometry import write_ies, write_ldt
 from tests.support.toml_rooms import room_file, table
@@ -90,15 +90,3 @@ def test_power_per_100_lux_needs_the_watts_of_all_lamps():
     one = Power({"bulb": 30.0}, (), 10.0)
     assert per_100_lux(one, light, PHOTOMETRIC).startswith("1.5")
     assert per_100_lux(one._replace(unknown=("panel",)), light, PHOTOMETRIC) == ""
-
-
-@pytest.mark.parametrize(
-    "keys, message",
-    [({"watts": {"blub": 3}}, "[watts]: no lamp is called 'blub'; did you mean 'bulb'?"),
-     ({"watts": {"bulb": -1}}, "[watts]: bulb must be a number >= 0, got -1"),
-     ({"maintenance_factor": 1.2}, "maintenance_factor must be a number > 0 and <= 1, got 1.2")],
-)  # fmt: skip
-def test_bad_power_is_refused_in_one_sentence(room, keys, message):
-    with pytest.raises(SceneError) as refused:
-        room(**keys)
-    assert message in str(refused.value)

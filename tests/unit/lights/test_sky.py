@@ -13,7 +13,7 @@ from gi_core.lights.emission import build_emitters, emit
 from gi_core.lights.next_event import light_points
 from gi_core.lights.sky import patches, relative_luminance, sky_of
 from gi_core.model import Model
-from gi_core.scene import CalculationSurface, Scene, SceneError, SkyLight
+from gi_core.scene import CalculationSurface, Scene, SkyLight
 from gi_core.scene.types import DAYLIGHT_FACTOR, OVERCAST_SKY, SUNLESS_SKIES
 from tests.support.scene_builders import plane_scene
 from tests.support.toml_rooms import room_file, table
@@ -138,15 +138,3 @@ def test_the_daylight_factor_through_a_horizontal_opening(tmp_path):
 def test_the_factor_of_open_ground_is_one():
     value, error = factor_at(plane_scene(SkyLight("sky", (3.0, 1.0, 2.0), 12, TO_SUN)), (0.1, 0.2), 0.5, 0.003)
     assert value == pytest.approx(1.0, abs=max(4 * error, 1e-3))
-
-
-@pytest.mark.parametrize(
-    "keys, message",
-    [({"cie": 17}, "cie must be a whole number from 1 to 16, got 17"), ({"cie": 12}, "write sun = [x, y, z]"),
-     ({"cie": 12, "sun": (0, 0, 0)}, "sun must be three numbers that are not all 0")],
-)  # fmt: skip
-def test_bad_skies_are_refused_in_one_sentence(tmp_path, keys, message):
-    sky = table("light", type="sky", radiance=(1, 1, 1), **keys)
-    with pytest.raises(SceneError, match=r"[^\n]*") as refused:
-        load_scene(room_file(tmp_path, (6, 4, 3), sky))
-    assert message in str(refused.value)
