@@ -10,6 +10,7 @@ from app.draw.camera import Bounds, from_camera
 from app.draw.draw_mesh import DrawMesh
 from gi_core.scene import Camera
 from tests.support import viewer_support as support
+from tests.support.scene_builders import quad
 
 SIZE = (120, 80)
 EYE = from_camera(Camera((0, 0, 2), (0, 0, 0), 40.0), (0, 1, 0), Bounds((-1, -1, -1), (1, 1, 1)))
@@ -18,7 +19,7 @@ IDENTITY = np.eye(4)
 
 def square(front, back=None, half=0.4, z=0.0):
     """Return a square that faces the eye, with one radiance per side; no back: one-sided."""
-    v, f = support.quad((-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z))
+    v, f, *_ = quad((-half, -half, z), (2 * half, 0, 0), (0, 2 * half, 0))
     n = len(v)
     sided = np.full(n, -1 if back is None else 1, np.int32)
     mesh = DrawMesh(v.astype(np.float32), f, np.zeros(n, np.int32), sided, np.zeros((n, 3)), np.zeros((n, 3)))

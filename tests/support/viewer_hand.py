@@ -43,6 +43,14 @@ class Hand:
         self.wait(lambda: v._ready and not v.session.refining and v.painter.uploaded == v.session.version)
         self.ctx.yield_(2)
 
+    def panel(self, *closed: str, opened: str = "") -> None:
+        """Refer to the panel's items from now on; close sections, so that others are in sight, and open one."""
+        self.ctx.set_ref("Panel")
+        for section in closed:
+            self.ctx.item_close(section)
+        if opened:
+            self.ctx.item_open(opened)
+
     def open_research(self) -> None:
         """Show the sections about the method; refer to the panel's items from now on."""
         self.ctx.set_ref("Panel")
@@ -53,6 +61,12 @@ class Hand:
         v = self.viewer.viewport.view
         x, y = projected(v.camera, point, v.aspect)
         return v.origin[0] + x * v.size[0], v.origin[1] + y * v.size[1]
+
+    def click(self, point) -> None:
+        """Click on a point of the scene."""
+        self.move(self.at(point))
+        self.ctx.mouse_click(0)
+        self.ctx.yield_(3)
 
     def move(self, to) -> None:
         self.ctx.mouse_move_to_pos(to)

@@ -18,53 +18,17 @@ from gi_core.base.pause import Progress, pause
 from gi_core.display.dilation import Drawn
 from gi_core.frames.light_setting import FrameSize
 from gi_core.lights.lamps import Lamps
-from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
+from gi_core.scene import Camera, KeyFrames, Material, Mobile, Pose, Probe, Scene
+from tests.support.scene_builders import box, merge, quad
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def quad(a, b, c, d, n: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices and faces of a quadrilateral in n x n cells; the front sees a, b, c, d go counter-clockwise."""
-    a, b, c, d = (np.array(p, np.float64) for p in (a, b, c, d))
-    s = np.linspace(0, 1, n + 1)
-    u, v = (w[..., None] for w in np.meshgrid(s, s, indexing="ij"))
-    vertices = ((1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d).reshape(-1, 3)
-    i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    p, q, r, t = i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]
-    return vertices, np.stack([p, q, r, p, r, t], axis=-1).reshape(-1, 3).astype(np.int32)
-
-
-def mesh(parts) -> Mesh:
-    """Join (vertices, faces, material) triples."""
-    vertices, faces, materials, first = [], [], [], 0
-    for v, f, m in parts:
-        vertices.append(v)
-        faces.append(f + first)
-        materials.append(np.full(len(f), m, np.int32))
-        first += len(v)
-    return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(materials))
-
-
-def box(low, high, material: int, n: int = 1, inward: bool = False) -> list:
-    """Return the six sides of a box as parts."""
-    (x, y, z), (X, Y, Z) = low, high
-    sides = [
-        ((x, y, z), (x, y, Z), (x, Y, Z), (x, Y, z)),
-        ((X, y, Z), (X, y, z), (X, Y, z), (X, Y, Z)),
-        ((x, y, Z), (x, y, z), (X, y, z), (X, y, Z)),
-        ((x, Y, z), (x, Y, Z), (X, Y, Z), (X, Y, z)),
-        ((X, y, z), (x, y, z), (x, Y, z), (X, Y, z)),
-        ((x, y, Z), (X, y, Z), (X, Y, Z), (x, Y, Z)),
-    ]
-    return [(*quad(*(s[::-1] if inward else s), n), material) for s in sides]
-
-
 def room(n: int = 8) -> Scene:
     """A closed room 1 m wide, y up: red left wall, green right wall, a lamp, a box to drag along a path."""
-    walls = box((0, 0, 0), (1, 1, 1), 0, n, inward=True)
-    walls[0] = (*walls[0][:2], 1)
-    walls[1] = (*walls[1][:2], 2)
-    lamp = (*quad((0.35, 0.995, 0.35), (0.65, 0.995, 0.35), (0.65, 0.995, 0.65), (0.35, 0.995, 0.65)), 3)
+    walls = box((0, 0, 0), (1, 1, 1), n, inward=True)
+    walls.face_material[: 4 * n * n] = np.repeat([2, 1], 2 * n * n)
+    lamp = quad((0.35, 0.995, 0.35), (0.3, 0, 0), (0, 0, 0.3), material=3)
     materials = (
         Material("white", (0.73, 0.73, 0.73)),
         Material("red", (0.6, 0.06, 0.05)),
@@ -73,9 +37,9 @@ def room(n: int = 8) -> Scene:
     )
     pose = Pose((0.5, 0.3, 0.5))
     path = KeyFrames(np.array([0.0, 2.0]), np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5]]), np.array([[1.0, 0, 0, 0]] * 2))
-    block = Mobile("block", mesh(box((-0.12, -0.12, -0.12), (0.12, 0.12, 0.12), 0, 4)), pose, path)
+    block = Mobile("block", box((-0.12,) * 3, (0.12,) * 3, 4), pose, path)
     return Scene(
-        mesh([*walls, lamp]),
+        merge(walls, lamp),
         materials,
         (block,),
         probes=(Probe("desk", (0.5, 0.01, 0.5), (0.0, 1.0, 0.0)),),

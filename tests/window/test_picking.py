@@ -11,14 +11,14 @@ from gi_core.geometry.surfaces import flatten
 from gi_core.model import Model
 from gi_core.scene import Camera, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.pose import axis_angle, rotation
-from tests.support import viewer_support as support
 from tests.support.gl_drawing import IDENTITY, SIZE, background
+from tests.support.scene_builders import box
 
 
 def picking_scene(two_sided=False) -> Scene:
     """A closed one-sided box seen from outside, with a mobile ball-like box within."""
-    walls = support.mesh(support.box((-1, -1, -1), (1, 1, 1), 0, 12, inward=True))
-    inner = support.mesh(support.box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2), 1, 3))
+    walls = box((-1,) * 3, (1,) * 3, 12, inward=True)
+    inner = box((-0.2,) * 3, (0.2,) * 3, 3, 1)
     pose = Pose((0.3, 0.1, -0.2), axis_angle((0.3, 1, 0.2), 35))
     materials = (Material("wall", two_sided=two_sided), Material("block"))
     return Scene(walls, materials, (Mobile("block", inner, pose),))

@@ -22,7 +22,7 @@ def poster(texture, uv=((0, 1), (1, 1), (1, 0), (0, 0)), tint=(1.0, 1.0, 1.0), e
         emission=np.tile(emission, (n, 1)),
         textures=(texture,),
         texture=np.zeros(n, np.int32),
-        uv=np.array(uv, np.float32)[[0, 3, 1, 2]],  # the order of `support.quad`
+        uv=np.array(uv, np.float32)[[0, 3, 1, 2]],  # the order of `quad`
         texel=np.ones((n, 3)),
     )
     return mesh, front, back

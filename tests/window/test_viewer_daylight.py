@@ -35,9 +35,7 @@ def is_that_of_a_new_solver(session) -> bool:
 @in_window(scene=sunny_room)
 def test_date_and_hour_move_the_sun(hand, viewer, folder):
     ctx = hand.ctx
-    ctx.set_ref("Panel")
-    for section in ("Objects", "Scene", "Lamps"):
-        ctx.item_close(f"**/{section}")
+    hand.panel("Objects", "Scene", "Lamps")
     before = viewer.session.irradiance
     change(hand, viewer, lambda: ctx.item_input_value("**/##Hour", 10.5))
     assert viewer.session.settings.edits == (ChangeDaylight((("hour", 10.5),)),)
@@ -84,9 +82,7 @@ def room_with_a_sun():
 @in_window(scene=room_with_a_sun)
 def test_an_architect_asks_for_the_sun_at_9_in_madrid(hand, viewer, folder):
     ctx = hand.ctx
-    ctx.set_ref("Panel")
-    for section in ("Objects", "Scene"):
-        ctx.item_close(f"**/{section}")
+    hand.panel("Objects", "Scene")
     before = viewer.session.irradiance
     change(hand, viewer, lambda: viewer._do(("add lamp", DAYLIGHT)))
     assert viewer.session.scene.daylight == NEW_DAYLIGHT and "added: daylight" in viewer.log.last.text

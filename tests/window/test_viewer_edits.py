@@ -201,8 +201,7 @@ def test_a_mesh_dropped_on_the_picture_stands_there(hand, viewer, folder, monkey
 @in_window()
 def test_a_shape_is_inserted_where_one_clicked(hand, viewer):
     place = (0.25, 0.0, 0.75)
-    hand.ctx.mouse_move_to_pos(hand.at(place))
-    hand.ctx.mouse_click(0)
+    hand.click(place)
     hand.wait(lambda: viewer.viewport.clicked is not None)
     change(hand, viewer, lambda: viewer._do("insert cone"))
     session = viewer.session
@@ -353,14 +352,11 @@ def test_the_panel_names_a_material_as_its_file_does(surface, parts, expected):
 @in_window()
 def test_the_panel_edits_the_material_of_the_clicked_wall(hand, viewer, few_kernels):
     """Its colour, then its model and a parameter of that, each in light equal to that of a scene built so."""
-    hand.ctx.mouse_move_to_pos(hand.at((0.0, 0.5, 0.5)))
-    hand.ctx.mouse_click(0)
+    hand.click((0.0, 0.5, 0.5))
     hand.wait(lambda: viewer.viewport.clicked is not None)
     assert viewer.viewport.surface == "red"
     assert viewer.viewport.finish.values == (("reflectance", pytest.approx((0.6, 0.06, 0.05))),)
-    hand.ctx.set_ref("Panel")
-    hand.ctx.item_close("Objects")
-    hand.ctx.item_open("Material")
+    hand.panel("Objects", opened="Material")
     change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.25))
     (edit,) = viewer.session.settings.edits
     assert edit == Finish("red", (("reflectance", pytest.approx((0.25, 0.06, 0.05))),))
@@ -412,9 +408,7 @@ def test_models_are_added_to_a_material_and_removed(hand, viewer, few_kernels, f
 
     plain = viewer.session.irradiance
     viewer.viewport.select(("block",))
-    hand.ctx.set_ref("Panel")
-    hand.ctx.item_close("Objects")
-    hand.ctx.item_open("Material")
+    hand.panel("Objects", opened="Material")
     change(hand, viewer, lambda: hand.ctx.combo_click("##Add model/Ward"))
     diffuse, ward = models()
     assert diffuse == {"model": "perfect_diffuse", "factor": 1.0, "kd": pytest.approx((0.73,) * 3)}
@@ -448,9 +442,7 @@ def test_a_model_that_is_darkened_says_so(hand, viewer, few_kernels, monkeypatch
     said, wrapped = [], ui.wrapped
     monkeypatch.setattr(ui, "wrapped", lambda text: (said.append(text), wrapped(text))[1])
     viewer.viewport.select(("block",))
-    hand.ctx.set_ref("Panel")
-    hand.ctx.item_close("Objects")
-    hand.ctx.item_open("Material")
+    hand.panel("Objects", opened="Material")
     for model, darkened in (("EON", ""), ("GGX", "ggx reflects more light than arrives, at "), ("Diffuse", "")):
         change(hand, viewer, lambda: hand.ctx.combo_click(f"##Model/{model}"))  # noqa: B023
         said.clear()
@@ -487,9 +479,7 @@ def test_the_panel_edits_the_part_that_was_clicked(play, few_kernels, folder):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        hand.ctx.mouse_move_to_pos(hand.at((0.5, 0.415, 0.5)))
-        hand.ctx.mouse_click(0)
-        hand.ctx.yield_(2)
+        hand.click((0.5, 0.415, 0.5))
         shown = viewer.viewport
         assert (shown.surface, shown.parts, shown.part, shown.finish.textured) == (
             "block",
@@ -497,15 +487,11 @@ def test_the_panel_edits_the_part_that_was_clicked(play, few_kernels, folder):
             "white",
             False,
         )
-        hand.ctx.mouse_move_to_pos(hand.at(BLOCK_FRONT))
-        hand.ctx.mouse_click(0)
-        hand.ctx.yield_(2)
+        hand.click(BLOCK_FRONT)
         whole = textured(viewer)
         assert (shown.surface, shown.part, shown.finish.textured) == ("block", "red", True)
         assert viewer.viewport.readout().endswith("block, red")
-        hand.ctx.set_ref("Panel")
-        hand.ctx.item_close("Objects")
-        hand.ctx.item_open("Material")
+        hand.panel("Objects", opened="Material")
         change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
         (edit,) = viewer.session.settings.edits
         assert edit == Finish("block", (("metallic", 0.0), ("roughness", 0.3), ("ior", 1.5)), part="red")

@@ -166,8 +166,7 @@ def test_a_frame_of_few_photons_has_no_row_about_lamps(hand, viewer, monkeypatch
 def test_every_entry_of_the_light_scenes_can_be_chosen(hand, viewer):
     """The entry "-" did nothing; the levels of the scene file could not be chosen."""
     session, ctx = viewer.session, hand.ctx
-    ctx.set_ref("Panel")
-    ctx.item_close("Objects")
+    hand.panel("Objects")
     dim = (LampLevel("bulb", 0.5), LampLevel("lamp", on=False))
     for entry, lamps in (("dim", dim), (OF_FILE, ()), ("dim", dim)):
         ctx.combo_click(f"##Light scene/{entry}")

@@ -108,9 +108,7 @@ def test_the_aim_is_dragged_over_surfaces(hand, viewer):
 @in_window(scene=lit_room)
 def test_lamps_are_added_copied_and_removed_by_the_panel(hand, viewer, folder):
     ctx, viewport = hand.ctx, viewer.viewport
-    ctx.set_ref("Panel")
-    for section in ("Objects", "Scene"):
-        ctx.item_close(f"**/{section}")
+    hand.panel("Objects", "Scene")
     ctx.item_click("**/bulb/bulb###select")
     assert viewport.lamps.selected == BULB
     change(hand, viewer, lambda: ctx.item_click("**/Duplicate lamp"))
@@ -245,9 +243,7 @@ def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
 @in_window(scene=lit_room)
 def test_angles_of_the_panel_turn_a_lamp(hand, viewer):
     ctx = hand.ctx
-    ctx.set_ref("Panel")
-    for section in ("Objects", "Scene"):
-        ctx.item_close(f"**/{section}")
+    hand.panel("Objects", "Scene")
     viewer._do(("select lamp", SPOT))
     hand.ctx.yield_(2)
     change(hand, viewer, lambda: ctx.item_input_value("**/##Tilt angle", 90.0))
@@ -270,9 +266,7 @@ def test_each_number_of_a_lamp_has_a_label_and_its_unit(hand, viewer, monkeypatc
     drawn, fields = {}, ui.fields
     monkeypatch.setattr(ui, "fields", lambda name, *given: (drawn.update({name: given}), fields(name, *given))[1])
     ctx = hand.ctx
-    ctx.set_ref("Panel")
-    for section in ("Objects", "Scene"):
-        ctx.item_close(f"**/{section}")
+    hand.panel("Objects", "Scene")
     drawn.clear()
     change(hand, viewer, lambda: viewer._do(("add lamp", PANEL)))
     name = viewer.viewport.lamps.selected
@@ -340,9 +334,7 @@ def test_levels_of_a_removed_lamp_are_no_mistake(folder):
 @in_window(scene=lit_room)
 def test_a_new_lamp_hangs_off_the_wall_that_it_is_over(hand, viewer):
     """The middle of the picture was on the back wall: half of a luminaire was inside it. The floor is no wall."""
-    hand.move(hand.at((0.5, 0.6, 0.0)))
-    hand.ctx.mouse_click(0)
-    hand.ctx.yield_(3)
+    hand.click((0.5, 0.6, 0.0))
     assert viewer.viewport.clicked.point == pytest.approx((0.5, 0.6, 0.0), abs=0.02)
     change(hand, viewer, lambda: viewer._do(("add lamp", PANEL)))
     x, y, z = viewer.session.scene.lights[-1].position

@@ -106,8 +106,7 @@ def test_a_click_holds_a_receiver_and_its_hemisphere(hand, viewer, few_kernels, 
     assert np.linalg.norm(view.position - floor) < 0.13 and view.cells[:, :3].any()
     assert written["eye"] == pytest.approx(eye_of(viewer), abs=0.5) != pytest.approx(first, abs=3)
 
-    hand.move(hand.at(floor))
-    hand.ctx.mouse_click(0)
+    hand.click(floor)
     hand.move(hand.at((0.7, 0.0, 0.9)))
     hand.wait(lambda: light.method.parts.receiver == viewer.session.receiver != held)
     assert viewer.session.held_receiver == -1

@@ -387,9 +387,7 @@ def test_the_tooltips_of_the_exposure_say_what_key_a_does(hand, viewer, monkeypa
     """They spoke of the metering at load, where the file may give the exposure."""
     tips, explained = [], ui.explained
     monkeypatch.setattr(ui, "explained", lambda text: (tips.append(text), explained(text))[1])
-    hand.ctx.set_ref("Panel")
-    for section in ("Objects", "Lamps"):
-        hand.ctx.item_close(section)
+    hand.panel("Objects", "Lamps")
     for item, words in (("##Exposure", "metered by key A"), ("Meter exposure", "by the present view and light")):
         hand.ctx.mouse_move(item)
         hand.wait(lambda: any(words in tip for tip in tips))  # noqa: B023

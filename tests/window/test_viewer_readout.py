@@ -322,9 +322,7 @@ def test_lamps_hold_a_target_and_undo_brings_levels_back(hand, viewer, monkeypat
     """The switch dims the lamp at rest and in motion; the surface has the light of the frame; undo is as before."""
     session = viewer.session
     session.edit(surfaces=(HELD,))
-    hand.ctx.set_ref("Panel")
-    for section in ("Scene", "Objects", "Lamps", "Picture"):
-        hand.ctx.item_close(section)
+    hand.panel("Scene", "Objects", "Lamps", "Picture")
     before = session.light.snapshot.levels
     hand.ctx.item_click("**/Hold targets")
     hand.wait(lambda: session.light.snapshot.rest.held is not None)
@@ -344,9 +342,7 @@ def test_lamps_hold_a_target_and_undo_brings_levels_back(hand, viewer, monkeypat
 def test_points_beyond_their_range_are_cut_to_it(hand, viewer):
     """500 points along an axis were refused without a word."""
     viewer.session.edit(surfaces=(SURFACE,))
-    hand.ctx.set_ref("Panel")
-    for section in ("Objects", "Lamps", "Picture"):
-        hand.ctx.item_close(section)
+    hand.panel("Objects", "Lamps", "Picture")
     hand.ctx.item_input_value("**/##points/$$0/", 500)
     hand.ctx.yield_(2)
     assert viewer.session.settings.surfaces[0].points == (100, 3)
@@ -357,9 +353,7 @@ def test_glare_has_a_target_of_its_own(hand, viewer):
     """A mean of UGR was asked for in its place, or kept from illuminance; then the surface was "no longer there"."""
     session = viewer.session
     session.edit(surfaces=(HELD,))
-    hand.ctx.set_ref("Panel")
-    for section in ("Scene", "Objects", "Lamps", "Picture"):
-        hand.ctx.item_close(section)
+    hand.panel("Scene", "Objects", "Lamps", "Picture")
     hand.ctx.yield_(2)
     hand.ctx.item_click("surface 0/###surface/##quantity")
     hand.ctx.item_click("//$FOCUSED/UGR")
@@ -429,9 +423,7 @@ def test_a_folded_surface_shows_its_name_and_mean_alone(hand, viewer):
     """Points of several surfaces covered the picture and each other."""
     session, viewport = viewer.session, viewer.viewport
     session.edit(surfaces=(SURFACE,))
-    hand.ctx.set_ref("Panel")
-    for section in ("Objects", "Lamps", "Picture"):
-        hand.ctx.item_close(section)
+    hand.panel("Objects", "Lamps", "Picture")
     hand.wait(lambda: session.light.snapshot.rest.surfaces and session.light.snapshot.rest.surfaces[0].fraction == 1)
     hand.ctx.yield_(2)
     shown = readout_marks.marks(viewport)
@@ -451,12 +443,8 @@ def test_a_folded_surface_shows_its_name_and_mean_alone(hand, viewer):
 def test_a_surface_lies_on_a_clicked_material_and_its_rows_stay_where_they_are(hand, viewer):
     """The button was grey for a desk of the static part; rows of numbers pushed it down when they came."""
     session = viewer.session
-    hand.ctx.set_ref("Panel")
-    for section in ("Scene", "Objects", "Lamps", "Picture"):
-        hand.ctx.item_close(section)
-    hand.move(hand.at((0.3, -0.2, 0.0)))
-    hand.ctx.mouse_click(0)
-    hand.ctx.yield_(3)
+    hand.panel("Scene", "Objects", "Lamps", "Picture")
+    hand.click((0.3, -0.2, 0.0))
     hand.ctx.item_click("**/On the selection")
     hand.ctx.yield_(3)
     (surface,) = session.settings.surfaces
@@ -498,8 +486,7 @@ def test_a_key_asks_where_light_comes_from_until_a_click_on_its_pin(hand, viewer
     hand.wait(lambda: viewer.session.light.all_done)
     E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.01, 0.5)
     assert viewer.session.light.snapshot.rest.asked.origins.total[0] == pytest.approx(E, rel=0.02)
-    hand.move(hand.at((0.5, 0.0, 0.01)))
-    hand.ctx.mouse_click(0)
+    hand.click((0.5, 0.0, 0.01))
     hand.wait(lambda: viewer.session.settings.asked is None)
     hand.wait(lambda: viewer.session.light.snapshot.rest.asked is None)
     assert not viewer.files.has_changed(viewer.session) or viewer.session.settings.pins, "a question is not saved"

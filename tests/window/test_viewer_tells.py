@@ -135,17 +135,12 @@ def test_at_twice_the_size_the_panel_is_as_wide_in_letters_and_the_state_stays(p
 @in_window(size=(720, 900))
 def test_a_click_in_the_picture_leaves_the_panels_rows_where_they_are(hand, viewer):
     """A surface in place of the object with parts, then nothing: at scroll 0 rows moved up when those above went."""
-    hand.ctx.set_ref("Panel")
-    for name in ("Scene", "Objects"):
-        hand.ctx.item_close(name)
-    hand.ctx.item_open("Material")
+    hand.panel("Scene", "Objects", opened="Material")
     hand.ctx.mouse_move("Picture")
     hand.ctx.yield_(2)
     before, surfaces = hand.ctx.item_info("Picture").rect_full.min.y, []
     for y in (0.8, 1.4, 0.8, 1.4):
-        hand.move(hand.at((0.2, y, 0.0)))
-        hand.ctx.mouse_click(0)
-        hand.ctx.yield_(4)
+        hand.click((0.2, y, 0.0))
         assert hand.ctx.item_info("Picture").rect_full.min.y == pytest.approx(before, abs=1)
         surfaces.append(viewer.viewport.surface)
     assert surfaces == ["white", "", "white", ""]
@@ -154,9 +149,7 @@ def test_a_click_in_the_picture_leaves_the_panels_rows_where_they_are(hand, view
 @in_window(size=(720, 900))
 def test_a_click_on_a_lamps_name_leaves_its_row_under_the_mouse(hand, viewer):
     """The selected object's material went, so that a second click met "Reset lamps"."""
-    hand.ctx.set_ref("Panel")
-    hand.ctx.item_close("Objects")
-    hand.ctx.item_open("Material")
+    hand.panel("Objects", opened="Material")
     assert viewer.viewport.selection
     hand.ctx.mouse_move("**/lamp/###select")
     before = hand.ctx.item_info("Lamps").rect_full.min.y
@@ -302,8 +295,7 @@ def test_a_long_name_leaves_the_bar_of_progress_in_sight(hand, viewer, written):
 @in_window(size=(720, 900))
 def test_a_section_that_is_seen_whole_unfolds_without_a_scroll(hand, viewer):
     """The panel scrolled until the section ended at its lower edge, and another button was under the mouse."""
-    hand.ctx.set_ref("Panel")
-    hand.ctx.item_close("Material")
+    hand.panel("Material")
     hand.ctx.scroll_to_y("//Panel", 150.0)
     hand.ctx.yield_(2)
     before = hand.ctx.item_info("Material").rect_full.min.y

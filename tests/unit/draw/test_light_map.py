@@ -4,23 +4,15 @@ import numpy as np
 import pytest
 
 from app.draw.baking import PADDING, Unwrapped, light_map, unwrap
-from tests.support.viewer_support import box
+from tests.support.scene_builders import box
 
 SIZE = 96
 
 
 def boxes() -> list[tuple[np.ndarray, np.ndarray]]:
     """Return positions and triangles of two boxes whose sides are split into cells."""
-    out = []
-    for low, high in (((0, 0, 0), (1, 0.7, 0.4)), ((2, 0, 0), (2.3, 1.0, 0.9))):
-        parts, first = box(low, high, 0, 3), 0
-        positions = np.concatenate([v for v, _, _ in parts])
-        triangles = []
-        for v, f, _ in parts:
-            triangles.append(f + first)
-            first += len(v)
-        out.append((positions, np.concatenate(triangles)))
-    return out
+    meshes = box((0, 0, 0), (1, 0.7, 0.4), 3), box((2, 0, 0), (2.3, 1.0, 0.9), 3)
+    return [(mesh.vertices, mesh.faces) for mesh in meshes]
 
 
 def bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:

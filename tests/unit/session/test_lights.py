@@ -36,6 +36,7 @@ from gi_core.scene.types import Daylight
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.photometry import luminaire
+from tests.support.scene_builders import box, merge, quad
 
 SPOT = SpotLight("spot", (0.2, 0.8, 0.6), (0.0, -1.0, 0.0), (3.0, 2.0, 1.0), 10.0, 25.0)
 UPS = [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.8, 0.0)]
@@ -133,10 +134,8 @@ def test_a_panel_stands_for_faces_that_look_one_way():
     turned_by = np.radians(25)
     c, s = 0.2 * np.cos(turned_by), 0.2 * np.sin(turned_by)
     a, b, middle = np.array([2 * c, 0, 2 * s]), np.array([-s, 0, c]), np.array([0.5, 0.9, 0.5])
-    corners = [middle + i * a / 2 + j * b / 2 for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    lamp = (*support.quad(*corners, n=3), 3)
-    scene = support.room()
-    scene = dataclasses.replace(scene, static=support.mesh([*support.box((0, 0, 0), (1, 1, 1), 0, inward=True), lamp]))
+    lamp = quad(middle - a / 2 - b / 2, a, b, (3, 3), 3)
+    scene = dataclasses.replace(support.room(), static=merge(box((0, 0, 0), (1, 1, 1), inward=True), lamp))
     light = edited(scene, [Darken("lamp"), Light("lamp", panel_of_faces(scene, "lamp", 1.0))]).lights[0]
     axis, c0 = axes(light)
     assert axis == pytest.approx((0, -1, 0)) and light.position == pytest.approx(middle - [0, 1e-3, 0])
@@ -146,7 +145,7 @@ def test_a_panel_stands_for_faces_that_look_one_way():
     assert light.flux == pytest.approx(np.pi * 0.08 * np.array([15.0, 14.0, 11.0]))
     cube = dataclasses.replace(
         scene,
-        static=support.mesh(support.box((0.4, 0.4, 0.4), (0.6, 0.6, 0.6), 0)),
+        static=box((0.4,) * 3, (0.6,) * 3),
         materials=(Material("cube", emission=(1.0, 1.0, 1.0)),),
     )
     assert panel_of_faces(cube, "cube", 1.0) is None and panel_of_faces(scene, "white", 1.0) is None
