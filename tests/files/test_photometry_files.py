@@ -53,21 +53,6 @@ def test_planes_of_ies(tmp_path, planes, factors, full, expected):
     assert found.gammas.tolist() == GAMMAS and found.notes == []
 
 
-@pytest.mark.parametrize(
-    ("first", "scale"),
-    [
-        ("Acme downlight", 2 * 0.5 * 0.25),  # of 1986: a label
-        ("IESNA91", 2 * 0.5 * 0.25),
-        ("IESNA:LM-63-1995", 2 * 0.5 * 0.25),
-        ("IESNA:LM-63-2002", 2 * 0.5),  # the last factor is reserved
-        ("IES:LM-63-2019", 2 * 0.5),  # and became the kind of file
-    ],
-)
-def test_factors_by_year(tmp_path, first, scale):
-    path = write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1), first, numbers="1 900 2.0", factors="0.5 0.25 50")
-    assert read(path).intensity == pytest.approx(rows(scale, scale))
-
-
 def test_numbers_may_be_apart_by_anything(tmp_path):
     path = write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2))
     text = path.read_text().replace("\r\n", "\r").replace(" ", ", ")
@@ -273,36 +258,12 @@ def test_odd_planes_are_refused(tmp_path):
 EVERY = list(range(0, 360, 45))  # C-planes of a file
 
 
-@pytest.mark.parametrize(
-    ("symmetry", "stored", "full"),
-    [
-        (0, [1, 2, 3, 4, 5, 6, 7, 8], [1, 2, 3, 4, 5, 6, 7, 8, 1]),
-        (1, [1], [1, 1]),
-        (2, [1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 4, 3, 2, 1]),  # 0 to 180
-        (3, [1, 2, 3, 4, 5], [3, 4, 5, 4, 3, 2, 1, 2, 3]),  # 270 to 90
-        (4, [1, 2, 3], [1, 2, 3, 2, 1, 2, 3, 2, 1]),  # 0 to 90
-    ],
-)
-def test_planes_of_eulumdat(tmp_path, symmetry, stored, full):
-    """Intensities are in cd per 1,000 lm of the lamps."""
-    path = write_ldt(tmp_path / "a.ldt", symmetry, GAMMAS, EVERY, rows(*stored), lumens=2000, factor=0.5)
-    found = read(path)
-    assert found.planes.tolist() == ([0, 360] if symmetry == 1 else [*EVERY, 360])
-    assert found.intensity == pytest.approx(rows(*full) * 2 * 0.5)
-
-
 def test_eulumdat_notes_what_it_cannot_follow(tmp_path):
     found = read(write_ldt(tmp_path / "a.ldt", 1, GAMMAS, EVERY, rows(1), ratio=50, sets=2))
     assert "it has 2 sets of lamps; the first one is used, of 2000 lm" in found.notes[1]
     assert "but it states 1000 lm (50 % of 2000 lm)" in found.notes[0]
     right = 100 * found.flux / 2000
     assert read(write_ldt(tmp_path / "a.ldt", 1, GAMMAS, EVERY, rows(1), ratio=right)).notes == []
-
-
-def test_eulumdat_and_ies_of_one_luminaire_agree(tmp_path):
-    ldt = read(write_ldt(tmp_path / "a.ldt", 4, GAMMAS, [0, 90, 180, 270], rows(1, 2), lumens=1000))
-    ies = read(write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2)))
-    assert np.array_equal(ldt.intensity, ies.intensity) and ldt.flux == ies.flux
 
 
 @pytest.mark.parametrize(

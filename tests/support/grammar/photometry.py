@@ -49,7 +49,8 @@ def photometry(g: Grammar) -> Written:
 
 
 def _ies(g: Grammar, of: Written, planes) -> Written:
-    first, early = g.pick(("IESNA:LM-63-2002", 0), ("IES:LM-63-2019", 0), ("IESNA91", 1), ("a label of 1986", 1))
+    late, before = ("IESNA:LM-63-2002", "IES:LM-63-2019"), ("IESNA91", "IESNA:LM-63-1995", "a label of 1986")
+    first, early = g.pick(*((line, 0) for line in late), *((line, 1) for line in before))
     scale, ballast, later, foot = g.pick(1.0, 2.5), g.pick(1.0, 0.8), g.pick(1.0, 0.5), g.chance(0.5)
     metres, comma = 0.3048 if foot else 1.0, g.chance(0.3)
     table = of.candela(np.asarray(planes), of.gammas) / (scale * ballast * (later if early else 1.0))
