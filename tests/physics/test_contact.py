@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 
 from gi_core.instruments.compile_ahead import TOUCHING, _tiny_scene
-from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Mobile, PointLight, Pose, Scene
+from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 from tests.support import control_scenes
-from tests.support.reference_twins import Twin
-from tests.support.scene_builders import box, grey, solve, sphere
+from tests.support.scene_builders import solve
 
 FURNACE = 2 * math.pi  # of Le = 1, rho = 0.5
-SEED = 3
 
 
 def solved(case: control_scenes.ControlScene, control: bool = True) -> Solver:
@@ -127,40 +124,6 @@ def test_contact_on_mobiles_needs_light_from_photons():
     solver.configure(light="photons")
     solver.solve()
     assert solver.frame.control_facts == by_photons
-
-
-def bowl() -> Scene:
-    """A box and a ball in a spherical room: concave discs reach beyond their hits, and mobiles enter them."""
-    room = sphere((0, 0, 0), 1.0, 2)
-    room = room._replace(faces=np.ascontiguousarray(room.faces[:, ::-1]))
-    mobiles = (
-        Mobile("box", box((-0.15, -0.15, -0.15), (0.15, 0.15, 0.15), 2, 0), Pose((0.0, 0.0, -0.8))),
-        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 0), Pose((0.75, 0.0, 0.0))),
-    )
-    lights = (PointLight("bulb", (0.0, 0.2, 0.3), (10.0, 5.0, 1.0)),)
-    return Scene(room, (grey(0.6, two_sided=True),), mobiles, lights, up=(0, 0, 1), name="bowl")
-
-
-def test_frames_in_contact_equal_the_naive_twin():
-    """In a bowl, at poses in contact with it, with each other, through its wall, and with nothing."""
-    scene = bowl()
-    twin = Twin(scene, 300, 0.3, 5, SEED)
-    solver = solve(scene, photons=300, radius=0.3, neighbours=5, seed=SEED)
-    tilted = axis_angle((1.0, 0.5, 0.0), 30.0)
-    stale, on_mobiles = [], []
-    for box_at, ball_at in (
-        ((0.0, 0.0, -0.8), (0.75, 0.0, 0.0)),
-        ((0.0, 0.0, -0.95), (0.0, 0.0, -0.65)),
-        ((0.5, 0.0, 0.0), (0.7, 0.1, 0.0)),
-        ((0.0, 0.1, 0.0), (-0.9, 0.3, 0.0)),
-        ((9.0, 9.0, 9.0), (-9.0, 0.0, 0.0)),
-    ):
-        solver.move_all({"box": Pose(box_at, tilted), "ball": Pose(ball_at)})
-        stale.append(solver.frame.control_facts.stale)
-        on_mobiles.append(solver.frame.control_facts.on_mobiles)
-        assert np.array_equal(solver.irradiance, solver.from_scratch())
-        np.testing.assert_array_equal(solver.irradiance, twin.irradiance("tangent_plane", solver.poses))
-    assert min(stale[:2]) > 5 and min(on_mobiles[:4]) > 5 and stale[4] == on_mobiles[4] == 0
 
 
 def test_warm_up_compiles_contact_kernels():

@@ -26,10 +26,9 @@ from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import CalculationSurface, Material, Mobile, PointLight, Pose, Probe, Scene
 from gi_core.solver import Solver
-from tests.physics.test_contact import bowl
 from tests.support.photometry import luminaire
 from tests.support.reference_twins import Twin
-from tests.support.scene_builders import box, complete, merge, quad, solve, sphere
+from tests.support.scene_builders import box, complete, grey, merge, quad, solve, sphere
 
 PHOTONS, RADIUS, NEIGHBOURS, SEED = 300, 0.2, 6, 11
 AWAY = Pose((50.0, 50.0, 50.0))
@@ -278,6 +277,18 @@ def test_old_picture_stays_until_the_new_one_is_ready():
     assert solver.frame.photons == PHOTONS
 
 
+def bowl() -> Scene:
+    """A box and a ball in a spherical room: concave discs reach beyond their hits, and mobiles enter them."""
+    room = sphere((0, 0, 0), 1.0, 2)
+    room = room._replace(faces=np.ascontiguousarray(room.faces[:, ::-1]))
+    mobiles = (
+        Mobile("box", box((-0.15, -0.15, -0.15), (0.15, 0.15, 0.15), 2, 0), Pose((0.0, 0.0, -0.8))),
+        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 0), Pose((0.75, 0.0, 0.0))),
+    )
+    lights = (PointLight("bulb", (0.0, 0.2, 0.3), (10.0, 5.0, 1.0)),)
+    return Scene(room, (grey(0.6, two_sided=True),), mobiles, lights, up=(0, 0, 1), name="bowl")
+
+
 TILTED = axis_angle((1.0, 0.5, 0.0), 30.0)
 PROBES = (
     Probe("floor", (0.62, 0.55, 0.0), (0.0, 0.0, 1.0)),  # beside the box, which enters its disc
@@ -285,7 +296,16 @@ PROBES = (
     Probe("wall", (0.0, 0.7, 0.4), (1.0, 0.0, 0.0)),
 )
 PROBED = replace(SCENE, probes=PROBES)
-MOVES = ({}, {"box": Pose((0.6, 0.42, 0.0)), "ball": Pose((0.5, 0.5, 0.12))}, {"ball": Pose((0.12, 0.7, 0.4), TILTED)})
+NEAR = {"box": Pose((0.6, 0.42, 0.0)), "ball": Pose((0.5, 0.5, 0.12))}
+IN_BOWL = (  # in contact with it, with each other, through its wall, and with nothing
+    ((0.0, 0.0, -0.8), (0.75, 0.0, 0.0)),
+    ((0.0, 0.0, -0.95), (0.0, 0.0, -0.65)),
+    ((0.5, 0.0, 0.0), (0.7, 0.1, 0.0)),
+    ((0.0, 0.1, 0.0), (-0.9, 0.3, 0.0)),
+    ((9.0, 9.0, 9.0), (-9.0, 0.0, 0.0)),
+)
+MOVES = {"room": [{}, NEAR, {"ball": Pose((0.12, 0.7, 0.4), TILTED)}]}
+MOVES["bowl"] = [{"box": Pose(a, TILTED), "ball": Pose(b)} for a, b in IN_BOWL]
 
 
 @cache
@@ -299,7 +319,7 @@ def expected(scene_name: str, radius: float, k: int) -> np.ndarray:
     """Return the twin's irradiance at the k-th poses, reached one after the other."""
     twin = twin_of(scene_name, radius)
     poses = twin.model.start_poses()
-    for moves in MOVES[: k + 1]:
+    for moves in MOVES[scene_name][: k + 1]:
         poses |= moves
     return twin.irradiance("tangent_plane", poses)
 
@@ -320,20 +340,20 @@ def test_frames_equal_the_naive_twin(search, scene_name, radius, small_shares):
     threads = 1 + list(SEARCHES).index(search) % 3
     solver = solver_of(scene_name, radius, search=search, threads=threads)
     contact = []
-    for k, poses in enumerate(MOVES):
+    for k, poses in enumerate(MOVES[scene_name]):
         solver.move_all(poses)
         contact.append(solver.frame.control_facts.stale + solver.frame.control_facts.on_mobiles)
         np.testing.assert_array_equal(solver.irradiance, expected(scene_name, radius, k))
         assert np.array_equal(solver.from_scratch(), solver.irradiance)
-        assert solver.frame.changes.photons_cut > 0
-    assert max(contact) > 5
+        assert solver.frame.changes.photons_cut > 0 or (scene_name, k) == ("bowl", 4)
+    assert sorted(contact)[-2] > 5
 
 
 @pytest.mark.parametrize("search", SEARCHES)
 def test_probes_read_the_same_by_every_search(search, small_shares):
     twin, E = twin_of("room", RADIUS), expected("room", RADIUS, 1)
     solver = solver_of("room", RADIUS, search=search)
-    solver.move_all(MOVES[1])
+    solver.move_all(MOVES["room"][1])
     read = solver.frame.probe_irradiance
     for k, probe in enumerate(PROBES):
         assert np.array_equal(read[probe.name], E[twin.model.first_probe + k])
