@@ -48,13 +48,15 @@ class Loader:
         return Opening(settings, load=lambda settings: replace(support.room(), files=((settings.scene,),)))
 
 
-def enter(hand, title: str, path) -> None:
-    """Write a path into the dialog and confirm it."""
+def enter(hand, title: str, path, stays: bool = False) -> None:
+    """Write a path into the dialog and confirm it; stays: the dialog refuses it or asks."""
     hand.wait(lambda: hand.viewer.files.dialog.is_open)
+    hand.ctx.yield_(3)
     hand.ctx.set_ref(f"//{title}###File")
     hand.ctx.item_input_value("##path", str(path))
-    hand.wait(lambda: not hand.viewer.files.dialog.is_open)
-    hand.ctx.yield_(3)
+    hand.ctx.yield_(5)
+    hand.wait(lambda: stays or not hand.viewer.files.dialog.is_open)
+    assert hand.viewer.files.dialog.is_open == stays
 
 
 @in_window()
@@ -70,18 +72,12 @@ def test_the_field_asks_before_it_replaces_a_file_and_ends_with_one_esc(hand, vi
     assert not viewer.files.dialog.is_open
     for path in (other, folder / "project"):  # the suffix is added
         hand.press(save)
-        hand.wait(lambda: viewer.files.dialog.is_open)
-        hand.ctx.set_ref("//Save the scene###File")
-        hand.ctx.item_input_value("##path", str(path))
-        hand.ctx.yield_(5)
-        assert viewer.files.dialog.is_open and other.read_text() == "[project]\n"
+        enter(hand, "Save the scene", path, stays=True)
+        assert other.read_text() == "[project]\n"
         hand.ctx.item_click("Cancel")
         hand.ctx.yield_(3)
     hand.press(save)
-    hand.wait(lambda: viewer.files.dialog.is_open)
-    hand.ctx.set_ref("//Save the scene###File")
-    hand.ctx.item_input_value("##path", str(other))
-    hand.ctx.yield_(5)
+    enter(hand, "Save the scene", other, stays=True)
     hand.ctx.item_click("OK")
     hand.wait(lambda: not viewer.files.dialog.is_open)
     assert Path(saved_scene.read(str(other)).scene).name == "room"
@@ -216,12 +212,8 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder, monkeypatch):
         assert viewer.session is now and viewer.reload.coming is None
         assert viewer.reload.problem == "bad.toml: [settings]: photons must be a whole number in 1 .. 134217728, got -3"
         hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
-        hand.wait(lambda: viewer.files.dialog.is_open)
-        hand.ctx.set_ref("//Save the scene###File")
-        hand.ctx.item_input_value("##path", "not/there/a.toml")
-        hand.ctx.yield_(5)
-        assert viewer.files.dialog.is_open, "with the reason, until the path is another"
-        assert viewer.files.dialog._problem == viewer.log.last.text
+        enter(hand, "Save the scene", "not/there/a.toml", stays=True)
+        assert viewer.files.dialog._problem == viewer.log.last.text, "with the reason, until the path is another"
         assert viewer.log.last.text == (
             "not saved: not/there/a.toml cannot be written (No such file or directory); name a file in another folder"
         )
@@ -258,12 +250,8 @@ def test_a_room_with_a_luminaire_from_another_folder_is_saved_and_opened_again(p
         hand.ctx.yield_(3)
         assert viewer.files.dialog._path == str(folder / "rooms/room-saved.toml")
         (folder / "out/taken.toml").mkdir()
-        hand.ctx.set_ref("//Save the scene###File")
-        hand.ctx.item_input_value("##path", str(folder / "out/taken.toml"))
-        hand.ctx.yield_(5)
-        assert viewer.files.dialog.is_open and viewer.files.dialog._path.endswith("/out/taken.toml/"), (
-            "a folder is listed"
-        )
+        enter(hand, "Save the scene", folder / "out/taken.toml", stays=True)
+        assert viewer.files.dialog._path.endswith("/out/taken.toml/"), "a folder is listed"
         hand.ctx.item_input_value("##path", str(folder / "out/kit.toml"))
         hand.wait(lambda: not viewer.files.dialog.is_open)
         said = [entry.text for entry in viewer.log.entries if entry.text.startswith("saved ")][-1]
@@ -277,11 +265,7 @@ def test_a_room_with_a_luminaire_from_another_folder_is_saved_and_opened_again(p
         (folder / "out/kit.toml").unlink()
         (folder / "out/kit.toml").mkdir()
         hand.press(int(K.mod_ctrl) | int(K.s))
-        hand.wait(lambda: viewer.files.dialog.is_open)
-        hand.ctx.yield_(3)
-        hand.ctx.set_ref("//Save the scene###File")
-        hand.ctx.item_input_value("##path", str(folder / "out/kit2.toml"))
-        hand.wait(lambda: not viewer.files.dialog.is_open)
+        enter(hand, "Save the scene", folder / "out/kit2.toml")
 
         for name in ("rooms", "downloads"):
             shutil.rmtree(folder / name)
