@@ -197,38 +197,36 @@ def test_exception_in_a_stage_is_logged_and_frames_continue(hand, viewer):
     assert viewer.clock.frames >= frames + 5
 
 
-def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
+FULL = "memory is full (Unable to allocate 9 GiB): take fewer photons, or simplify the scene"
+
+
+@in_window(problems=(f"refining: {FULL}", f"moving: {FULL}"))
+def test_full_memory_keeps_the_picture_and_the_program(hand, viewer, monkeypatch):
     """Allocations fail in the solver's thread: while more photons are stored, then in the frames of a drag."""
+    hand.wait(lambda: viewer.painter.is_done)  # drawn with all samples
+    session, picture = viewer.session, hand.pixels()
+    light, start, front = session.irradiance, session.poses["block"], hand.at(BLOCK_FRONT)
+    full = Mock(side_effect=MemoryError("Unable to allocate 9 GiB"))
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.wait(lambda: viewer.painter.is_done)  # drawn with all samples
-        session, picture = viewer.session, hand.pixels()
-        light, start, front = session.irradiance, session.poses["block"], hand.at(BLOCK_FRONT)
-        full = Mock(side_effect=MemoryError("Unable to allocate 9 GiB"))
+    def old_picture_stays(problems: int) -> None:
+        hand.wait(lambda: len(errors(viewer)) == problems)
+        hand.wait(lambda: viewer.painter.is_done)
+        assert session.irradiance is light and session.poses["block"] == start
+        assert np.array_equal(hand.pixels(), picture)
 
-        def old_picture_stays(problems: int) -> None:
-            hand.wait(lambda: len(errors(viewer)) == problems)
-            hand.wait(lambda: viewer.painter.is_done)
-            assert session.irradiance is light and session.poses["block"] == start
-            assert np.array_equal(hand.pixels(), picture)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(PathStore, "append", full)
-            session.want(replace(session.settings, photons=40_000))
-            old_picture_stays(1)
-        with monkeypatch.context() as patch:
-            patch.setattr(cuts, "follow", full)
-            hand.drag(front, (front[0] + 60, front[1]))
-            hand.move((5, 5))
-            old_picture_stays(2)
+    with monkeypatch.context() as patch:
+        patch.setattr(PathStore, "append", full)
+        session.want(replace(session.settings, photons=40_000))
+        old_picture_stays(1)
+    with monkeypatch.context() as patch:
+        patch.setattr(cuts, "follow", full)
         hand.drag(front, (front[0] + 60, front[1]))
-        hand.wait_for_light()
-        assert session.poses["block"] != start and session.light.snapshot.photons == 40_000
-        assert hand.light_is_that_from_scratch()
-
-    remedy = "memory is full (Unable to allocate 9 GiB): take fewer photons, or simplify the scene"
-    assert errors(play(script)) == [f"refining: {remedy}", f"moving: {remedy}"]
+        hand.move((5, 5))
+        old_picture_stays(2)
+    hand.drag(front, (front[0] + 60, front[1]))
+    hand.wait_for_light()
+    assert session.poses["block"] != start and session.light.snapshot.photons == 40_000
+    assert hand.light_is_that_from_scratch()
 
 
 def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):

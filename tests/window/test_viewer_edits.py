@@ -7,7 +7,6 @@ import pytest
 from imgui_bundle import imgui
 
 from app.cli import saved_scene
-from app.session.opening import Opening
 from app.settings import Settings
 from app.window import dialogs
 from app.window.actions.objects import SHAPES, insert, shape_of
@@ -467,55 +466,49 @@ def two_part_room():
     return replace(scene, mobiles=(block._replace(mesh=mesh),))
 
 
-def test_the_panel_edits_the_part_that_was_clicked(play, few_kernels, folder):
+@in_window(scene=two_part_room)
+def test_the_panel_edits_the_part_that_was_clicked(hand, viewer, few_kernels, folder):
     """A texture stays under gloss, and the other part as it is; a reflectance replaces the texture."""
 
-    def open_parts(settings: Settings, before=None) -> Opening:
-        return Opening(settings, load=lambda _: two_part_room(), before=before)
-
-    def textured(viewer) -> int:
+    def textured() -> int:
         (block,) = viewer.session.scene.mobiles
         return int((block.mesh.paint.face_texture >= 0).sum())
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.click((0.5, 0.415, 0.5))
-        shown = viewer.viewport
-        assert (shown.surface, shown.parts, shown.part, shown.finish.textured) == (
-            "block",
-            ("white", "red"),
-            "white",
-            False,
-        )
-        hand.click(BLOCK_FRONT)
-        whole = textured(viewer)
-        assert (shown.surface, shown.part, shown.finish.textured) == ("block", "red", True)
-        assert viewer.viewport.readout().endswith("block, red")
-        hand.panel("Objects", opened="Material")
-        change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
-        (edit,) = viewer.session.settings.edits
-        assert edit == Finish("block", (("metallic", 0.0), ("roughness", 0.3), ("ior", 1.5)), part="red")
-        assert textured(viewer) == whole and shown.finish.textured and shown.part == "red"
-        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##Roughness", 0.2))
-        (edit,) = viewer.session.settings.edits
-        assert dict(edit.material)["roughness"] == pytest.approx(0.2) and textured(viewer) == whole
-        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.25))
-        (edit,) = viewer.session.settings.edits
-        assert "reflectance" in dict(edit.material) and textured(viewer) == 0 and not shown.finish.textured
-        hand.ctx.combo_click("##Part/white")
-        hand.ctx.yield_(2)
-        assert shown.part == "white" and dict(shown.finish.values)["reflectance"] == pytest.approx((0.73,) * 3)
-        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.4))
-        white = Finish("block", (("reflectance", pytest.approx((0.4, 0.73, 0.73))),), part="white")
-        assert viewer.session.settings.edits == (edit, white)
-        saved_scene.write(folder / "saved.toml", viewer.session.settings)
-        assert saved_scene.read(str(folder / "saved.toml")).edits == viewer.session.settings.edits
-        for edits in (1, 1, 1, 0):
-            change(hand, viewer, lambda: viewer._do("undo"))
-            assert len(viewer.session.settings.edits) == edits
-        assert textured(viewer) == whole
-
-    assert errors(play(script, open_with=open_parts)) == []
+    hand.click((0.5, 0.415, 0.5))
+    shown = viewer.viewport
+    assert (shown.surface, shown.parts, shown.part, shown.finish.textured) == (
+        "block",
+        ("white", "red"),
+        "white",
+        False,
+    )
+    hand.click(BLOCK_FRONT)
+    whole = textured()
+    assert (shown.surface, shown.part, shown.finish.textured) == ("block", "red", True)
+    assert viewer.viewport.readout().endswith("block, red")
+    hand.panel("Objects", opened="Material")
+    change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
+    (edit,) = viewer.session.settings.edits
+    assert edit == Finish("block", (("metallic", 0.0), ("roughness", 0.3), ("ior", 1.5)), part="red")
+    assert textured() == whole and shown.finish.textured and shown.part == "red"
+    change(hand, viewer, lambda: hand.ctx.item_input_value("**/##Roughness", 0.2))
+    (edit,) = viewer.session.settings.edits
+    assert dict(edit.material)["roughness"] == pytest.approx(0.2) and textured() == whole
+    change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.25))
+    (edit,) = viewer.session.settings.edits
+    assert "reflectance" in dict(edit.material) and textured() == 0 and not shown.finish.textured
+    hand.ctx.combo_click("##Part/white")
+    hand.ctx.yield_(2)
+    assert shown.part == "white" and dict(shown.finish.values)["reflectance"] == pytest.approx((0.73,) * 3)
+    change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.4))
+    white = Finish("block", (("reflectance", pytest.approx((0.4, 0.73, 0.73))),), part="white")
+    assert viewer.session.settings.edits == (edit, white)
+    saved_scene.write(folder / "saved.toml", viewer.session.settings)
+    assert saved_scene.read(str(folder / "saved.toml")).edits == viewer.session.settings.edits
+    for edits in (1, 1, 1, 0):
+        change(hand, viewer, lambda: viewer._do("undo"))
+        assert len(viewer.session.settings.edits) == edits
+    assert textured() == whole
 
 
 def test_a_saved_scene_keeps_its_edits(folder):

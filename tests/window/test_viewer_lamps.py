@@ -194,31 +194,26 @@ def test_the_white_balance_stays_where_lamps_change(hand, viewer):
     assert red[1] < 0.9 * red[0] and blue[1] > 1.1 * blue[0]
 
 
-def test_the_wheel_over_a_lamp_scrolls_the_panel(play):
+STRING = tuple(PointLight(f"bulb {k}", (0.1 + 0.07 * k, 0.2, 0.8), (0.4,) * 3) for k in range(11))
+
+
+@in_window(scene=lambda: replace(support.room(), lights=STRING), light="photons", size=(720, 570))
+def test_the_wheel_over_a_lamp_scrolls_the_panel(hand, viewer):
     """The list scrolled within itself: at its ends the wheel did nothing, and of twelve lamps four were in view."""
-
-    def script(hand, viewer):
-        ctx = hand.ctx
-        hand.wait_for_light()
-        ctx.item_close("**/Objects")
-        ctx.item_close("**/Scene")
-        rows = [
-            ctx.item_info(f"**/{name}/##level").rect_full.min.y for name in viewer.session.model.emitters.lamps.names
-        ]
-        assert len(rows) == 12 and np.diff(rows).tolist() == [imgui.get_frame_height_with_spacing()] * 11
-        panel = ctx.get_window_by_ref("Panel")
+    ctx = hand.ctx
+    ctx.item_close("**/Objects")
+    ctx.item_close("**/Scene")
+    rows = [ctx.item_info(f"**/{name}/##level").rect_full.min.y for name in viewer.session.model.emitters.lamps.names]
+    assert len(rows) == 12 and np.diff(rows).tolist() == [imgui.get_frame_height_with_spacing()] * 11
+    panel = ctx.get_window_by_ref("Panel")
+    before = panel.scroll.y
+    ctx.mouse_move("**/bulb 3/##level")
+    for way in (-1, 1):
+        for _ in range(12):
+            ctx.mouse_wheel_y(way)
+            ctx.yield_()
+        assert panel.scroll.y == (panel.scroll_max.y if way < 0 else 0.0) != before
         before = panel.scroll.y
-        ctx.mouse_move("**/bulb 3/##level")
-        for way in (-1, 1):
-            for _ in range(12):
-                ctx.mouse_wheel_y(way)
-                ctx.yield_()
-            assert panel.scroll.y == (panel.scroll_max.y if way < 0 else 0.0) != before
-            before = panel.scroll.y
-
-    bulbs = tuple(PointLight(f"bulb {k}", (0.1 + 0.07 * k, 0.2, 0.8), (0.4,) * 3) for k in range(11))
-    settings = replace(support.SETTINGS, light="photons", size=(720, 570))
-    play(script, settings, support.opening(replace(support.room(), lights=bulbs)))
 
 
 @in_window(scene=two_lamps, light="photons")

@@ -203,41 +203,38 @@ def test_surfaces_that_shine_become_a_panel(hand, viewer):
     assert "the last lamp stays" in viewer.log.last.text and len(viewer.session.scene.lights) == 1
 
 
-def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(play, folder):
+@in_window(scene=lit_room, problems=None)
+def test_a_photometric_file_is_dropped_on_a_lamp_and_on_the_floor(hand, viewer, folder):
     gammas, planes = [0.0, 30.0, 60.0, 90.0], [0.0]
     file = write_ies(folder / "down.ies", gammas, planes, np.array([[900.0, 600.0, 100.0, 0.0]]))
+    hand.move(hand.at((0.8, 0.2, 0.8)))
+    assert tuple(imgui.get_mouse_pos()) == pytest.approx(hand.at((0.8, 0.2, 0.8)), abs=1)
+    change(hand, viewer, lambda: viewer.reload.dropped.append(str(file)))
+    bulb = viewer.session.scene.lights[0]
+    assert bulb.name == "bulb" and bulb.position == (0.8, 0.2, 0.8) and bulb.flux == (4.0, 4.0, 8.0)
+    assert bulb.gammas_degrees.tolist() == gammas and viewer.viewport.lamps.selected is None
+    hand.move(hand.at((0.2, 0.0, 0.8)))
+    change(hand, viewer, lambda: viewer.reload.dropped.append(str(file)))
+    down = viewer.session.scene.lights[-1]
+    assert down.name == "down" and down.position == pytest.approx((0.2, 0.99, 0.8), abs=0.02)
+    assert viewer.session.file_of(viewer.viewport.lamps.selected) == str(file) and max(down.flux) > 0
+    assert str(file) in viewer.files._watch._files, "a changed file is read again"
+    assert is_that_of_a_new_solver(viewer.session)
+    document, _ = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
+    assert 'file = "down.ies"' in document.read_text() and str(folder) not in document.read_text()
+    assert saved_scene.read("file.toml").edits[1] == Light("down", viewer.session.edits[1].light, str(file))
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        hand.move(hand.at((0.8, 0.2, 0.8)))
-        assert tuple(imgui.get_mouse_pos()) == pytest.approx(hand.at((0.8, 0.2, 0.8)), abs=1)
-        change(hand, viewer, lambda: viewer.reload.dropped.append(str(file)))
-        bulb = viewer.session.scene.lights[0]
-        assert bulb.name == "bulb" and bulb.position == (0.8, 0.2, 0.8) and bulb.flux == (4.0, 4.0, 8.0)
-        assert bulb.gammas_degrees.tolist() == gammas and viewer.viewport.lamps.selected is None
-        hand.move(hand.at((0.2, 0.0, 0.8)))
-        change(hand, viewer, lambda: viewer.reload.dropped.append(str(file)))
-        down = viewer.session.scene.lights[-1]
-        assert down.name == "down" and down.position == pytest.approx((0.2, 0.99, 0.8), abs=0.02)
-        assert viewer.session.file_of(viewer.viewport.lamps.selected) == str(file) and max(down.flux) > 0
-        assert str(file) in viewer.files._watch._files, "a changed file is read again"
-        assert is_that_of_a_new_solver(viewer.session)
-        document, _ = viewer.files.save(viewer.session, viewer.viewport, str(folder / "file.toml"))
-        assert 'file = "down.ies"' in document.read_text() and str(folder) not in document.read_text()
-        assert saved_scene.read("file.toml").edits[1] == Light("down", viewer.session.edits[1].light, str(file))
-
-        # A file that cannot be used leaves one sentence.
-        (folder / "bad.ies").write_text("no photometry")
-        actions.use_file(viewer, None, str(folder / "bad.ies"))
-        hand.wait(lambda: not viewer.session.is_editing)
-        assert "an IES file must have a line TILT" in viewer.log.last.text
-        asked: list = []
-        viewer.files.dialog.open = lambda *given: asked.append(given)
-        viewer._do(("add lamp", FILE))
-        viewer._do("lamp file")
-        assert [title for title, *_ in asked] == ["Choose a luminaire"] * 2
-
-    assert [e for e in errors(play(script, open_with=support.opening(lit_room()))) if "bad.ies" not in e] == []
+    # A file that cannot be used leaves one sentence.
+    (folder / "bad.ies").write_text("no photometry")
+    actions.use_file(viewer, None, str(folder / "bad.ies"))
+    hand.wait(lambda: not viewer.session.is_editing)
+    assert "an IES file must have a line TILT" in viewer.log.last.text
+    asked: list = []
+    viewer.files.dialog.open = lambda *given: asked.append(given)
+    viewer._do(("add lamp", FILE))
+    viewer._do("lamp file")
+    assert [title for title, *_ in asked] == ["Choose a luminaire"] * 2
+    assert all("bad.ies" in error for error in errors(viewer))
 
 
 @in_window(scene=lit_room)
@@ -299,25 +296,21 @@ def test_of_a_lamp_alone_that_is_removed_the_others_come_back(hand, viewer):
     assert viewer.session.light.snapshot.levels.max(axis=1).tolist() == [1.0, 1.0]
 
 
-def test_the_weaker_lamps_together_cannot_be_edited(play):
-    places = [(0.1 + 0.04 * k, 0.9, 0.5) for k in range(20)]
-    bulbs = tuple(PointLight(f"bulb {k}", place, (1.0 + k, 1.0, 1.0)) for k, place in enumerate(places))
+BULBS = tuple(PointLight(f"bulb {k}", (0.1 + 0.04 * k, 0.9, 0.5), (1.0 + k, 1.0, 1.0)) for k in range(20))
 
-    def script(hand, viewer):
-        hand.wait_for_light()
-        viewer._do(("select lamp", LightId(OTHERS)))
-        for action in ("remove lamp", "duplicate lamp", "replace lamp"):
-            hand.ctx.yield_(3)
-            viewer._do(action)
-            assert "select one by its mark" in viewer.log.last.text and viewer.session.edits == ()
-        viewer._do(("select lamp", LightId("bulb 0")))
+
+@in_window(scene=lambda: dataclasses.replace(support.room(), lights=BULBS))
+def test_the_weaker_lamps_together_cannot_be_edited(hand, viewer):
+    viewer._do(("select lamp", LightId(OTHERS)))
+    for action in ("remove lamp", "duplicate lamp", "replace lamp"):
         hand.ctx.yield_(3)
-        assert "bulb 0" not in viewer.session.model.emitters.lamps.names
-        viewer._do("remove lamp")
-        assert viewer.session.edits == (Darken("bulb 0"),)
-
-    scene = dataclasses.replace(support.room(), lights=bulbs)
-    assert errors(play(script, open_with=support.opening(scene))) == []
+        viewer._do(action)
+        assert "select one by its mark" in viewer.log.last.text and viewer.session.edits == ()
+    viewer._do(("select lamp", LightId("bulb 0")))
+    hand.ctx.yield_(3)
+    assert "bulb 0" not in viewer.session.model.emitters.lamps.names
+    viewer._do("remove lamp")
+    assert viewer.session.edits == (Darken("bulb 0"),)
 
 
 def test_levels_of_a_removed_lamp_are_no_mistake(folder):
