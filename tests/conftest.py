@@ -15,8 +15,7 @@ from gi_core.base.threads import split
 from gi_core.estimators import ESTIMATORS
 from gi_core.instruments import compile_ahead
 from gi_core.photons import pilot
-from tests.support.gl_fixtures import ctx, draw  # noqa: F401
-from tests.support.viewer_fixtures import few_kernels, folder, gl, play, rough_light  # noqa: F401
+from tests.support.viewer_fixtures import ctx, draw, few_kernels, folder, gl, play, rough_light  # noqa: F401
 
 settings.register_profile(
     "gi", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]

@@ -1,10 +1,11 @@
-"""Fixtures of the tests of the window."""
+"""Fixtures of the tests of the window, and of those that draw in a context without a window."""
 
 import pytest
 
 from gi_core.gather import static
 from gi_core.instruments import compile_ahead
 from tests.support import viewer_support as support
+from tests.support.gl_drawing import EYE, IDENTITY, SIZE
 from tests.support.viewer_hand import Hand
 
 
@@ -57,3 +58,35 @@ def play(gl, folder):
         return viewer
 
     return run
+
+
+@pytest.fixture(scope="module")
+def ctx():
+    context = support.standalone_context()
+    yield context
+    context.release()
+
+
+@pytest.fixture
+def draw(ctx):
+    """Return a function that draws objects and reads the picture back."""
+    from app.draw.renderer import Look, Renderer
+
+    made = []
+
+    def picture(objects, models=None, samples=1, camera=EYE, **look):
+        renderer = Renderer(ctx, samples)
+        made.append(renderer)
+        renderer.set_scene(tuple(mesh for mesh, _, _ in objects))
+        for o, (_, front, back) in enumerate(objects):
+            renderer.set_colours(o, front, back)
+        renderer.resize(*SIZE)
+        models = tuple(models or [IDENTITY] * len(objects))
+        aspect = SIZE[0] / SIZE[1]
+        renderer.draw(Look(camera.projection(aspect) @ camera.view(), models, **look))
+        return renderer.pixels().copy()
+
+    yield picture
+    assert ctx.error == "GL_NO_ERROR"
+    for renderer in made:
+        renderer.release()
