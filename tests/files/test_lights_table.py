@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.toml_fields import Table
-from gi_core.files.formats.toml_file import COSINE, GAMMAS, LIGHTS, PLANES, Luminaires, changed_light, read_light
+from gi_core.files.formats.toml_file import COSINE, GAMMAS, PLANES, Luminaires, changed_light, read_light
 from gi_core.lights.photometric import flux_of
 from gi_core.scene import PointLight, SkyLight, SpotLight
 from gi_core.scene.errors import SceneError
@@ -27,21 +27,6 @@ def test_a_panel_has_constant_luminance():
     cosine = np.cos(np.radians(between))
     assert np.abs(np.interp(between, GAMMAS, COSINE[0]) - cosine).max() < 4e-5
     assert flux_of(GAMMAS, PLANES, COSINE) == pytest.approx(np.pi, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("values", "rule"),
-    [
-        ({"size": [0.6]}, "size must be two numbers of metres > 0, or 0 and 0"),
-        ({"flux": [1, -2, 3]}, "flux must be three numbers >= 0"),
-        ({"file": "a.ies"}, "unknown key 'file'"),
-        ({"type": "lamp"}, f"type must be one of {', '.join(chr(34) + kind + chr(34) for kind in LIGHTS)}"),
-    ],
-)
-def test_mistakes(values, rule):
-    with pytest.raises(SceneError) as caught:
-        read(PANEL | values)
-    assert rule in str(caught.value)
 
 
 @pytest.mark.parametrize(
