@@ -219,7 +219,9 @@ def combined(
     G, deviation = (a[np.where(mobile, 0, rows)] for a in static)
     everywhere, squares = np.ones(len(rows), bool), (luminance(of_W) ** 2, luminance(of_D) ** 2 + deviation**2)
     v, u = (averaged(near, of, everywhere, threads) for of in squares)
-    share = np.where(mobile, 1.0, np.divide(u, v + u, out=np.ones_like(v), where=v + u > 0))[:, None]  # of W
+    share = np.divide(u, v + u, out=np.ones_like(v), where=v + u > 0)  # of W
+    share[~mean.any(axis=1)] = 0.0  # paths that met no light, with mobiles or without, tell no error either
+    share = np.where(mobile, 1.0, share)[:, None]
     E = share * W + (1 - share) * (G + mean[:, 3:])
     return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D, (1 - share[:, 0]) * deviation
 

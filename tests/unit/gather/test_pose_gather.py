@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gi_core.gather import pose_gather, static
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
+from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import Mobile, Pose, Scene
 from gi_core.solver import Solver
@@ -88,6 +89,17 @@ def test_denoising_gets_the_variance_of_paths_alone(monkeypatch):
     mobile, s = light.rows >= solver.surfaces.receiver_range(0).stop, light._rounds.state
     assert np.array_equal(errors[-1][mobile], s.standard_error[mobile, :3])
     assert (found[-1][2][~mobile] > 0).all() and (light.deviation >= found[-1][2]).all()
+
+
+def test_paths_that_meet_no_light_leave_static_light():
+    """Else their variance of 0 makes a black speck."""
+    near, static = neighbours(np.array([[0, 1, 2], [1, 2, 3]]), 4), (np.full((4, 3), 2.0), np.full(4, 0.1))
+    mean, error = np.full((4, 6), 1.0), np.full((4, 6), 0.5)
+    mean[0], error[:3] = 0.0, 0.0
+    light, _, kept = pose_gather.combined(mean, error, np.zeros(4, bool), np.arange(4), static, near, 1)
+    assert (light[0] == 2.0).all() and kept[0] == 0.1 and (light[1:] > 0).all()
+    light, *_ = pose_gather.combined(mean, error, np.ones(4, bool), np.arange(4), static, near, 1)
+    assert (light[0] == 0.0).all()  # on a mobile paths are all there is
 
 
 def test_no_vertex_at_the_foot_of_a_mobile_is_far_off():
