@@ -184,7 +184,12 @@ class Session(OpenScene):
     @property
     def in_motion(self) -> bool:
         """Whether objects are in motion, or their light is."""
-        return self.motion.is_active or self.light.is_moving or self.light.partial
+        return self.has_objects_moving or self.light.is_moving or self.light.partial
+
+    @property
+    def has_objects_moving(self) -> bool:
+        """Whether objects are in motion; one that a drag holds still is not."""
+        return self.motion.playing or (self.motion.dragging and self.has_moved)
 
     @property
     def has_moved(self) -> bool:

@@ -83,8 +83,7 @@ class Painter:
         holds: light stays as it was last drawn, if this scene has been drawn.
         """
         changed = self.uploaded != session.version and not (holds and self.uploaded)
-        moves = session.motion.playing or viewport.control.is_moving or (session.motion.dragging and session.has_moved)
-        busy = changed or session.refining or moves
+        busy = changed or session.refining or session.has_objects_moving or viewport.control.is_moving
         self._quiet = 0 if busy else self._quiet + 1
         if changed:
             self._upload(session, viewport)
