@@ -52,7 +52,7 @@ class LightBefore(NamedTuple):
     static: StaticPart
     unreached: np.ndarray  # (k,) int64 receivers that light cannot reach
     by_photons: dict[int, np.ndarray]  # number of photons -> their irradiance per lamp (n, 3 G) float32 [W/m2]
-    bounces: Bounces | None  # None: too few are known
+    bounces: Bounces | None  # None: none are kept
 
 
 def light_before(

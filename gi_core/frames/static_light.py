@@ -90,7 +90,7 @@ class StaticLight:
         self.best: Estimate | None = None
         self._model, self._seed, self.direct = model, seed, direct
         self._areas = model.object_receivers.areas[model.surfaces.receiver_range(0)]
-        self._before: LightBefore | None = None  # an edit
+        self._before: LightBefore | None = None  # the light before the last edit
         self._edited: EditedLight | None = None  # until gathered light has less error
         self._straight: tuple[Background, int, np.ndarray | None] | None = None  # of the photons of a background
         # Of the last background, per lamp or not, with the direct light in it.

@@ -277,7 +277,7 @@ class Radiosity:
 
     def end(self) -> None:
         """Forget most hits: no pair follows."""
-        self._hits, self.is_complete = self.bounces.hits, True
+        self._hits, self.is_complete = self._hits[:3], True  # those of `bounces`
 
     @property
     def bounces(self) -> Bounces:

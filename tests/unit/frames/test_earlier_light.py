@@ -15,6 +15,7 @@ from gi_core.geometry.error import relative_error
 from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_edits import room
+from tests.support.lit_from_outside import l_room
 from tests.support.scene_builders import box, merge, solve
 
 GIVEN = {"photons": 16_384, "radius": 0.12, "seed": 5, "light": "best"}
@@ -123,9 +124,32 @@ def test_kept_bounces_light_an_edited_scene_again(with_bounces, edits):
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
+def test_light_of_a_sunlit_patch_counts_once():
+    """Radiosity counts its bounce with direct light; kept bounces meet the patch themselves."""
+    scene = replace(l_room(), mobiles=(), lights=l_room().lights[:1])
+    results, totals = None, []
+    for of in (scene, edited(scene, (Finish("grey 0.8", (("reflectance", (0.4,) * 3),)),))):
+        solver = solve(of, photons=16_384, light="best", results=results)
+        totals += [] if results is None else [solver.frame_light.static._edited._relit.irradiance]
+        for _ in solver.gather_steps():
+            if (gathered := solver.frame_light.static.gathered)._radiosity.paths >= 112:
+                break
+        assert len(gathered._radiosity._on_faces.bright.face)
+        results = solver.keep_results()
+    kept, fresh = (solver.frame.background.weights @ E for E in (*totals, gathered._radiosity.mean))
+    assert kept == pytest.approx(fresh, rel=0.03)  # 1.36 times, counted twice
+
+
 def test_bounces_of_other_geometry_are_left(with_bounces):
     static = after(with_bounces, Freeze("ball", Pose((0.5, 0.5, 0.5)))).frame_light.static
     assert static._edited.paths == 0 and static._before.bounces.paths == 112
+
+
+def test_bounces_are_left_where_points_do_not_stand_for_a_new_lamp(with_bounces):
+    panel = {"type": "panel", "position": (0.5, 0.5, 0.97), "direction": (0, 0, -1), "flux": (1,) * 3}
+    for side, paths in ((0.5, 0), (0.0, 112)):
+        lamp = Light("new", tuple({**panel, "size": (side, side)}.items()))
+        assert after(with_bounces, lamp).frame_light.static._edited.paths == paths
 
 
 def test_a_walls_colour_changes_the_light_with_little_noise(before):

@@ -79,6 +79,10 @@ def test_errors_count_by_area_in_the_open_and_little_in_gaps():
     assert areas[below].sum() > 1.5 and share[0] < 0.2 * min(share[1:])
     assert max(share[1:]) < 2 * min(share[1:])
     assert not area_in_reach(Model(replace(scene, camera=None), 1), 1).any()
+    gather = StaticGather(model, 1)
+    gather._measure(np.ones((len(areas), 3)), 1.0)
+    of, times = gather._sample.rows, gather._sample.times
+    assert times[below[of]].sum() < 0.3 * areas[below].sum() / areas.sum() * times.sum()
 
 
 def test_darkness_counts_by_area():
