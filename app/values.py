@@ -206,7 +206,7 @@ def daylight(text: str) -> Daylight:
 
     def read(keys: dict) -> Daylight:
         _require(keys.keys() <= DAYLIGHT.keys(), f"keys of [daylight], {', '.join(DAYLIGHT)}", text)
-        Table(keys, "daylight", {key: DAYLIGHT[key] for key in keys}).fields()
+        Table(keys, "daylight", {key: DAYLIGHT[key] for key in keys}).fields({})
         return Daylight(tuple((key, tuple(v) if isinstance(v, list) else v) for key, v in keys.items()))
 
     return _keys(text, "[daylight]", "date = 2026-03-21, hour = 9", read)

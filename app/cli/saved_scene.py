@@ -105,16 +105,17 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     """Return the settings of the tables of a saved scene. Raises SceneError."""
     from gi_core.files.formats import toml_file
     from gi_core.files.formats.boundary import Boundary
-    from gi_core.files.formats.toml_fields import Table, of
+    from gi_core.files.formats.toml_fields import Table
+    from gi_core.scene.rules import NAME, TEXT, numbers
 
     file = Path(os.path.realpath(path))  # of a link: files are named relative to its target
     boundary = Boundary(file.parent, allow_outside)
-    root, pin = Table(tables, path, KEYS), toml_file.PROBE | {"object": of("text", default="")}
-    mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
+    root, pin = Table(tables, path, KEYS), toml_file.PROBE | {"object": TEXT}
+    mobiles = root.value("mobiles", toml_file.NAMES) if root.values.get("mobiles") else []
     table = root.section(TOGETHER, SAVED)
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
     places = root.section("poses")
-    poses = tuple((name, places.vector(name, 7)) for name in places.values)
+    poses = tuple((name, places.value(name, numbers(7))) for name in places.values)
     levels = root.section("lamps")
     lamps = tuple(toml_file.lamp_level(levels, name) for name in levels.values)
     scenes = tuple(toml_file.read_light_scenes(root))
@@ -126,8 +127,10 @@ def _settings_of(tables: dict[str, Any], path: str, allow_outside: bool) -> Sett
     )
     edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "scene edit")))
     entries = enumerate(root.tables("pins", "read-out"), 1)
-    pins = tuple(Pin(**Table(values, f"{path}: [[pins]] {k}", pin).fields()) for k, values in entries)
-    scene, *more = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
+    pins = tuple(
+        Pin(**Table(values, f"{path}: [[pins]] {k}", pin).fields(Pin._field_defaults)) for k, values in entries
+    )
+    scene, *more = (_found(name, file, boundary, path) for name in (root.value("scene", NAME), *mobiles))
     return Settings(
         document=path,
         scene=scene,
@@ -262,25 +265,26 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
     """Return the edit of a table of a saved scene. Raises SceneError."""
     from gi_core.files.edits import KINDS, Insert
     from gi_core.files.formats.toml_fields import Table
+    from gi_core.scene.rules import NAME, PLACE, TABLE, numbers, whole, word
 
     of = f"{where}: edit {number + 1}"
-    kind = KINDS[Table({"kind": values.get("kind")}, of, None).text("kind", choices=tuple(KINDS))]
+    kind = KINDS[Table(values, of, None).value("kind", word(tuple(KINDS)))]
     table, fields = Table(values, of, ("kind", *kind._fields)), {}
     if kind is Insert and ("file" in table) == ("shape" in table):
         raise SceneError(f'{of}: an object has a file or a shape; write one of them, such as file = "chair.glb"')
     for field in (name for name in kind._fields if name in table or name not in kind._field_defaults):
         if field == "point":
-            fields[field] = table.vector(field)
+            fields[field] = table.value(field, PLACE)
         elif field == "pose":
-            fields[field] = Pose((v := table.vector(field, 7))[:3], v[3:])
+            fields[field] = Pose((v := table.value(field, numbers(7)))[:3], v[3:])
         elif field in VALUES:
-            fields[field] = _frozen(table.table(field))
+            fields[field] = _frozen(table.value(field, TABLE))
         elif field == "number":
-            fields[field] = table.count(field)
+            fields[field] = table.value(field, whole(1, 1000))
         elif field == "file":
-            fields[field] = _found(table.text(field), file, boundary, of)
+            fields[field] = _found(table.value(field, NAME), file, boundary, of)
         else:
-            fields[field] = table.text(field)
+            fields[field] = table.value(field, NAME)
     return kind(**fields)
 
 

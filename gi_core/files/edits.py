@@ -22,14 +22,13 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import FINISH, checked
 from gi_core.files.formats.shapes import read_shape
 from gi_core.files.formats.toml_fields import Table, as_table
-from gi_core.files.formats.toml_file import DAYLIGHT, Luminaires, changed_light, read_light
+from gi_core.files.formats.toml_file import DAYLIGHT, Luminaires, changed_light, read_daylight, read_light
 from gi_core.files.load import inserted
 from gi_core.geometry.mesh_parts import join, part_of
 from gi_core.lights.daylight import SKY, SUN, daylit
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
-from gi_core.scene.types import Daylight as DaylightRecord
 from gi_core.scene.types import LightScene, Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_lamp, check_scene, lamps_of
 
@@ -359,7 +358,7 @@ def _daylit(scene: Scene, values: Values) -> Scene:
     own = {} if scene.daylight is None else scene.daylight._asdict()
     own = {key: value for key, value in own.items() if value is not None}
     table = Table(as_table(tuple({**own, **dict(values)}.items())), f"{scene.name}: [daylight]", DAYLIGHT)
-    return daylit(scene, DaylightRecord(**table.fields()), scene.name)
+    return daylit(scene, read_daylight(table), scene.name)
 
 
 def _darkened(scene: Scene, name: str, number: int | None) -> Scene:

@@ -58,6 +58,27 @@ def vector(text: str, holds: Callable[[Any], bool], n: int = 3) -> Rule:
     return Rule(text, holds, lambda values: values if values is None else tuple(map(float, values)), str([1] * n))
 
 
+def number(text: str, low: float = -BIGGEST, high: float = BIGGEST) -> Rule:
+    """Return the rule of a number from `low` to `high`."""
+    return Rule(f"a number {text}", lambda value: is_number(value, low, high), float)
+
+
+def numbers(n: int) -> Rule:
+    """Return the rule of n finite numbers."""
+    return vector(f"{n} finite numbers", lambda values: is_array(values, (n,)), n)
+
+
+def rows(n: int, of: int) -> Rule:
+    """Return the rule of a list of n lists of finite numbers, each of a length."""
+    return Rule(f"a list of {n} lists of {of} finite numbers", lambda values: is_array(values, (n, of)))
+
+
+def word(values: tuple[str, ...]) -> Rule:
+    """Return the rule of a word out of several."""
+    listed = ", ".join(f'"{value}"' for value in values)
+    return Rule(f"one of {listed}", lambda value: isinstance(value, str) and value in values, example=f'"{values[0]}"')
+
+
 def whole(low: int, high: int) -> Rule:
     """Return the rule of a whole number from `low` to `high`."""
     text = f"a whole number from {low} to {high}"
@@ -73,6 +94,8 @@ def one_of(values: Iterable[str | int]) -> Rule:
 
 
 TEXT = Rule("a text", lambda value: isinstance(value, str))
+NAME = Rule("a text in quotes, not empty", lambda value: isinstance(value, str) and value != "", example='"..."')
+TABLE = Rule("a table", lambda value: isinstance(value, dict), example="{ ... }")
 FLAG = Rule("true or false", lambda value: isinstance(value, bool | np.bool_), bool)
 FILE = Rule("the name of a file", lambda value: isinstance(value, str | PathLike))
 NUMBER = Rule("a finite number", is_number, float)
@@ -80,7 +103,8 @@ LENGTH = Rule(f"a finite number > 0, from {TINIEST:g} to {BIGGEST:g}", lambda va
 PLACE = vector(f"three finite numbers of at most {BIGGEST:g}", lambda value: is_array(value, (3,)))
 DIRECTION = vector(f"three numbers that are not all 0, the largest {TINIEST:g} to {BIGGEST:g}", is_direction)
 STRENGTH = vector(f"three numbers >= 0 and <= {BIGGEST:g}", lambda value: is_array(value, (3,), 0))
-INDEX = Rule(f"a number from 1 to {MOST_IOR:g}", lambda value: is_number(value, 1, MOST_IOR), float)
-SHARE = Rule("a number from 0 to 1", lambda value: is_number(value, 0, 1), float)
+INDEX = number(f"from 1 to {MOST_IOR:g}", 1, MOST_IOR)
+LEVEL = number(">= 0", 0)
+SHARE = number("from 0 to 1", 0, 1)
 SHARES = vector("three numbers from 0 to 1", lambda value: is_array(value, (3,), 0, 1))
 REFLECTANCE = vector("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))

@@ -17,6 +17,7 @@ from gi_core.scene.rules import (
     FLAG,
     INDEX,
     LENGTH,
+    LEVEL,
     NUMBER,
     PLACE,
     REFLECTANCE,
@@ -28,7 +29,7 @@ from gi_core.scene.rules import (
     Rule,
     is_array,
     is_direction,
-    is_number,
+    number,
     one_of,
     vector,
 )
@@ -64,9 +65,8 @@ def is_brdf(value) -> bool:
 
 UNIT = 1.001  # of a component of a unit vector, with rounding
 EXTENTS = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
-LEVEL = Rule("a number >= 0", lambda value: is_number(value, 0), float)
-DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
-OPENING = Rule("a number of degrees > 0 and <= 90", lambda value: is_number(value, TINIEST, 90), float)
+DEGREES = number("of degrees from 0 to 90", 0, 90)
+OPENING = number("of degrees > 0 and <= 90", TINIEST, 90)
 CLOSEST = 1e-3  # degrees between angles of a table
 GAMMAS = Rule("two or more degrees that increase, from 0 to 180", lambda values: _increase(values, 180))
 PLANES = Rule(

@@ -37,11 +37,11 @@ def outcome(load) -> str:
         (LAMP, LAMP.replace("[1, 1, 1]", "[1e308, 1, 1]"), 'light "s": intensity must be three numbers'),
         (LAMP, LAMP.replace("30", "nan"), 'light "s": inner_degrees must be'),
         (PLACED, "position = [1e300, 0, 0]\n", 'mobile "cube": position must be three finite numbers'),
-        (PLACED, "scale = 1e-310\n", 'mobile "cube": a mobile must be 1e-06 to 1e+09 m large, got 2e-311'),
+        (PLACED, "scale = 1e-310\n", 'mobile "cube": scale must be a finite number > 0, from 1e-15'),
         (PLACED, "scale = 1e14\n", 'mobile "cube": a mobile must be 1e-06 to 1e+09 m large, got 2e+13'),
-        (PLACED, PLACED + "max_edge = 5e-324\n", 'mobile "cube": max_edge 4.94066e-324 makes more than'),
+        (PLACED, PLACED + "max_edge = 5e-324\n", 'mobile "cube": max_edge must be a finite number > 0, from 1e-15'),
         (LAMP, LAMP.replace("[0.5, 0.9, 0.5]", "[1e7, 0.9, 0.5]"), "reach over 1e+07 m, more than 1000 times"),
-        ('title = "test"', "[defaults]\nphotons = 1000000000000", "defaults: photons must be a whole number from 0 to"),
+        ('title = "test"', "[defaults]\nphotons = 1000000000000", "photons must be a whole number from 1 to"),
     ],
 )  # fmt: skip
 def test_odd_numbers_of_scene_files(tmp_path, old, new, message):

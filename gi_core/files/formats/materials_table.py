@@ -12,8 +12,7 @@ from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.toml_fields import Table, nearest, shown
 from gi_core.geometry.mesh_parts import with_colours
 from gi_core.scene.errors import SceneError
-from gi_core.scene.pose import three
-from gi_core.scene.rules import INDEX, SHARE, SHARES
+from gi_core.scene.rules import DIRECTION, FLAG, INDEX, REFLECTANCE, SHARE, SHARES, STRENGTH
 from gi_core.scene.types import Material, Mesh, Pane
 
 FINISH = "reflectance", "metallic", "roughness", "ior", "brdf", "scale", "grain"
@@ -47,10 +46,7 @@ def checked(values: Mapping[str, Any], where: str, keys: tuple[str, ...]) -> Tab
         if key in OF_MODELS and key not in keys + more:
             raise SceneError(f"{where}: {_misplaced(key, brdf)}")
     table = Table(values, where, keys + more)
-    table.vector("reflectance", 3, None, least=0, below=1)
-    table.vector("emission", 3, None, least=0)
-    table.flag("two_sided", False)
-    finished(table, Material(""))
+    overridden(Material(""), table)
     return table
 
 
@@ -68,16 +64,16 @@ def overridden(material: Material, table: Table | None) -> Material:
     if table is None:
         return material
     material = material._replace(
-        reflectance=table.vector("reflectance", 3, material.reflectance),
-        emission=table.vector("emission", 3, material.emission),
-        two_sided=table.flag("two_sided", material.two_sided),
+        reflectance=table.value("reflectance", REFLECTANCE, material.reflectance),
+        emission=table.value("emission", STRENGTH, material.emission),
+        two_sided=table.value("two_sided", FLAG, material.two_sided),
     )
     return finished(table, material)
 
 
 def finished(table: Table, material: Material) -> Material:
     """Return the material with the pane, or the gloss or model of reflection, that its table gives."""
-    if table.flag("pane", False):
+    if table.value("pane", FLAG, False):
         return pane_of(table, material)
     if material.pane and ("pane" in table or any(key in table for key in FINISH)):
         material = material._replace(pane=None)
@@ -119,8 +115,8 @@ def brdf_of(table: Table, material: Material) -> Material:
         if key in table:
             raise SceneError(f"{table.where}: {key} and brdf exclude each other; write the parameters of the model")
     lobes = _lobes(table)
-    scaled, grain = table.flag("scale", False), table.direction("grain", material.grain)
-    return material._replace(brdf=lobes, scaled=scaled, grain=three(grain), gloss=None, varied=None)
+    scaled, grain = table.value("scale", FLAG, False), table.value("grain", DIRECTION, material.grain)
+    return material._replace(brdf=lobes, scaled=scaled, grain=grain, gloss=None, varied=None)
 
 
 def _lobes(table: Table) -> tuple[Lobe, ...]:

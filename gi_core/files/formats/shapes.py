@@ -13,10 +13,11 @@ import numpy as np
 
 from gi_core.base.vectors import cross, length
 from gi_core.files.formats.file_parts import clipped
-from gi_core.files.formats.toml_fields import Schema, Table, nearest, of
+from gi_core.files.formats.toml_fields import Schema, Table, nearest
 from gi_core.geometry.mesh_parts import compact, join
 from gi_core.scene.errors import SceneError, named
 from gi_core.scene.pose import to_world, to_world_directions
+from gi_core.scene.rules import LENGTH, LEVEL, NAME, TINIEST, Rule, is_array, numbers, vector, word
 from gi_core.scene.types import Material, Mesh, Pose
 
 ROUND = 32  # edges round a circle at least: its area is 0.6 % too small
@@ -260,23 +261,26 @@ def _extrusion(step: float, outline: np.ndarray, height: float) -> list[Part]:
 
 # Tables ---------------------------------------------------------------------------------------------
 
-SIZE, LENGTH = of("vector", above=0), of("number", above=0)
+SIZE, AREA = (vector(f"{n} numbers > 0", lambda v, n=n: is_array(v, (n,), TINIEST), n) for n in (3, 2))
+OUTLINE = Rule(
+    "a list of three or more pairs of numbers",
+    lambda values: is_array(values, (None, 2)) and len(values) > 2,
+    example="[[0, 0], [1, 0], [0, 1]]",
+)
 SHAPES: dict[str, tuple[Callable[..., list[Part]], Schema]] = {  # by type: generator and keys
-    "room": (_room, {"size": SIZE, "thickness": of("number", default=0.0, least=0)}),
+    "room": (_room, {"size": SIZE, "thickness": LEVEL}),
     "box": (_box, {"size": SIZE}),
     "sphere": (_sphere, {"radius": LENGTH}),
     "cylinder": (_cylinder, {"radius": LENGTH, "height": LENGTH}),
-    "cone": (_cone, {"radius": LENGTH, "height": LENGTH, "top": of("number", default=0.0, least=0)}),
-    "plane": (_plane, {"size": of("vector", n=2, above=0)}),
+    "cone": (_cone, {"radius": LENGTH, "height": LENGTH, "top": LEVEL}),
+    "plane": (_plane, {"size": AREA}),
     "arch": (_arch, {"size": SIZE, "thickness": LENGTH}),
-    "extrusion": (_extrusion, {"outline": of("vectors", n=2), "height": LENGTH}),
+    "extrusion": (_extrusion, {"outline": OUTLINE, "height": LENGTH}),
 }
 OF_ROOM = ("openings", "materials")
-NAME = of("text", default=None)
-COMMON = {"name": NAME, "material": NAME, "max_edge": of("number", default=None, above=0)}
-OPENING = {
-    "wall": of("text", choices=SIDES), "position": of("vector", n=2), "size": of("vector", n=2, above=0),
-}  # fmt: skip
+COMMON = {"name": NAME, "material": NAME, "max_edge": LENGTH}
+LEFT_OUT = {**dict.fromkeys((*COMMON, *SIDES)), "thickness": 0.0, "top": 0.0}  # values of keys that may be missing
+OPENING = {"wall": word(SIDES), "position": numbers(2), "size": AREA}
 
 
 def read_shape(values: dict, where: str, number: int, up: int, more: Sequence[str] = ()) -> Shape:
@@ -284,16 +288,16 @@ def read_shape(values: dict, where: str, number: int, up: int, more: Sequence[st
 
     up: 0, 1, 2, axis of coordinates that it stands along; more: keys that are not the shape's.
     """
-    kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(SHAPES))
+    kind = Table(values, where, None).value("type", word(tuple(SHAPES)))
     keys = SHAPES[kind][1]
     own = OF_ROOM if kind == "room" else ()
     t = Table(values, where, COMMON | keys, ("type", *own, *more))
-    fields = t.fields()
+    fields = t.fields(LEFT_OUT)
     name, material, max_edge = (fields.pop(key) for key in COMMON)
     if kind == "room":
         entries = enumerate(t.tables("openings", "wall opening"), 1)
-        fields["openings"] = [Table(v, f"{where}: opening {k}", OPENING).fields() for k, v in entries]
-        fields["materials"] = t.section("materials", dict.fromkeys(SIDES, NAME)).fields()
+        fields["openings"] = [Table(v, f"{where}: opening {k}", OPENING).fields({}) for k, v in entries]
+        fields["materials"] = t.section("materials", dict.fromkeys(SIDES, NAME)).fields(LEFT_OUT)
     return Shape(name or f"{kind} {number}", where, kind, fields, up, material, max_edge)
 
 

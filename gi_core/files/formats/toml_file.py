@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,16 +13,36 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import read_materials
 from gi_core.files.formats.photometry_file import PhotometryFile, read_photometry
 from gi_core.files.formats.shapes import Shape, read_shape
-from gi_core.files.formats.toml_fields import REQUIRED, Table, of, read_toml, shown
+from gi_core.files.formats.toml_fields import REQUIRED, Table, read_toml, shown
 from gi_core.scene.errors import SceneError, utf8
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
-from gi_core.scene.rules import is_number
+from gi_core.scene.rules import (
+    DIRECTION,
+    FLAG,
+    LENGTH,
+    LEVEL,
+    NAME,
+    NUMBER,
+    PLACE,
+    STRENGTH,
+    TEXT,
+    TINIEST,
+    Rule,
+    is_array,
+    is_number,
+    number,
+    numbers,
+    rows,
+    vector,
+    whole,
+    word,
+)
 from gi_core.scene.types import (
-    CLEAR_SKY,
     MOST_GRID_POINTS,
     OVERCAST_SKY,
     QUANTITIES,
@@ -44,7 +65,6 @@ from gi_core.scene.types import (
 )
 from gi_core.scene.validate import FIELDS, check_fields
 
-PLACE = of("vector")
 LIGHTS: dict[str, type[Light]] = {  # by type
     "point": PointLight, "spot": SpotLight, "panel": PhotometricLight, "photometric": PhotometricLight,
     "directional": DirectionalLight, "sky": SkyLight,
@@ -76,11 +96,11 @@ class Luminaires:
 
 def read_light(values: dict, where: str, default_name: str, luminaires: Luminaires) -> Light:
     """Return the light of a table [[light]]. Raises SceneError."""
-    kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
+    kind = Table(values, where, None).value("type", word(tuple(LIGHTS)))
     record, of_file = LIGHTS[kind], ("file",) if kind == "photometric" else ()
     keys = keys_of(record)
     t = Table(values, where, keys, ("type", "name", *of_file))
-    name = t.text("name", default_name)
+    name = t.value("name", NAME, default_name)
     rest = _of_file(t, luminaires) if of_file else LEFT_OUT.get(kind, record._field_defaults)
     fields = rest | {key: t.value(key, FIELDS[record][key], rest.get(key, REQUIRED)) for key in keys}
     if "c0" in fields:
@@ -103,16 +123,17 @@ def changed_light(light: Light, table: Table) -> Light:
 
 def _of_file(t: Table, luminaires: Luminaires) -> dict[str, Any]:
     """Return the fields that the photometric file of a light gives. Its table may have another flux and size."""
-    file, flux = luminaires.read(t.text("file"), t.where), None
+    name, flux = t.value("file", NAME), None
+    file = luminaires.read(name, t.where)
     if "flux" not in t and luminaires.photometric:
-        direction = np.array(t.direction("direction"))
+        direction = np.array(t.value("direction", DIRECTION))
         axis = direction / np.sqrt((direction * direction).sum())
         tilt = math.degrees(math.acos(min(max(-float((axis * luminaires.up).sum()), -1.0), 1.0)))
         flux = (file.flux * (file.tilt.factor(tilt) if file.tilt else 1.0),) * 3
     elif "flux" not in t:
         raise SceneError(
             f"{t.where}: flux is missing; write flux = [r, g, b] in watts, or units = "
-            f'"photometric" at the top of the file for the {file.flux:.0f} lm of {t.text("file")}'
+            f'"photometric" at the top of the file for the {file.flux:.0f} lm of {name}'
         )
     return {
         "c0": None, "gammas_degrees": file.gammas, "planes_degrees": file.planes, "intensity": file.intensity,
@@ -128,39 +149,62 @@ def c0_of(direction: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-LENGTH, SCALE, NAME = of("number", default=None, above=0), of("number", default=1.0, above=0), of("text")
 ROOT = (
     "title", "up", "units", "static", "shape", "mobile", "light", "materials", "camera", "probe", "defaults",
     "light_scenes", "daylight", "surface", "watts", "maintenance_factor", "hold",
 )  # fmt: skip
-STATIC = {"mesh": of("texts"), "scale": SCALE, "max_edge": LENGTH}
-MOBILE = {
-    "name": NAME, "mesh": NAME, "scale": SCALE, "max_edge": LENGTH, "material": of("text", default=None),
-    "position": of("vector", default=None),
-}  # fmt: skip
+NAMES = Rule(
+    "a text in quotes, not empty, or a list of them",
+    lambda value: NAME.holds(value) or (isinstance(value, list) and value != [] and all(map(NAME.holds, value))),
+    lambda value: [value] if isinstance(value, str) else value,
+    NAME.example,
+)
+STATIC = {"mesh": NAMES, "scale": LENGTH, "max_edge": LENGTH}
+MOBILE = {"name": NAME, "mesh": NAME, "scale": LENGTH, "max_edge": LENGTH, "material": NAME, "position": PLACE}
+LEFT_OUT_OF_MESH = {"scale": 1.0, "max_edge": None, "material": None, "position": None}
 ROTATION = ("rotation", "axis", "angle", "path")  # keys of a mobile, besides
-PLACED = {"mobile": of("flag", default=False), "position": of("vector", default=None)}  # keys of a shape, besides
+PLACED = {"mobile": FLAG, "position": PLACE}  # keys of a shape, besides
 PATH = ("times", "positions", "rotations", "spin", "spin_axis")
-PROBE = {"name": NAME, "position": PLACE, "normal": of("direction")}
+TIMES = Rule("a list of finite numbers", lambda values: is_array(values, (None,)) and len(values) > 0, example="[0, 1]")
+PROBE = {"name": NAME, **FIELDS[Probe]}
+POINTS = Rule(
+    f"2 whole numbers from 1 to {MOST_GRID_POINTS}",
+    lambda values: is_array(values, (2,), 1, MOST_GRID_POINTS) and all(v == int(v) for v in values),
+    lambda values: tuple(map(int, values)),
+)
 SURFACE = {
-    "name": NAME, "on": of("text", default=""), "position": of("vector", n=2, default=None),
-    "size": of("vector", n=2, default=None, above=0), "height": of("number", default=None),
-    "tilt": of("number", default=0.0, least=0, below=math.nextafter(180, 181)), "turn": of("number", default=0.0),
-    "margin": of("number", default=None, least=0),
-    "points": of("counts", n=2, most=MOST_GRID_POINTS), "targets": of("numbers_by", keys=TARGETS),
-    "quantity": of("text", default="illuminance", choices=QUANTITIES), "views": of("count", default=1, most=36),
+    "name": NAME, "on": TEXT, "position": numbers(2), "height": NUMBER, "tilt": number("from 0 to 180", 0, 180),
+    "size": vector("2 numbers > 0", lambda values: is_array(values, (2,), TINIEST), 2), "turn": NUMBER,
+    "margin": LEVEL, "points": POINTS, "quantity": word(QUANTITIES), "views": whole(1, 36),
 }  # fmt: skip
-CAMERA = {"position": PLACE, "target": PLACE, "fov": of("number", default=45.0, above=0, below=180)}
+CAMERA = {
+    "position": PLACE, "target": PLACE, "fov": number("> 0 and < 180", TINIEST, math.nextafter(180, 0)),
+}  # fmt: skip
+
+
+def _is_date(value) -> bool:
+    try:
+        return 1901 <= datetime.date.fromisoformat(str(value)).year <= 2099
+    except ValueError:
+        return False
+
+
 DAYLIGHT = {
-    "place": of("place"), "date": of("date"), "hour": of("number", least=0, below=24),
-    "utc_offset": of("number", least=-12, below=math.nextafter(15, 16)),
-    "turbidity": of("number", default=3.0, least=1, below=math.nextafter(10, 11)),
-    "north": of("direction", default=None), "sky": of("count", default=CLEAR_SKY, most=OVERCAST_SKY),
+    "place": Rule(
+        "latitude from -90 to 90 and longitude from -180 to 180, north and east positive",
+        lambda value: is_array(value, (2,)) and abs(value[0]) <= 90 and abs(value[1]) <= 180,
+        lambda value: tuple(map(float, value)), "[40.4, -3.7]",
+    ),
+    "date": Rule("a day from 1901 to 2099 such as 2026-03-21", _is_date, str, "2026-03-21"),
+    "hour": number(">= 0 and < 24", 0, math.nextafter(24, 0)), "utc_offset": number("from -12 to 15", -12, 15),
+    "turbidity": number("from 1 to 10", 1, 10), "north": DIRECTION, "sky": whole(1, OVERCAST_SKY),
 }  # fmt: skip
 DEFAULTS = {
-    "photons": of("count"), "radius": LENGTH, "neighbours": of("count"), "estimator": of("text", default=None),
-    "exposure": of("number", default=None, above=-65, below=65), "scene_size": LENGTH,
-}  # fmt: skip
+    **FIELDS[Defaults],
+    "photons": whole(1, MAX_PHOTONS),
+    "neighbours": whole(1, 100_000),
+    "estimator": NAME,
+}
 Z_UP = (".ply", ".stl")  # mesh formats that are z up
 
 
@@ -217,8 +261,8 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     of_static = [t for t in tables[3] if t.get("mobile") is not True]
     if "static" not in root and not of_static:
         raise SceneError(f'{where}: [static] is missing; write [static] and below it mesh = "room.glb"')
-    keys = STATIC | {"mesh": of("texts", default=[])} if of_static else STATIC
-    meshes, *split = root.section("static", keys).fields().values()
+    left_out = LEFT_OUT_OF_MESH | ({"mesh": []} if of_static else {})
+    meshes, *split = root.section("static", STATIC).fields(left_out).values()
     paths = [path.parent / mesh for mesh in meshes]
     convention = UP["z" if paths and paths[0].suffix.lower() in Z_UP else "y"]
     axis = int(np.argmax(np.abs(up or convention)))
@@ -226,7 +270,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     entry = StaticEntry(paths, *split, [shape for shape in shapes if isinstance(shape, Shape)])
     mobiles = [_mobile(path.parent, t, i, where, up, boundary) for i, t in enumerate(tables[0])]
     mobiles += [shape for shape in shapes if isinstance(shape, MobileEntry)]
-    units = root.text("units", "radiometric", ("radiometric", "photometric"))
+    units = root.value("units", word(("radiometric", "photometric")), "radiometric")
     luminaires = Luminaires(path.parent, boundary, units, up or convention)
     lights = [
         read_light(t, _entry(where, "light", t, i), f"light {i + 1}", luminaires) for i, t in enumerate(tables[1])
@@ -235,7 +279,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
         _check_names(what, [n.name for n in named], where)
     return SceneFile(
-        root.text("title", utf8(path.stem)),
+        root.value("title", NAME, utf8(path.stem)),
         up,
         units,
         entry,
@@ -244,21 +288,21 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
         read_materials(root),
         read_camera(root.section("camera", CAMERA)) if "camera" in root else None,
         probes,
-        Defaults(**root.section("defaults", DEFAULTS).fields()),
+        Defaults(**root.section("defaults", DEFAULTS).fields(Defaults._field_defaults)),
         read_light_scenes(root),
         luminaires.files,
-        Daylight(**root.section("daylight", DAYLIGHT).fields()) if "daylight" in root else None,
+        read_daylight(root.section("daylight", DAYLIGHT)) if "daylight" in root else None,
         read_surfaces(root),
         read_watts(root),
-        root.number("maintenance_factor", 1.0, above=0, below=math.nextafter(1, 2)),
-        root.flag("hold", False),
+        root.value("maintenance_factor", number("> 0 and <= 1", TINIEST, 1), 1.0),
+        root.value("hold", FLAG, False),
     )
 
 
 def read_watts(root: Table) -> tuple[tuple[str, float], ...]:
     """Return the table [watts]: power by lamp. Raises SceneError."""
     table = root.section("watts")
-    return tuple((name, table.number(name, least=0)) for name in table.values)
+    return tuple((name, table.value(name, LEVEL)) for name in table.values)
 
 
 def read_surfaces(root: Table) -> tuple[CalculationSurface, ...]:
@@ -271,12 +315,19 @@ def read_surfaces(root: Table) -> tuple[CalculationSurface, ...]:
 
 def read_surface(values: dict, where: str) -> CalculationSurface:
     """Return the surface of a table. Raises SceneError."""
-    table = Table(values, where, SURFACE)
+    table = Table(values, where, SURFACE, ("targets",))
     if "on" in table:
         for key in ("position", "size", "tilt", "turn"):
             if key in table:
                 raise SceneError(f"{where}: the surface has the {key} of the face it lies on; leave out {key}, or on")
-    return CalculationSurface(**table.fields())
+    of_targets = table.section("targets", TARGETS)
+    targets = tuple((name, of_targets.value(name, LENGTH)) for name in TARGETS if name in of_targets)
+    return CalculationSurface(**table.fields(CalculationSurface._field_defaults), targets=targets)
+
+
+def read_daylight(table: Table) -> Daylight:
+    """Return the daylight of a table of the keys DAYLIGHT. Raises SceneError."""
+    return Daylight(**table.fields(Daylight._field_defaults))
 
 
 def _check_names(what: str, names: list[str], where: str) -> None:
@@ -300,15 +351,15 @@ def lamp_level(table: Table, lamp: str) -> LampLevel:
     if isinstance(value, dict):
         of = Table(value, f"{table.where}: lamp {shown(lamp)}", ("level", "colour", "on"))
         if "colour" not in of and isinstance(of.values.get("level"), list):
-            return _coloured(lamp, of.vector("level", least=0))._replace(on=of.flag("on", True))
-        level = of.number("level", 1.0, least=0)
-        return LampLevel(lamp, level, of.vector("colour", 3, LampLevel("").colour, least=0), of.flag("on", True))
+            return _coloured(lamp, of.value("level", STRENGTH))._replace(on=of.value("on", FLAG, True))
+        colour = of.value("colour", STRENGTH, LampLevel("").colour)
+        return LampLevel(lamp, of.value("level", LEVEL, 1.0), colour, of.value("on", FLAG, True))
     if isinstance(value, list):
-        return _coloured(lamp, table.vector(lamp, least=0))
+        return _coloured(lamp, table.value(lamp, STRENGTH))
     if not is_number(value, 0):
         rule = "must be a number >= 0, three of them, or a table such as { level = 0.5, on = false }"
         raise SceneError(f"{table.where}: {lamp} {rule}, got {shown(value)}")
-    return LampLevel(lamp, table.number(lamp, least=0))
+    return LampLevel(lamp, float(value))
 
 
 def _coloured(lamp: str, rgb: tuple[float, float, float]) -> LampLevel:
@@ -325,7 +376,7 @@ def read_up(root: Table) -> tuple[float, float, float] | None:
         return UP[value]
     if not isinstance(value, list):
         raise SceneError(f'{root.where}: up must be "x", "y", "z" or three numbers in brackets, got {shown(value)}')
-    return _unit(root.direction("up"))
+    return _unit(root.value("up", DIRECTION))
 
 
 def _unit(direction: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -341,7 +392,7 @@ def _entry(scene: str, kind: str, values: dict, i: int) -> str:
 def _mobile(folder, values, i, scene, up, boundary) -> MobileEntry:
     where = _entry(scene, "mobile", values, i)
     t = Table(values, where, MOBILE, ROTATION)
-    fields = t.fields()
+    fields = t.fields(LEFT_OUT_OF_MESH)
     pose, path = _place(t, fields.pop("position"), up, boundary)
     return MobileEntry(**fields | {"where": where, "mesh": folder / fields["mesh"], "pose": pose, "path": path})
 
@@ -350,9 +401,9 @@ def _shape(values, i, scene, up, axis: int, boundary) -> Shape | MobileEntry:
     """Return a shape of the static part, or the mobile that it is."""
     where = _entry(scene, "shape", values, i)
     shape = read_shape(values, where, i + 1, axis, (*PLACED, *ROTATION))
-    mobile, position = Table({k: v for k, v in values.items() if k in PLACED}, where, PLACED).fields().values()
-    pose, path = _place(Table(values, where, None), position, up, boundary)
-    if mobile:
+    t = Table(values, where, None)
+    pose, path = _place(t, t.value("position", PLACE, None), up, boundary)
+    if t.value("mobile", FLAG, False):
         return MobileEntry(shape.name, where, shape, 1.0, shape.max_edge, None, pose, path)
     if path is not None:
         raise SceneError(f"{where}: a path needs a mobile; write mobile = true")
@@ -377,26 +428,26 @@ def _rotation(t: Table):
     if "rotation" in t:
         if "axis" in t or "angle" in t:
             raise SceneError(f"{t.where}: rotation and axis/angle exclude each other; keep one of them")
-        return as_pose(Pose((0.0, 0.0, 0.0), t.vector("rotation", 4)), f"{t.where}: rotation").quaternion
+        return as_pose(Pose((0.0, 0.0, 0.0), t.value("rotation", numbers(4))), f"{t.where}: rotation").quaternion
     if "axis" in t or "angle" in t:
-        return axis_angle(t.direction("axis"), t.number("angle"))
+        return axis_angle(t.value("axis", DIRECTION), t.value("angle", NUMBER))
     return None
 
 
 def _path(t: Table, rest, up, boundary) -> KeyFrames:
-    times = np.array(t.numbers("times"))
+    times = np.array(t.value("times", TIMES), np.float64)
     boundary.take(t.where, "key frames", len(times))
     if (np.diff(times) <= 0).any():
         raise SceneError(f"{t.where}: times must increase, got {times.tolist()}")
-    positions = np.array(t.vectors("positions", 3, len(times)))
+    positions = np.array(t.value("positions", rows(len(times), 3)), np.float64)
     if "rotations" in t:
         if "spin" in t:
             raise SceneError(f"{t.where}: rotations and spin exclude each other; keep one of them")
-        q = t.vectors("rotations", 4, len(times))
-        q = [as_pose(Pose(quaternion=r), f"{t.where}: rotations[{i}]").quaternion for i, r in enumerate(q)]
+        q = enumerate(t.value("rotations", rows(len(times), 4)))
+        q = [as_pose(Pose(quaternion=tuple(r)), f"{t.where}: rotations[{i}]").quaternion for i, r in q]
         return KeyFrames(times, positions, np.array(q))
-    spin = t.number("spin", 0.0)  # degrees a second
-    axis = t.direction("spin_axis", up or UP["y"])
+    spin = t.value("spin", NUMBER, 0.0)  # degrees a second
+    axis = t.value("spin_axis", DIRECTION, up or UP["y"])
     if spin:
         spans = np.diff(times)
         # 90.0 degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
@@ -412,13 +463,13 @@ def _path(t: Table, rest, up, boundary) -> KeyFrames:
 
 
 def _probe(values, i, scene) -> Probe:
-    probe = Probe(**Table(values, _entry(scene, "probe", values, i), PROBE).fields())
+    probe = Probe(**Table(values, _entry(scene, "probe", values, i), PROBE).fields({}))
     return probe._replace(normal=_unit(probe.normal))
 
 
 def read_camera(t: Table) -> Camera:
     """Return the camera of a table of the keys CAMERA. Raises SceneError."""
-    position, target, fov = t.fields().values()
+    position, target, fov = t.fields({"fov": Camera._field_defaults["vertical_fov_degrees"]}).values()
     if position == target:
         raise SceneError(
             f"{t.where}: target must differ from position, got {list(target)} for both; write the centre of the picture"
