@@ -1,14 +1,14 @@
-"""load_scene: a scene file or a single mesh file, with mobiles from other files, becomes a complete Scene by STEPS."""
+"""load_scene: a scene file or a single mesh file, with mobiles from other files, becomes a complete Scene."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,14 @@ from gi_core.files.formats.classes import with_gloss_classes
 from gi_core.files.formats.materials_table import check_used, override, single
 from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file, scaled
 from gi_core.files.formats.shapes import Shape, shape_mesh
-from gi_core.files.formats.toml_file import UP, MobileEntry, SceneFile, StaticEntry, read_scene_file
+from gi_core.files.formats.toml_file import UP, MobileEntry, SceneFile, StaticEntry, read_scene_file, up_of
 from gi_core.geometry.mesh_parts import join, with_meshes
 from gi_core.geometry.tessellation import check_edge, tessellate
 from gi_core.lights.daylight import daylit
 from gi_core.scene.errors import SceneError, named, shown, utf8
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose
-from gi_core.scene.rules import FILE, FLAG, LENGTH, is_direction
+from gi_core.scene.rules import FILE, FLAG, LENGTH
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_lamp, check_scene, check_size, check_surface
 
@@ -74,49 +74,29 @@ def load_scene(
         raise SceneError(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
         )
-    loading = Loading(described, boundary, where, suffix != ".toml", tuple(map(Path, mobiles)), max_edge)
+    loading = Loading(described, boundary, where, suffix != ".toml", max_edge)
     try:
         with named(where, *map(str, mobiles)):
-            loading.scene = _described(loading, utf8(file.stem), _checked_up(up, where))
-            for step in STEPS:
-                step(loading)
-            check_scene(loading.scene)
-            for name, _ in loading.scene.watts:
-                check_lamp(f"{where}: [watts]", name, loading.scene)
-            for surface in loading.scene.surfaces:
-                check_surface(where, surface, loading.scene)
-            return replace(loading.scene, files=(tuple(boundary.files), *loading.scene.files))
+            scene = _described(loading, utf8(file.stem), up_of(up, where))
+            scene = _completed(loading, scene, [Path(mobile) for mobile in mobiles])
+            check_scene(scene)
+            for name, _ in scene.watts:
+                check_lamp(f"{where}: [watts]", name, scene)
+            for surface in scene.surfaces:
+                check_surface(where, surface, scene)
+            return replace(scene, files=(tuple(boundary.files), *scene.files))
     except MemoryError:
         raise SceneError(f"{where}: the scene does not fit into memory; simplify its meshes") from None
 
 
-@dataclass
-class Loading:
-    """A scene between the steps of loading."""
+class Loading(NamedTuple):
+    """A file that is loaded."""
 
     file: SceneFile
     boundary: Boundary
     where: str
     bare: bool  # a mesh file without a scene file
-    mobiles: tuple[Path, ...]  # added to those of the file
     max_edge: float | None  # [m], before that of the file; inf: as it is
-    scene: Scene = field(init=False)
-    unplaced: list[tuple[int, Any]] = field(default_factory=list)  # mobiles, and the up axes of their files or None
-    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the coordinates that steps use
-    rays: Rays | None = None
-    box: Box | None = None  # of the lit part
-
-    def change(self, **values: Any) -> None:
-        """Replace fields of the scene."""
-        self.scene = replace(self.scene, **values)
-
-    def note(self, *notes: str) -> None:
-        """Add notes for the reader."""
-        self.change(notes=(*self.scene.notes, *notes))
-
-    def change_meshes(self, changed: Callable[[Mesh], Mesh]) -> None:
-        """Replace the mesh of each object."""
-        self.scene = with_meshes(self.scene, changed)
 
     def split(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
         """Return a mesh with edges up to max_edge [m]. Raises SceneError for too many triangles."""
@@ -146,17 +126,13 @@ def _described(loading: Loading, stem: str, up) -> Scene:
         notes += part.notes
     static = join(meshes, materials)
     check_size(f"{where}: a scene", static)
-    mobiles = [_mobile(loading, cache, entry, materials, notes) for entry in file.mobiles]
-    loading.unplaced = [(i, None) for i, entry in enumerate(file.mobiles) if entry.pose is None]
-    check_used(file.materials, {m.name for m in materials})
-    _check_models(materials, where)
     punctual = any(part.lights for part in parts)  # glTF lights are photometric, and so is its emission
     glows = any(any(m.emission) for m in parts[0].materials)
     nits = loading.bare and glows and file.static.meshes[0].suffix.lower() in GLTF
     scene = Scene(
         static,
         tuple(materials),
-        tuple(mobiles),
+        (),
         (*file.lights, *(light for part in parts for light in part.lights)),
         tuple(file.probes),
         file.camera or next((part.camera for part in parts if part.camera), None),
@@ -171,6 +147,10 @@ def _described(loading: Loading, stem: str, up) -> Scene:
         maintenance_factor=file.maintenance_factor,
         hold=file.hold,
     )
+    for entry in file.mobiles:
+        scene = _with_entry(loading, cache, entry, scene)
+    check_used(file.materials, {m.name for m in scene.materials})
+    _check_models(scene.materials, where)
     return daylit(scene, file.daylight, where) if file.daylight else scene
 
 
@@ -201,24 +181,24 @@ def _made(shape: Shape, max_edge: float | None, tabled: Collection[str], boundar
     return MeshFile(mesh, materials, [], None, "y", [])
 
 
-def _mobile(loading: Loading, cache, entry: MobileEntry, materials: list[Material], notes: list[str]) -> Mobile:
-    """Return a mobile of a scene file; its materials and notes are appended."""
+def _with_entry(loading: Loading, cache: dict[str, MeshFile], entry: MobileEntry, scene: Scene) -> Scene:
+    """Return a scene with a mobile of its file."""
     tables = loading.file.materials
     if isinstance(entry.mesh, Shape):
         r = _made(entry.mesh, entry.max_edge, tables, loading.boundary)
     else:
         r = _read(loading, cache, entry.mesh, f"{entry.where}: {entry.mesh.name}")
-    mesh, own = override(r.mesh, r.materials, tables)
-    if entry.material is not None:
-        mesh, own = single(mesh, entry.material, r.materials, tables, entry.where)
+    if entry.material is None:
+        mesh, own = override(r.mesh, r.materials, tables)
+    else:
+        mesh, own = single(r.mesh, entry.material, r.materials, tables, entry.where)
     mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
-    check_size(f"{entry.where}: a mobile", mesh)
-    _check_dark(mesh, own, entry.where)
-    mesh = _adopted(mesh, own, materials)
+    scene = _with_mobile(scene, entry.name, r._replace(mesh=mesh, materials=own), entry.where)
+    *before, mobile = scene.mobiles
     if entry.max_edge is not None:
-        mesh = loading.split(mesh, entry.max_edge, entry.where)
-    notes += [f'mobile "{entry.name}": {n}' for n in r.notes]
-    return Mobile(entry.name, mesh, entry.pose or Pose(), entry.path)
+        mobile = mobile._replace(mesh=loading.split(mobile.mesh, entry.max_edge, entry.where))
+    mobile = mobile._replace(pose=entry.pose or Pose(), path=entry.path)
+    return replace(scene, mobiles=(*before, mobile))
 
 
 def _adopted(mesh: Mesh, own: list[Material], materials: list[Material]) -> Mesh:
@@ -247,90 +227,46 @@ def _check_models(materials: Iterable[Material], where: str) -> None:
                 raise SceneError(f'{where}: material "{m.name}": {error}') from None
 
 
-# Steps ----------------------------------------------------------------------------------------------
+# What it leaves open --------------------------------------------------------------------------------
 
 
-def _go_near_the_origin(loading: Loading) -> None:
-    """Rays of completion are float32."""
-    loading.origin = origin_of(loading.scene.static)
-    loading.scene = translated(loading.scene, -loading.origin)
-
-
-def _add_mobiles(loading: Loading) -> None:
-    for path in loading.mobiles:
-        loading.scene, up = _with_mobile(loading.scene, path, None, loading.boundary.open)
-        loading.unplaced.append((len(loading.scene.mobiles) - 1, up))
-
-
-def _turn_lamps(loading: Loading) -> None:
-    loading.scene, loading.rays = facing_the_scene(loading.scene)
-
-
-def _complete(loading: Loading) -> None:
-    loading.scene, loading.rays, loading.box = complete(loading.scene, loading.unplaced, loading.bare, loading.rays)
-
-
-def _split_added_mobiles(loading: Loading) -> None:
-    first = len(loading.file.mobiles)
-    finer = (m._replace(mesh=_fine(m.mesh)) for m in loading.scene.mobiles[first:])
-    loading.change(mobiles=(*loading.scene.mobiles[:first], *finer))
-
-
-def _leave_out_dark_sides(loading: Loading) -> None:
+def _completed(loading: Loading, scene: Scene, added: list[Path]) -> Scene:
+    """Return the scene with all that its file leaves open, and with mesh files added as mobiles."""
+    origin, described = origin_of(scene.static), len(scene.mobiles)
+    scene = translated(scene, -origin)  # rays of completion are float32
+    unplaced: list[tuple[int, Any]] = [(i, None) for i, entry in enumerate(loading.file.mobiles) if entry.pose is None]
+    for path in added:
+        scene, up = _with_source(scene, path, None, loading.boundary.open)
+        unplaced.append((len(scene.mobiles) - 1, up))
+    scene, rays = facing_the_scene(scene)
+    scene, rays, box = complete(scene, unplaced, loading.bare, rays)
+    finer = (m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
+    scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
     if loading.bare:
-        loading.scene = one_sided_where_dark(loading.scene, loading.box)
+        scene = one_sided_where_dark(scene, box)
+    scene = with_gloss_classes(_split_static(loading, scene, rays, box))
+    scene = replace(scene, notes=(*scene.notes, *_darkened(scene.materials)))
+    scene = with_meshes(scene, lambda mesh: with_corners_at_crossings(mesh, scene.materials))
+    return translated(scene, origin)
 
 
-def _split_static(loading: Loading) -> None:
+def _split_static(loading: Loading, scene: Scene, rays: Rays | None, box: Box | None) -> Scene:
     """Edges as the file or the user says, else, of a bare mesh or a coarse one, finest where light goes."""
-    scene, max_edge = loading.scene, loading.max_edge or loading.file.static.max_edge
+    max_edge = loading.max_edge or loading.file.static.max_edge
+    if max_edge == np.inf or (max_edge is None and any(shape.max_edge for shape in loading.file.static.shapes)):
+        return scene
     if max_edge is not None:
-        if max_edge != np.inf:
-            loading.change(static=loading.split(scene.static, max_edge, loading.where))
-        return
-    if any(shape.max_edge for shape in loading.file.static.shapes):
-        return
-    rays = loading.rays or Rays(scene)
-    box = loading.box if loading.bare else useful_box(scene, rays)
-    if loading.bare or _is_coarse(scene, box):
-        mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
-        before, after = len(scene.static.faces), len(mesh.faces)
-        if after > before:
-            loading.change(static=mesh)
-            loading.note(
-                f"mesh refined for light, edges up to {edge:.3g} m (max_edge): {before:,} triangles became {after:,}"
-            )
-
-
-def _classify_gloss(loading: Loading) -> None:
-    loading.scene = with_gloss_classes(loading.scene)
-
-
-def _note_darkened_models(loading: Loading) -> None:
-    loading.note(*_darkened(loading.scene.materials))
-
-
-def _cut_at_crossings(loading: Loading) -> None:
-    loading.change_meshes(lambda mesh: with_corners_at_crossings(mesh, loading.scene.materials))
-
-
-def _go_back(loading: Loading) -> None:
-    loading.scene = translated(loading.scene, loading.origin)
-
-
-STEPS: tuple[Callable[[Loading], None], ...] = (
-    _go_near_the_origin,
-    _add_mobiles,
-    _turn_lamps,
-    _complete,  # places of mobiles, a light, a camera
-    _split_added_mobiles,
-    _leave_out_dark_sides,
-    _split_static,
-    _classify_gloss,
-    _note_darkened_models,
-    _cut_at_crossings,
-    _go_back,
-)
+        return replace(scene, static=loading.split(scene.static, max_edge, loading.where))
+    rays = rays or Rays(scene)
+    box = box if loading.bare else useful_box(scene, rays)
+    if not (loading.bare or _is_coarse(scene, box)):
+        return scene
+    mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
+    before, after = len(scene.static.faces), len(mesh.faces)
+    if after <= before:
+        return scene
+    note = f"mesh refined for light, edges up to {edge:.3g} m (max_edge): {before:,} triangles became {after:,}"
+    return replace(scene, static=mesh, notes=(*scene.notes, note))
 
 
 def _is_coarse(scene: Scene, box: Box) -> bool:
@@ -361,7 +297,7 @@ def _fine_edge(mesh: Mesh) -> float:
     return COARSEST * float(np.ptp(mesh.vertices, axis=0).max())
 
 
-def _with_mobile(scene: Scene, source: Path | Shape, name: str | None, allow_outside: bool):
+def _with_source(scene: Scene, source: Path | Shape, name: str | None, allow_outside: bool):
     """Return a scene with one more mobile, not yet placed, and the up axis of its mesh file; None: of a shape.
 
     name: None: that of the file, with a number if it is taken. Raises SceneError.
@@ -372,18 +308,19 @@ def _with_mobile(scene: Scene, source: Path | Shape, name: str | None, allow_out
     else:
         boundary, where = Boundary(source.parent, allow_outside, source), str(source)
         r = read_mesh_file(source, where, boundary)
-    name = free_name((m.name for m in scene.mobiles), name or Path(where).stem)
-    check_size(f"{where}: a mobile", r.mesh)
-    _check_dark(r.mesh, r.materials, where)
-    mesh = r.mesh._replace(face_material=(r.mesh.face_material + len(scene.materials)).astype(np.int32))
-    scene = replace(
-        scene,
-        materials=(*scene.materials, *r.materials),
-        mobiles=(*scene.mobiles, Mobile(name, mesh)),
-        notes=(*scene.notes, *(f'mobile "{name}": {n}' for n in r.notes)),
-        files=(*scene.files, *([tuple(boundary.files)] if boundary.files else [])),
-    )
+    scene = _with_mobile(scene, free_name((m.name for m in scene.mobiles), name or Path(where).stem), r, where)
+    scene = replace(scene, files=(*scene.files, *([tuple(boundary.files)] if boundary.files else [])))
     return scene, None if isinstance(source, Shape) else UP[r.up]
+
+
+def _with_mobile(scene: Scene, name: str, read: MeshFile, where: str) -> Scene:
+    """Return a scene with one more mobile, not yet placed, and its materials and notes. Raises SceneError."""
+    check_size(f"{where}: a mobile", read.mesh)
+    _check_dark(read.mesh, read.materials, where)
+    materials = list(scene.materials)
+    mobile = Mobile(name, _adopted(read.mesh, read.materials, materials))
+    notes = (*scene.notes, *(f'mobile "{name}": {n}' for n in read.notes))
+    return replace(scene, materials=tuple(materials), mobiles=(*scene.mobiles, mobile), notes=notes)
 
 
 def inserted(scene: Scene, source: Path | Shape, name: str, pose: Pose | None, allow_outside: bool) -> Scene:
@@ -392,7 +329,7 @@ def inserted(scene: Scene, source: Path | Shape, name: str, pose: Pose | None, a
     Raises SceneError.
     """
     origin = origin_of(scene.static)
-    scene, up = _with_mobile(translated(scene, -origin), source, name, allow_outside)
+    scene, up = _with_source(translated(scene, -origin), source, name, allow_outside)
     scene, *_ = complete(scene, [(len(scene.mobiles) - 1, up)], bare=False)
     *before, mobile = scene.mobiles
     scene = with_gloss_classes(replace(scene, mobiles=(*before, mobile._replace(mesh=_fine(mobile.mesh)))))
@@ -413,16 +350,3 @@ def free_name(names: Iterable[str], name: str) -> str:
     while out in names:
         out, k = f"{name} {k}", k + 1
     return out
-
-
-def _checked_up(up, where: str):
-    if up is None:
-        return None
-    if isinstance(up, str):
-        if up not in UP:
-            raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers, got {up!r}')
-        return UP[up]
-    if not is_direction(up):
-        raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers that are not all 0, got {shown(up)}')
-    v = np.asarray(up, np.float64)
-    return tuple(float(x) for x in v / np.sqrt((v * v).sum()))

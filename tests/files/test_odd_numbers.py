@@ -32,7 +32,7 @@ def outcome(load) -> str:
     ("old", "new", "message"),
     [
         (PLACED, PLACED + "axis = [0, 1e-300, 0]\nangle = 30\n", 'mobile "cube": axis must be three numbers'),
-        ('title = "test"', "up = [0, 0, 1e-300]", "up must be three numbers that are not all 0"),
+        ('title = "test"', "up = [0, 0, 1e-300]", 'up must be "x", "y", "z" or three numbers'),
         (LAMP, LAMP.replace("[0, -1, 0]", "[0, -1e-300, 0]"), 'light "s": direction must be three numbers'),
         (LAMP, LAMP.replace("[1, 1, 1]", "[1e308, 1, 1]"), 'light "s": intensity must be three numbers'),
         (LAMP, LAMP.replace("30", "nan"), 'light "s": inner_degrees must be'),

@@ -22,7 +22,7 @@ def test_options_are_checked(tmp_path):
     file = write_scene(tmp_path)
     with pytest.raises(SceneError, match="max_edge must be a finite number > 0, .*, got -1"):
         load_scene(file, max_edge=-1)
-    with pytest.raises(SceneError, match='up must be "x", "y", "z" or three numbers, got'):
+    with pytest.raises(SceneError, match='up must be "x", "y", "z" or three numbers that are not all 0, got'):
         load_scene(file, up="w")
     with pytest.raises(SceneError, match=r"mobile.glb: there is no such mesh file"):
         load_scene(file, mobiles=[tmp_path / "mobile.glb"])

@@ -34,6 +34,7 @@ from gi_core.scene.rules import (
     TINIEST,
     Rule,
     is_array,
+    is_direction,
     is_number,
     number,
     numbers,
@@ -255,7 +256,7 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     """
     boundary = boundary or Boundary(path.parent, named=path)
     root = Table(read_toml(path, where, boundary), where, ROOT)
-    up = read_up(root)
+    up = up_of(root.values.get("up"), where)
     tables = [root.tables(key, key) for key in ("mobile", "light", "probe", "shape", "surface")]
     boundary.take(where, "objects", sum(map(len, tables)))
     of_static = [t for t in tables[3] if t.get("mobile") is not True]
@@ -367,16 +368,15 @@ def _coloured(lamp: str, rgb: tuple[float, float, float]) -> LampLevel:
     return LampLevel(lamp, rgb[0]) if rgb[0] == rgb[1] == rgb[2] else LampLevel(lamp, 1.0, rgb)
 
 
-def read_up(root: Table) -> tuple[float, float, float] | None:
-    """Return the unit up vector, None if the file does not say."""
-    value = root.values.get("up")
+def up_of(value, where: str) -> tuple[float, float, float] | None:
+    """Return the unit vector of "x", "y", "z" or three numbers; None stays. Raises SceneError."""
     if value is None:
         return None
     if isinstance(value, str) and value in UP:
         return UP[value]
-    if not isinstance(value, list):
-        raise SceneError(f'{root.where}: up must be "x", "y", "z" or three numbers in brackets, got {shown(value)}')
-    return _unit(root.value("up", DIRECTION))
+    if not is_direction(value):
+        raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers that are not all 0, got {shown(value)}')
+    return _unit(value)
 
 
 def _unit(direction: tuple[float, float, float]) -> tuple[float, float, float]:
