@@ -24,7 +24,7 @@ from gi_core.rays.accelerator import FAR, LIFT, Accelerator, Transforms, boundin
 from gi_core.rays.all_objects import build_world, enclosing_sphere, nearest_in_world
 from gi_core.rays.holes import holed_faces
 from gi_core.rays.structures import checked
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, nearest
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.types import DistantLight, PlacedLight, Pose, Scene
@@ -121,8 +121,7 @@ class Model:
         """Return valid poses. Raises SceneError for a name that no mobile has and for a pose that is not rigid."""
         for name in poses:
             if name not in self.names:
-                have = ", ".join(f'"{n}"' for n in self.names) or "none"
-                raise SceneError(f'{self.scene.name}: no mobile is called "{name}"; there is {have}')
+                raise SceneError(f'{self.scene.name}: no mobile is called "{name}"; {nearest(name, self.names)}')
         return {name: as_pose(pose, f'{self.scene.name}: mobile "{name}"') for name, pose in poses.items()}
 
     def start_poses(self) -> dict[str, Pose]:

@@ -26,7 +26,7 @@ from gi_core.files.formats.toml_file import DAYLIGHT, Luminaires, changed_light,
 from gi_core.files.load import inserted
 from gi_core.geometry.mesh_parts import join, part_of
 from gi_core.lights.daylight import SKY, SUN, daylit
-from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
 from gi_core.scene.types import LightScene, Mesh, Mobile, Pose, Scene
@@ -346,8 +346,8 @@ def _lit(scene: Scene, edit: Light, allow_outside: bool) -> Scene:
         of = place if not edit.of else place_of(scene, edit.of, edit.number)
         place = None if edit.of else place
         if of is None:
-            names = ", ".join(f'"{light.name}"' for light in scene.lights) or "none"
-            raise SceneError(f"{scene.name}: no light is called {shown(edit.of or edit.name)}; there is {names}")
+            name, hint = edit.of or edit.name, nearest(edit.of or edit.name, (light.name for light in scene.lights))
+            raise SceneError(f"{scene.name}: no light is called {shown(name)}; {hint}")
         light, notes = changed_light(scene.lights[of]._replace(name=edit.name), Table(values, where, None)), []
     lights = (*scene.lights, light) if place is None else (*scene.lights[:place], light, *scene.lights[place + 1 :])
     return replace(scene, lights=lights, notes=(*scene.notes, *notes))

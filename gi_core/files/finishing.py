@@ -19,7 +19,7 @@ from gi_core.files.formats.toml_fields import Table
 from gi_core.geometry.mesh_parts import part_of, with_colours, with_meshes, with_scaled_colours
 from gi_core.geometry.surfaces import Surfaces, face_normals, lobe_of
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
-from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material, Mesh, Mobile, Scene, material_named, part_named
 
@@ -31,8 +31,8 @@ def mobile_called(scene: Scene, name: str) -> Mobile:
     for mobile in scene.mobiles:
         if mobile.name == name:
             return mobile
-    names = ", ".join(f'"{m.name}"' for m in scene.mobiles) or "none"
-    raise SceneError(f"{scene.name}: no mobile is called {shown(name)}; there is {names}")
+    hint = nearest(name, (m.name for m in scene.mobiles))
+    raise SceneError(f"{scene.name}: no mobile is called {shown(name)}; {hint}")
 
 
 def _recoloured_faces(scene: Scene, these: np.ndarray, colours: np.ndarray) -> Scene:
@@ -50,8 +50,8 @@ def _materials_called(scene: Scene, name: str) -> np.ndarray:
     """Return which materials (n,) bool have a name. Raises SceneError where none has."""
     these = np.array([m.name == name for m in scene.materials], bool)
     if not these.any():
-        names = ", ".join(dict.fromkeys(f'"{m.name}"' for m in (*scene.mobiles, *scene.materials)))
-        raise SceneError(f"{scene.name}: no mobile or material is called {shown(name)}; there is {names}")
+        hint = nearest(name, (m.name for m in (*scene.mobiles, *scene.materials)))
+        raise SceneError(f"{scene.name}: no mobile or material is called {shown(name)}; {hint}")
     return these
 
 
@@ -73,8 +73,8 @@ def materials_to_finish(scene: Scene, name: str, part: str) -> tuple[Scene, np.n
     used, index = np.unique(mobile.mesh.face_material, return_inverse=True)
     wanted = np.array([part in ("", part_named(name, scene.materials[k].name)) for k in used])
     if not wanted.any():
-        parts = ", ".join(f'"{p}"' for p in parts_of(scene, name))
-        raise SceneError(f"{scene.name}: mobile {shown(name)} has no part {shown(part)}; there is {parts}")
+        hint = nearest(part, parts_of(scene, name))
+        raise SceneError(f"{scene.name}: mobile {shown(name)} has no part {shown(part)}; {hint}")
     own = tuple(scene.materials[k]._replace(name=material_named(name, part)) for k in used[wanted])
     numbers = used.copy()
     numbers[wanted] = len(scene.materials) + np.arange(len(own))

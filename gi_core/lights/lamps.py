@@ -27,7 +27,7 @@ from gi_core.lights.area import AreaLights, area_at_levels, area_lights
 from gi_core.lights.kinds import IS_DISTANT, KIND_OF, KINDS
 from gi_core.lights.photometric import tables_of
 from gi_core.lights.sky import Sky, sky_of
-from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.types import Scene, SkyLight
 
 MOST_LAMPS = 16
@@ -66,7 +66,7 @@ class Lamps(NamedTuple):
             if name in self.dark:
                 continue
             if name not in self.names:
-                raise SceneError(f"{where}: no lamp is called {shown(name)}; there is {_listed(self.names)}")
+                raise SceneError(f"{where}: no lamp is called {shown(name)}; {nearest(name, self.names)}")
             out[self.names.index(name)] = _checked(level, f"{where}: lamp {shown(name)}")
         return out
 
@@ -81,10 +81,6 @@ def _checked(level, where: str) -> np.ndarray:
         rule = f"a level is a number from 0 to {BRIGHTEST:g}, or three of them for red, green and blue"
         raise SceneError(f"{where}: {rule}, got {shown(level)}")
     return values
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(f'"{name}"' for name in names) or "none"
 
 
 def sky_name(scene: Scene) -> str:

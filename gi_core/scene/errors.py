@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from gi_core.base.quotation import shown
+from gi_core.base.quotation import nearest, shown
 
-__all__ = ["SENTENCE", "SceneError", "named", "one_line", "printable", "shown", "utf8"]
+__all__ = ["SENTENCE", "SceneError", "named", "nearest", "one_line", "printable", "shown", "utf8"]
 _BREAK = re.compile(r"\s*[^\S ]\s*")
 _HALF = re.compile("[\ud800-\udfff]")
 SENTENCE = 500  # characters of a sentence

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
 import numpy as np
 
 from gi_core.base.vectors import box
 from gi_core.bsdf.models import Lobe
-from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import (
     BELOW_ONE,
@@ -146,20 +144,16 @@ def check_surface(where: str, surface: CalculationSurface, scene: Scene) -> None
         )
     parts = parts_of(scene)
     if surface.on and surface.on not in parts:
-        nearest = [f"did you mean {shown(part)}?" for part in get_close_matches(surface.on, parts, 1)]
-        choices = "there is " + ", ".join(f'"{part}"' for part in parts)
         rule = "on must be a mobile or a material of the static part"
         raise SceneError(
-            f'{where}: surface "{surface.name}": {rule}, got {shown(surface.on)}; {(nearest or [choices])[0]}'
+            f'{where}: surface "{surface.name}": {rule}, got {shown(surface.on)}; {nearest(surface.on, parts)}'
         )
 
 
 def check_lamp(where: str, name: str, scene: Scene) -> None:
     """Raise SceneError, with the nearest name, unless a light or an emissive material has a name."""
     if name not in (lamps := lamps_of(scene)):
-        nearest = [f"did you mean {shown(lamp)}?" for lamp in get_close_matches(name, lamps, 1)]
-        choices = "there is " + (", ".join(sorted(f'"{lamp}"' for lamp in lamps)) or "none")
-        raise SceneError(f"{where}: no lamp is called {shown(name)}; {(nearest or [choices])[0]}")
+        raise SceneError(f"{where}: no lamp is called {shown(name)}; {nearest(name, sorted(lamps))}")
 
 
 def lamps_of(scene: Scene) -> set[str]:

@@ -79,7 +79,7 @@ def test_measure_refuses_a_bad_table_before_the_work(capsys, tmp_path, monkeypat
         assert reason in one_line(capsys.readouterr().err)
     for keys, reason in (
         ("0,0,1", "must be keys of [[surface]] such as"), ("height = 1", 'name is missing; write name = "..."'),
-        ('name = "a", targets = { mean = -1 }', "mean must be a number > 0, got -1"),
+        ('name = "a", targets = { mean = -1 }', "mean must be a finite number > 0"),
         ('name = "a", on = "b", tilt = 3', "the surface has the tilt of the face it lies on; leave out tilt, or on"),
     ):  # fmt: skip
         assert cli.main(["measure", "cornell", "--surface", keys]) == 2

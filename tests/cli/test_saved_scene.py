@@ -192,7 +192,7 @@ BAD = {
     "[lamps]\nbulb = false": "bulb must be a number >= 0, three of them, or a table such as",
     "[lamps]\nbulb = [1, -1, 0]": "bulb must be three numbers >= 0 and <= 1e+15, got [1, -1, 0]",
     '[lamps]\nbulb = {level = "a"}': "lamp 'bulb': level must be a number >= 0, got 'a'",
-    "[lamps]\nbulb = {off = true}": "lamp 'bulb': unknown key 'off'; known here are",
+    "[lamps]\nbulb = {off = true}": "lamp 'bulb': unknown key 'off'; there is",
     "[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40": "target must differ from",
     'scene = "/etc/passwd"': "lies outside the folder of the saved scene",
     'scene = "../room.glb"': "lies outside the folder of the saved scene",

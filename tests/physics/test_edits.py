@@ -434,7 +434,7 @@ def test_edits_begin_at_the_last_version_that_they_share(tmp_path):
          'no mobile or material is called \'chair\'; there is "box", "ball", "wall"'),
         (Finish("wall", (("reflectance", (0.1, 1.0, 0.1)),)),
          "the material of 'wall': reflectance must be three numbers in [0, 1)"),
-        (Finish("ball", (("brdf", "wrad"),)), 'unknown reflection model "wrad"'),
+        (Finish("ball", (("brdf", "wrad"),)), "unknown reflection model 'wrad'"),
         (Finish("ball", (("brdf", "ward"), ("gloss", 0.2))), "the material of 'ball'"),
         (Finish("ball", (("emission", (1.0, 1.0, 1.0)),)), "the material of 'ball'"),
         (Finish("box", (("roughness", 0.3),), part="leg"),

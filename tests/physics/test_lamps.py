@@ -204,7 +204,7 @@ def test_a_lamp_alone_is_traced_again_with_more_photons_and_less_noise():
 @pytest.mark.parametrize(
     "levels, rule",
     [
-        ({"bulbs": 1.0}, 'no lamp is called \'bulbs\'; there is "lamp", "strip", "bulb", "firmament"'),
+        ({"bulbs": 1.0}, "no lamp is called 'bulbs'; did you mean 'bulb'?"),
         ({"bulb": -1.0}, "a level is a number from 0 to 1000"),
         ({"bulb": float("nan")}, "a level is a number"),
         ({"bulb": (1.0, 2.0)}, "three of them"),

@@ -11,13 +11,12 @@ Every f is unchanged if x or y of both directions change their sign: tables stor
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.quotation import shown
+from gi_core.base.quotation import nearest, shown
 from gi_core.bsdf.models import (
     blinn,
     eon,
@@ -75,10 +74,7 @@ def lobe(model: str, parameters: Mapping[str, object] | None = None, factor: flo
     """
     largest_factor = 1e6  # of a model in a linear combination: its sums stay finite
     if not (isinstance(model, str) and model in MODELS):
-        near = get_close_matches(str(model), MODELS, 1) if isinstance(model, str) else []
-        hint = f'did you mean "{near[0]}"?' if near else f"the models are {', '.join(MODELS)}"
-        name = f'"{model}"' if isinstance(model, str) else shown(model)
-        raise ValueError(f"unknown reflection model {name}; {hint}")
+        raise ValueError(f"unknown reflection model {shown(model)}; {nearest(str(model), MODELS)}")
     rules: dict[str, Parameter] = MODELS[model].PARAMETERS
     values = dict(parameters or {})
     for name in values:

@@ -9,9 +9,9 @@ import numpy as np
 
 from gi_core.bsdf.models import MODELS, Lobe, lobe
 from gi_core.files.formats.metallic_roughness import metallic_roughness
-from gi_core.files.formats.toml_fields import Table, nearest, shown
+from gi_core.files.formats.toml_fields import Table
 from gi_core.geometry.mesh_parts import with_colours
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.rules import DIRECTION, FLAG, INDEX, REFLECTANCE, SHARE, SHARES, STRENGTH
 from gi_core.scene.types import Material, Mesh, Pane
 
@@ -157,7 +157,7 @@ def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, T
     """Return the mesh with every face of one material, named in the scene file or in the mesh file."""
     of_mesh = next((m for m in materials if m.name == name), None)
     if of_mesh is None and name not in tables:
-        names = sorted({*tables, *(m.name for m in materials)})
+        names = (*tables, *(m.name for m in materials))
         raise SceneError(f'{where}: there is no material "{name}"; {nearest(name, names)}')
     material = overridden(of_mesh or Material(name), tables.get(name))
     one = np.zeros(len(mesh.faces), np.int32)
@@ -169,4 +169,4 @@ def check_used(tables: dict[str, Table], used: set[str]) -> None:
     """Raise SceneError for a material that no face uses, such as a misspelt name."""
     for name, table in tables.items():
         if name not in used:
-            raise SceneError(f"{table.where}: no mesh has a material of that name; {nearest(name, used)}")
+            raise SceneError(f"{table.where}: no mesh has a material of that name; {nearest(name, sorted(used))}")

@@ -13,9 +13,9 @@ import numpy as np
 
 from gi_core.base.vectors import cross, length
 from gi_core.files.formats.file_parts import clipped
-from gi_core.files.formats.toml_fields import Schema, Table, nearest
+from gi_core.files.formats.toml_fields import Schema, Table
 from gi_core.geometry.mesh_parts import compact, join
-from gi_core.scene.errors import SceneError, named
+from gi_core.scene.errors import SceneError, named, nearest
 from gi_core.scene.pose import to_world, to_world_directions
 from gi_core.scene.rules import LENGTH, LEVEL, NAME, TINIEST, Rule, is_array, numbers, vector, word
 from gi_core.scene.types import Material, Mesh, Pose

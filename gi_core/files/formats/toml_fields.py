@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gi_core.files.formats.boundary import MOST_KEY_PARTS, Boundary, text_of
-from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.rules import Rule
 
 REQUIRED = object()  # default of a key that must be there
@@ -59,12 +58,6 @@ class Table:
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             raise SceneError(f"{self.where}: a {what} is written as a table [[{key}]], got {shown(value)}")
         return value
-
-
-def nearest(word: str, words) -> str:
-    """Return a hint: the nearest known word, or all of them."""
-    close = difflib.get_close_matches(word, words, 1, 0.5)
-    return f"did you mean {close[0]!r}?" if close else "known here are " + ", ".join(sorted(words))
 
 
 def read_toml(path: Path, where: str, boundary: Boundary) -> dict:

@@ -18,8 +18,8 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import read_materials
 from gi_core.files.formats.photometry_file import PhotometryFile, read_photometry
 from gi_core.files.formats.shapes import Shape, read_shape
-from gi_core.files.formats.toml_fields import REQUIRED, Table, read_toml, shown
-from gi_core.scene.errors import SceneError, utf8
+from gi_core.files.formats.toml_fields import REQUIRED, Table, read_toml
+from gi_core.scene.errors import SceneError, shown, utf8
 from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions, three
 from gi_core.scene.rules import (
     DIRECTION,

@@ -339,9 +339,9 @@ def test_rough_he_agrees_with_mitsubas_beckmann():
 @pytest.mark.parametrize(
     ("model", "values", "message"),
     [
-        ("wards", {}, 'unknown reflection model "wards"; did you mean "ward"?'),
-        ("glass", {}, 'unknown reflection model "glass"; the models are perfect_diffuse, perfect_specular'),
-        (["ward"], {}, "unknown reflection model ['ward']; the models are"),
+        ("wards", {}, "unknown reflection model 'wards'; did you mean 'ward'?"),
+        ("glass", {}, 'unknown reflection model \'glass\'; there is "perfect_diffuse", "perfect_specular"'),
+        (["ward"], {}, "unknown reflection model ['ward']; did you mean 'ward'?"),
         ("ward", {"alpha": 1}, 'ward has no parameter "alpha"; it has kd, ks, ax, ay, bounded'),
         ("ward", {"ax": 0.001}, "ax of ward must be a number from 0.02 to 1, got 0.001"),
         ("ward", {"ax": math.nan}, "ax of ward must be a number from 0.02 to 1, got nan"),
