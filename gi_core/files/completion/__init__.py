@@ -48,7 +48,7 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
     if scene.camera is None:
         scene, box = _with_camera(scene, rays, box, waiting, standing)
     for index in waiting:
-        scene, _ = place(scene, index, rays, box, standing, is_lit(scene, rays))
+        scene, _ = place(scene, index, rays, box, standing)
         standing.append(index)
     if not is_lit(scene, rays):
         scene = _with_light(scene, rays, box)
@@ -69,10 +69,10 @@ def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int
         return empty, seen
     index = waiting.pop(0)
     standing.append(index)
-    placed, shown = place(replace(scene, camera=empty.camera), index, rays, seen, [], is_lit(scene, rays))
+    placed, shown = place(replace(scene, camera=empty.camera), index, rays, seen, [])
     if shown:
         return placed, seen
-    placed, _ = place(scene, index, rays, box, [], is_lit(scene, rays))
+    placed, _ = place(scene, index, rays, box, [])
     return _looking(placed, rays, box)
 
 
@@ -100,7 +100,7 @@ def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:
         stand = stand_of(scene)
         return stand, headroom(scene, rays, box, stand)
     size = (1 / 12) * box.size  # height of the object that a scene without mobiles is shown for
-    spot = floor_spot(replace(scene, camera=None), rays, box, Column(size, size / 2), (), is_lit(scene, rays))
+    spot = floor_spot(replace(scene, camera=None), rays, box, Column(size, size / 2))
     return spot.point, spot.headroom if spot.indoors else np.inf
 
 
@@ -139,13 +139,13 @@ def column(scene: Scene, index: int) -> Column:
     return Column(float((off @ up).max()), float(length(flat).max()))
 
 
-def place(scene: Scene, index: int, rays: Rays, box: Box, placed: list[int], lit: bool) -> tuple[Scene, bool]:
+def place(scene: Scene, index: int, rays: Rays, box: Box, placed: list[int]) -> tuple[Scene, bool]:
     """Return the scene with one mobile resting on the floor, clear of `placed`; and whether the camera shows it whole.
 
     With a camera the floor is the nearest in its view; without one, where a camera would look.
     """
     mobile, up = scene.mobiles[index], np.array(scene.up)
-    spot = floor_spot(scene, rays, box, column(scene, index), _standing(scene, placed), lit)
+    spot = floor_spot(scene, rays, box, column(scene, index), _standing(scene, placed))
     notes = scene.notes
     if not spot.has_room:
         notes = (*notes, f'no free floor found for mobile "{mobile.name}": it stands where there is most room; drag it')

@@ -32,11 +32,10 @@ class Spot(NamedTuple):
     has_room: bool  # False: no floor with room enough, this is a guess
 
 
-def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), lit: bool = True) -> Spot:
+def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=()) -> Spot:
     """Return the best place for a column: with a camera the nearest in its view, else a central one with a wide view.
 
-    standing: (middle (3,), radius) of balls to keep clear of; lit: the scene has light, so that the pilot's hits are
-    lit places (in a dark scene they are just surfaces).
+    standing: (middle (3,), radius) of balls to keep clear of.
     """
     enclosed = 0.55  # share of them that hit something near: by an open front one is still indoors
     up = np.array(scene.up)
@@ -53,12 +52,8 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
 
     closed, fronts = _surroundings(points + up * min(column.height, box.size * 0.1), rays, box)
     bright = _light_on(points, box, up)
-    seen_from_inside = fronts > 0.6  # fronts are 0.6 of the hits in a room; from inside a solid one sees backs
-    if lit:
-        seen_from_inside |= bright > 0.5  # light from lamps in there: it is a room, whichever way it is wound
-    # with fewer than 0.3 of hits on fronts, a closed place is inside a wall or the ground
-    fits &= (closed < enclosed) | (fronts > 0.3) | seen_from_inside
-    indoors = (closed > enclosed) & np.isfinite(headroom) & seen_from_inside
+    # fronts are 0.6 of the hits in a room; from inside a solid one sees backs
+    indoors = (closed > enclosed) & np.isfinite(headroom) & (fronts > 0.6)
     # 0.01 of the places must be indoors: a nook in an armchair is no room
     indoors &= (indoors & fits).sum() > 0.01 * fits.sum()
     score = 20.0 * fits + free + 1.5 * bright

@@ -19,16 +19,15 @@ OUTSIDE = {
 }  # elevations [degrees] and their bonus in the open: tables are seen from above
 
 
-def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | None, indoors: bool) -> Camera:
+def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray, indoors: bool) -> Camera:
     """Return the camera that sees most of where light goes, filling its picture, with the mobile in view.
 
-    subject: (3,) a place on the floor to look at where there is no mobile, None for the middle of the scene.
+    subject: (3,) a place on the floor to look at where there is no mobile.
     """
     up = np.array(scene.up)
     around = np.roll(ring(up, 24), -2, axis=0)
     front = np.array((0.0, -1.0, 0.0) if up[2] > up[1] else (0.0, 0.0, 1.0))
-    middle = (box.low + box.high) / 2
-    centre, shown = middle if subject is None else subject + up * 0.04 * box.size, np.zeros((0, 3))
+    centre, shown = subject + up * 0.04 * box.size, np.zeros((0, 3))
     if scene.mobiles:
         mesh, pose = scene.mobiles[0].mesh, scene.mobiles[0].pose
         shown = to_world(pose, mesh.vertices[:: max(len(mesh.vertices) // 24, 1)])  # 24 points of the mobile
@@ -56,11 +55,8 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
                 for share in (0.6, 0.92):
                     at = centre + min(share * float(t[0]), 1.2 * box.size) * d
                     tries += [(at, target, 62.0, 0.0) for target in (centre, 0.5 * (centre + heart))]
-    far_enough = [t for t in tries if length(t[1] - t[0]) >= 0.15 * box.size]
-    cameras = [Camera(tuple(map(float, at)), tuple(map(float, target)), fov) for at, target, fov, _ in far_enough]
-    if not cameras:
-        return None
-    scores = _scores(cameras, up, seen, shown, _Lit(box), rays, box) + np.array([t[3] for t in far_enough])
+    cameras = [Camera(tuple(map(float, at)), tuple(map(float, target)), fov) for at, target, fov, _ in tries]
+    scores = _scores(cameras, up, seen, shown, _Lit(box), rays, box) + np.array([worth for *_, worth in tries])
     return cameras[int(np.argmax(scores))]
 
 
@@ -82,15 +78,14 @@ class _Lit:
 def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> np.ndarray:
     """Return the score (cameras,) of each view; the rays of all are cast at once."""
     eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
-    # The share of each picture that shows lit surfaces, not too near.
+    # The share of each picture that shows lit surfaces.
     d = picture_rays(cameras, up, 20, 12)
     through = d.shape[1]
     eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
     t, normal = first_seen(rays, eye, d)
-    # surfaces nearer than 0.07 of the scene's size fill the picture and show nothing
-    far = np.flatnonzero(np.isfinite(t) & (t > 0.07 * box.size))
+    hit = np.flatnonzero(np.isfinite(t))
     shows = np.zeros(len(d), bool)
-    shows[far] = lit.holds(eye[far] + d[far] * t[far, None], normal[far])
+    shows[hit] = lit.holds(eye[hit] + d[hit] * t[hit, None], normal[hit])
     fill = shows.reshape(-1, through).sum(axis=1) / through
     # The part of the scene, and of the mobile, that is in the picture.
     points, normals, weight = seen
