@@ -18,12 +18,13 @@ def plain_paint(mesh: Mesh, materials: Sequence[Material]) -> Paint:
     colour = mesh.face_reflectance
     if colour is None:
         colour = np.array([m.reflectance for m in materials], np.float64).reshape(-1, 3)[mesh.face_material]
-    return _untextured(np.repeat(colour.astype(np.float32)[:, None], 3, axis=1))
+    return untextured(np.repeat(colour[:, None], 3, axis=1))
 
 
-def _untextured(corners: np.ndarray) -> Paint:
+def untextured(corners: np.ndarray) -> Paint:
+    """Return the paint of colours (F, 3, 3) alone."""
     n = len(corners)
-    return Paint((), np.full(n, -1, np.int32), np.zeros((n, 3, 2), np.float32), corners)
+    return Paint((), np.full(n, -1, np.int32), np.zeros((n, 3, 2), np.float32), corners.astype(np.float32))
 
 
 def join_paints(meshes: Sequence[Mesh], materials: Sequence[Material]) -> Paint | None:
@@ -44,7 +45,7 @@ def join_finishes(meshes: Sequence[Mesh]) -> Finish | None:
     layers = []
     for paints in zip(*(m.finish or Finish() for m in meshes), strict=True):
         textured = any(p is not None for p in paints)
-        layers.append(_joined([p or _untextured(w) for p, w in zip(paints, white, strict=True)]) if textured else None)
+        layers.append(_joined([p or untextured(w) for p, w in zip(paints, white, strict=True)]) if textured else None)
     return Finish(*layers)
 
 

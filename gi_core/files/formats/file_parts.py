@@ -15,7 +15,7 @@ from gi_core.base.vectors import cross, dot
 from gi_core.files.formats.boundary import MOST_AT_VERTEX
 from gi_core.scene.pose import three
 from gi_core.scene.rules import MOST_IOR
-from gi_core.scene.types import Camera, Finish, Light, Material, Pane, Texture
+from gi_core.scene.types import Camera, Light, Material, Mesh, Paint, Pane, Texture
 
 MOST_COVER = 0.9  # opacity from which a blended surface is taken as opaque ...
 LEAST_TRANSMISSION = 0.5  # ... and transmission below which one is: its diffuse part is the larger one
@@ -27,37 +27,26 @@ def listed(names: list[str]) -> str:
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
-class Placed(NamedTuple):
-    """A texture on the faces of a part."""
-
-    texture: np.ndarray  # (F,) int64 into FileParts.finishes, -1: none
-    uv: np.ndarray  # (F, 3, 2) as Part.corner_uv
-
-
-class Part(NamedTuple):
-    """Triangles of one material (or several: `material` is per face)."""
-
-    vertices: np.ndarray  # (V, 3) float64, world space of the file
-    faces: np.ndarray  # (F, 3) int64 into vertices
-    material: np.ndarray  # (F,) int64 into FileParts.materials
-    corner_normals: np.ndarray | None = None  # (F, 3, 3) float64 any length, as in the file
-    corner_colour: np.ndarray | None = None  # (F, 3, 3) linear; None: that of the material, white under a texture
-    face_texture: np.ndarray | None = None  # (F,) int64 into FileParts.textures, -1: none
-    corner_uv: np.ndarray | None = None  # (F, 3, 2), v downwards; as good as zero where there is no texture
-    finish: tuple[Placed | None, ...] = (None,) * len(Finish._fields)  # textures of gloss, in the order of Finish
-
-
 class FileParts(NamedTuple):
     """A mesh file as read, before any cleaning."""
 
-    parts: list[Part]
+    parts: list[Mesh]  # paint with colours of any size, without textures; corner normals of any length
     materials: list[Material]
     lights: list[Light]
     camera: Camera | None
     up: str  # "y" or "z", the format's custom
     notes: list[str]
-    textures: tuple[Texture, ...] = ()
-    finishes: tuple[Texture, ...] = ()
+    textures: tuple[Texture, ...] = ()  # of the paint of all parts
+    finishes: tuple[Texture, ...] = ()  # of their finish
+
+
+def placed(texture: np.ndarray, uv: np.ndarray, colour: np.ndarray | None = None) -> Paint:
+    """Return textures (F,) int, -1 for none, placed on faces by uv (F, 3, 2), v downwards, with colours (F, 3, 3).
+
+    colour: None: white.
+    """
+    colour = np.ones((len(texture), 3, 3), np.float32) if colour is None else colour.astype(np.float32)
+    return Paint((), texture.astype(np.int32), uv.astype(np.float32), colour)
 
 
 def without_overlaps(corners: np.ndarray, places: np.ndarray, counts: np.ndarray) -> np.ndarray:
@@ -69,11 +58,10 @@ def without_overlaps(corners: np.ndarray, places: np.ndarray, counts: np.ndarray
     if counts.max(initial=1) == 1:
         return corners
     polygon = np.repeat(np.arange(len(counts)), counts)
-    with np.errstate(all="ignore"):  # vertices beyond all bounds are refused later
-        p = places[corners]
-        normals = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-        whole = np.stack([np.bincount(polygon, normals[:, k], len(counts)) for k in range(3)], axis=1)
-        folds = dot(normals, whole[polygon]) < -1e-9 * dot(whole, whole)[polygon]
+    p = places[corners]
+    normals = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    whole = np.stack([np.bincount(polygon, normals[:, k], len(counts)) for k in range(3)], axis=1)
+    folds = dot(normals, whole[polygon]) < -1e-9 * dot(whole, whole)[polygon]
     first = np.cumsum(counts) - counts
     corners = corners.copy()
     for k in np.unique(polygon[folds & (counts <= MOST_AT_VERTEX)[polygon]]).tolist():  # fans of more are refused

@@ -16,9 +16,8 @@ from gi_core.files.formats.file_parts import (
     LEAST_TRANSMISSION,
     MOST_COVER,
     FileParts,
-    Part,
-    Placed,
     behind_cover,
+    placed,
     transmitting,
 )
 from gi_core.files.formats.gltf_buffers import Document
@@ -33,9 +32,10 @@ from gi_core.files.formats.gltf_parts import (
 )
 from gi_core.files.formats.metallic_roughness import COAT, MATTE, MOST_COAT, is_diffuse, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, NO_FINISH, Images
+from gi_core.geometry.mesh_parts import untextured
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
-from gi_core.scene.types import Material, VariedFinish
+from gi_core.scene.types import Finish, Material, Mesh, Paint, VariedFinish
 
 TRIANGLES, STRIP, FAN = range(4, 7)
 NEAREST = 9728
@@ -47,9 +47,7 @@ WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 def read_gltf(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read every triangle primitive of the default scene, with its world transform applied."""
     try:
-        # Overflows are refused later, by the rules of vertices or of lights.
-        with np.errstate(all="ignore"):
-            return _Reader(Document(path, data, where, boundary)).read()
+        return _Reader(Document(path, data, where, boundary)).read()
     except SceneError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as error:
@@ -144,7 +142,7 @@ class _Reader:
         normals = None if n is None else n[faces]
         paint, finish = self._paint(index, attributes, faces), self._finish(index, attributes, faces)
         material = self._emitting(index, attributes, p, faces)
-        self.parts.append(Part(p, faces, material, normals, *paint, finish))
+        self.parts.append(Mesh(p, faces, material, normals, None, paint, finish))
 
     def _emitting(self, index: int, attributes: dict, p: np.ndarray, faces: np.ndarray) -> np.ndarray:
         """Return the materials (F,) of faces: those of an emissive texture where there is one."""
@@ -189,12 +187,12 @@ class _Reader:
         factor, cutoff = _cut(described)
         return (factor * colours[faces, 3] >= cutoff).any(axis=1)
 
-    def _paint(self, index, attributes, faces):
-        """Return corner colours, face textures and corner coordinates of a part, None each where there are none."""
+    def _paint(self, index, attributes, faces) -> Paint | None:
+        """Return the paint of a part; None: its material gives the colour."""
         described = self.described[index] if index < len(self.described) else {}
         reference = described.get("pbrMetallicRoughness", {}).get("baseColorTexture")
         factor = np.array(self.materials[index].reflectance)
-        colour = texture = uv = None
+        colour = uv = number = None
         if reference is not None:
             name, transform = _coordinates(reference)
             number = self._texture(reference.get("index"), _cut(described))
@@ -203,7 +201,6 @@ class _Reader:
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
             elif name in attributes:
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
-                texture = np.full(len(faces), number)
                 uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
             else:
                 factor = factor * self.images.mean(self.images.textures[number].pixels)
@@ -216,21 +213,23 @@ class _Reader:
             vertex = self.document.accessor(attributes["COLOR_0"])[:, :3]
             if np.abs(vertex - 1).max(initial=0) > 1e-3:
                 colour = factor * np.clip(vertex[faces], 0, 1)
-        return colour, texture, uv
+        if uv is not None:
+            return placed(np.full(len(faces), number), uv, colour)
+        return None if colour is None else untextured(colour)
 
-    def _finish(self, index: int, attributes: dict, faces: np.ndarray) -> tuple[Placed | None, ...]:
-        """Return the textures of gloss on faces, in the order of Finish; None where the material is even."""
-        placed: list[Placed | None] = [None] * len(FINISH_VALUES)
+    def _finish(self, index: int, attributes: dict, faces: np.ndarray) -> Finish | None:
+        """Return the textures of gloss on faces; None where the material is even."""
+        layers: list[Paint | None] = [None] * len(FINISH_VALUES)
         if self.materials[index].varied is None:
-            return tuple(placed)
+            return None
         references = _finish_references(self.described[index])
         for k, (reference, values) in enumerate(zip(references, FINISH_VALUES, strict=True)):
             number = self._finish_texture(reference, values)
             name, transform = _coordinates(reference or {})
             if number is not None and name in attributes:
                 uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
-                placed[k] = Placed(np.full(len(faces), number), uv)
-        return tuple(placed)
+                layers[k] = placed(np.full(len(faces), number), uv)
+        return Finish(*layers)
 
     def _finish_texture(self, reference: dict | None, values: str) -> int | None:
         """Return the index of a texture of gloss among those read, None if there is none or it cannot be read."""

@@ -14,19 +14,19 @@ import numpy as np
 from gi_core.base.grouping import group_of, order_of
 from gi_core.base.vectors import cross, dot, every, greatest, length
 from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
-from gi_core.files.formats.file_parts import FileParts, Part, Placed, listed
+from gi_core.files.formats.file_parts import FileParts, listed
 from gi_core.files.formats.gltf_file import read_gltf
 from gi_core.files.formats.obj_file import read_obj
 from gi_core.files.formats.ply_file import read_ply
 from gi_core.files.formats.stl_file import read_stl
-from gi_core.files.formats.winding import faces_to_turn, with_turned
-from gi_core.geometry.mesh_parts import compact, crease_corner_normals, each_layer, rows_of
+from gi_core.files.formats.winding import faces_to_turn
+from gi_core.geometry.mesh_parts import compact, crease_corner_normals, each_layer, flipped, join, rows_of, turned_mesh
 from gi_core.geometry.receivers import FACES_COMPARED, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line, shown, utf8
 from gi_core.scene.rules import BIGGEST
-from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint, PlacedLight
+from gi_core.scene.types import Camera, Light, Material, Mesh, Paint, PlacedLight
 from gi_core.scene.validate import strength_of
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -67,15 +67,14 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
     if not data:
         raise SceneError(f"{where}: the file is empty, 0 bytes long; export it again")
     read = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply}.get(suffix, read_stl)
-    return _clean(read(path, data, where, boundary), where)
+    with np.errstate(all="ignore"):  # numbers that overflow are refused or limited when all are read
+        return _clean(read(path, data, where, boundary), where)
 
 
 def _clean(read: FileParts, where: str) -> MeshFile:
     notes = list(read.notes)
     parts = [_tamed(p) for p in read.parts if len(p.faces)]
-    painted = [np.ones(len(p.faces), bool) if p.corner_colour is not None else _textured(p) for p in parts]
-    plain = {int(i) for p, rows in zip(parts, painted, strict=True) for i in np.unique(p.material[~rows])}
-    materials = _clamped(read.materials, plain, notes, where)
+    materials = _clamped(read.materials, _worn(parts, read.materials), notes, where)
     if not parts:
         raise SceneError(f"{where}: the mesh has no triangles; a scene needs at least one")
     for p in parts:
@@ -86,65 +85,72 @@ def _clean(read: FileParts, where: str) -> MeshFile:
             raise SceneError(
                 f"{where}: vertices must be numbers up to {FARTHEST:g}, got {farthest:.3g}; repair the mesh"
             )
-    first = np.cumsum([0, *(len(p.vertices) for p in parts)])
-    vertices = np.concatenate([p.vertices for p in parts])
-    faces = np.concatenate([p.faces + o for p, o in zip(parts, first, strict=False)])
-    most = int(np.bincount(faces.reshape(-1)).max())
+    mesh = join([p._replace(corner_normals=None) for p in parts], materials)
+    most = int(np.bincount(mesh.faces.reshape(-1)).max())
     if most > MOST_AT_VERTEX:
         raise SceneError(
             f"{where}: a vertex must have no more than {MOST_AT_VERTEX:,} triangles, got {most:,}; cut its polygon"
         )
-    material = np.concatenate([p.material for p in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
-
-    turn, torn = faces_to_turn(parts, vertices, faces)
-    ends = np.cumsum([len(p.faces) for p in parts])
-    parts = [with_turned(p, rows) for p, rows in zip(parts, np.split(turn, ends), strict=False)]
-    faces[turn] = faces[turn][:, ::-1]
-    look = _looks(material, parts)
-    keep, sided = _repair(vertices, faces, material, look, materials, notes)
+    turn, torn = faces_to_turn(parts, mesh.vertices, mesh.faces)
+    mesh = turned_mesh(mesh, turn)
+    look = _looks(mesh)
+    keep, sided = _repair(mesh.vertices, mesh.faces, mesh.face_material, look, materials, notes)
     if turn[keep].any():
         notes.append(f"{int(turn[keep].sum()):,} triangles were wound against their neighbours or normals: turned")
     if not len(keep):
         raise SceneError(f"{where}: every triangle of the mesh has zero area; is it compressed or flattened?")
-    material = _with_sides(material, sided | torn, True, materials)
-    vertices, faces[keep], apart = _moved_apart(vertices, faces[keep], look[keep], notes)
-    material = _with_sides(material, np.isin(np.arange(len(faces)), keep[apart]), False, materials)
-    paint = _paint(read, parts, materials)
+    material = _with_sides(mesh.face_material, sided | torn, True, materials)
+    vertices, faces, apart = _moved_apart(mesh.vertices, mesh.faces[keep], look[keep], notes)
+    material = _with_sides(material, np.isin(np.arange(len(mesh.faces)), keep[apart]), False, materials)
     material, materials = _needed(material[keep], materials)
-    mesh = Mesh(vertices, faces[keep].astype(np.int32), material.astype(np.int32))
+    paint, finish = mesh.paint, mesh.finish if any(mesh.finish or ()) else None
+    mesh = Mesh(vertices, faces.astype(np.int32), material.astype(np.int32))
     mesh = mesh._replace(
-        corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
-        paint=None if paint is None else rows_of(paint, keep),
-        finish=each_layer(_finish(read, parts), lambda paint: rows_of(paint, keep)),
+        corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, turn, notes),
+        paint=None if paint is None else rows_of(_limited(paint._replace(textures=read.textures)), keep),
+        finish=each_layer(finish, lambda layer: rows_of(layer._replace(textures=read.finishes), keep)),
     )
     materials = [m._replace(name=utf8(m.name)) for m in materials]
     lights = [light._replace(name=utf8(light.name)) for light in read.lights]
     return MeshFile(compact(mesh), materials, lights, read.camera, read.up, [one_line(n) for n in notes])
 
 
-def _tamed(part: Part) -> Part:
-    """Return the part with finite normals and texture coordinates; vertices must be finite already.
+def _tamed(part: Mesh) -> Mesh:
+    """Return the part with finite normals, colours and texture coordinates; vertices must be finite already.
 
     A vertex that no face uses may be anything, infinite too: it is put where it does no harm.
     """
+
+    def tamed(paint: Paint) -> Paint:
+        uv = np.clip(np.nan_to_num(paint.corner_uv), -FARTHEST_UV, FARTHEST_UV)
+        return paint._replace(corner_uv=uv, corner_colour=np.nan_to_num(paint.corner_colour))
+
     normals = part.corner_normals
     used = np.zeros(len(part.vertices), bool)
     used[part.faces] = True
     return part._replace(
         vertices=np.where(used[:, None], part.vertices, part.vertices[part.faces[0, 0]]),
         corner_normals=None if normals is None else np.clip(np.nan_to_num(normals), -FARTHEST, FARTHEST),
-        corner_uv=_tamed_uv(part.corner_uv),
-        finish=tuple(p and p._replace(uv=_tamed_uv(p.uv)) for p in part.finish),
+        paint=None if part.paint is None else tamed(part.paint),
+        finish=each_layer(part.finish, tamed),
     )
 
 
-def _tamed_uv(uv: np.ndarray | None) -> np.ndarray | None:
-    return None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV)
+def _worn(parts: list[Mesh], materials: list[Material]) -> set[int]:
+    """Return the materials whose reflectance is the colour of a face."""
+    rho, worn = np.array([m.reflectance for m in materials], np.float32), set[int]()
+    for p in parts:
+        rows = slice(None)
+        if p.paint is not None:
+            same = (p.paint.corner_colour == rho[p.face_material][:, None]).all(axis=(1, 2))
+            rows = same & (p.paint.face_texture < 0)
+        worn |= set(p.face_material[rows].tolist())
+    return worn
 
 
-def _clamped(materials: list[Material], plain: set[int], notes: list[str], where: str) -> list[Material]:
-    """Return materials with reflectance clamped to the largest one; noted unless a texture gives the colour."""
+def _clamped(materials: list[Material], worn: set[int], notes: list[str], where: str) -> list[Material]:
+    """Return materials with reflectance clamped to the largest one; noted where faces have that colour."""
     result, bright = [], []
     for i, m in enumerate(materials):
         for what, colour in (("reflectance", m.reflectance), ("emission", m.emission)):
@@ -154,7 +160,7 @@ def _clamped(materials: list[Material], plain: set[int], notes: list[str], where
                     f"got {shown(list(colour))}; correct it, or export it again"
                 )
         if max(m.reflectance) > MOST_REFLECTANCE:
-            if i in plain:
+            if i in worn:
                 bright.append(m.name)
             m = m._replace(reflectance=tuple(min(c, MOST_REFLECTANCE) for c in m.reflectance))
         result.append(m)
@@ -163,20 +169,15 @@ def _clamped(materials: list[Material], plain: set[int], notes: list[str], where
     return result
 
 
-def _looks(material: np.ndarray, parts: list[Part]) -> np.ndarray:
+def _looks(mesh: Mesh) -> np.ndarray:
     """Return a number (F,) int64 for each look of faces: material, texture, mean place in it, mean colour."""
-    if all(p.corner_colour is None and not _textured(p).any() for p in parts):
-        return material
-    columns = []
-    for p in parts:
-        textured = _textured(p)
-        uv = np.zeros((len(p.faces), 2)) if p.corner_uv is None else p.corner_uv.mean(axis=1) * textured[:, None]
-        colour = np.zeros((len(p.faces), 3)) if p.corner_colour is None else p.corner_colour.mean(axis=1)
-        texture = np.where(textured, p.face_texture, -1) if textured.any() else np.full(len(p.faces), -1)
-        values = np.clip(np.nan_to_num(np.concatenate([uv, colour], axis=1)), -FARTHEST_UV, FARTHEST_UV)
-        # colours and places in a texture that differ by less than 1e-4 are the same
-        columns.append(np.column_stack([texture, np.round(values / 1e-4)]))
-    return group_of((material, *np.concatenate(columns).astype(np.int64).T))
+    paint = mesh.paint
+    if paint is None:
+        return mesh.face_material
+    values = np.concatenate([paint.corner_uv.mean(axis=1), paint.corner_colour.mean(axis=1)], axis=1, dtype=np.float64)
+    # colours and places in a texture that differ by less than 1e-4 are the same
+    columns = np.round(np.clip(values, -FARTHEST_UV, FARTHEST_UV) / 1e-4).astype(np.int64)
+    return group_of((mesh.face_material, paint.face_texture, *columns.T))
 
 
 def _repair(vertices, faces, material, look, materials, notes):
@@ -274,86 +275,36 @@ def _needed(material: np.ndarray, materials: list[Material]) -> tuple[np.ndarray
     return (np.cumsum(needed) - 1)[material], [m for m, is_needed in zip(materials, needed, strict=True) if is_needed]
 
 
-def _corner_normals(mesh, parts, part_of, keep, notes):
+def _corner_normals(mesh: Mesh, parts: list[Mesh], part_of, keep, turn, notes) -> np.ndarray | None:
     """Return unit normals (F, 3, 3), None if no part has usable ones."""
-    starts = np.cumsum([0, *(len(p.faces) for p in parts)])
-    geometric, _ = face_normals(mesh)
-    result = np.repeat(geometric[:, None], 3, axis=1)
-    believed = np.zeros(len(parts), bool)
-    disbelieved = 0
-    for i, part in enumerate(parts):
-        if part.corner_normals is None:
-            continue
-        rows = np.arange(*np.searchsorted(part_of, (i, i + 1)))  # the faces of a part follow each other
-        n = part.corner_normals[keep[rows] - starts[i]]
-        size = length(n)[..., None]
-        good = np.isfinite(size) & (size > 1e-12)
-        n = np.where(good, n / np.where(good, size, 1), result[rows])
-        # below a cosine of 0.1 to the geometric normal, a file's normal is not believed
-        wrong = ~every(dot(n, result[rows]) >= 0.1)
-        if wrong.sum() > 0.1 * len(rows):  # with more than 0.1 of such faces, no normal of the part is believed
-            disbelieved += 1
-            continue
-        result[rows[~wrong]] = n[~wrong]  # the odd wrong face stays flat
-        believed[i] = True
-    if disbelieved:
-        notes.append(f"normals of {disbelieved} of {len(parts)} parts oppose their faces: taken from crease angles")
-    if not believed.any():
+    bare = np.array([p.corner_normals is None for p in parts])
+    if bare.all():
         return None
-    rest = np.flatnonzero(~believed[part_of])
+    faces = [np.zeros((len(p.faces), 3, 3)) if p.corner_normals is None else p.corner_normals for p in parts]
+    flat = np.repeat(face_normals(mesh)[0][:, None], 3, axis=1)
+    n = flipped(np.concatenate(faces), turn)[keep]
+    size = length(n)[..., None]
+    good = np.isfinite(size) & (size > 1e-12)
+    n = np.where(good, n / np.where(good, size, 1), flat)
+    # below a cosine of 0.1 to the geometric normal, a file's normal is not believed
+    wrong = ~every(dot(n, flat) >= 0.1)
+    wrongs, counts = (np.bincount(part_of, of, len(parts)) for of in (wrong, None))
+    opposed = ~bare & (wrongs > 0.1 * counts)  # with more than 0.1 of such faces, no normal of the part is believed
+    if opposed.any():
+        notes.append(f"normals of {opposed.sum()} of {len(parts)} parts oppose their faces: taken from crease angles")
+    if (bare | opposed).all():
+        return None
+    n[wrong] = flat[wrong]  # the odd wrong face stays flat
+    rest = np.flatnonzero((bare | opposed)[part_of])
     if len(rest):
-        result[rest] = crease_corner_normals(Mesh(mesh.vertices, mesh.faces[rest], mesh.face_material[rest]))
-    return result
+        n[rest] = crease_corner_normals(Mesh(mesh.vertices, mesh.faces[rest], mesh.face_material[rest]))
+    return n
 
 
-def _textured(part: Part) -> np.ndarray:
-    return np.zeros(len(part.faces), bool) if part.face_texture is None else part.face_texture >= 0
-
-
-def _finish(read: FileParts, parts: list[Part]) -> Finish | None:
-    """Return the textures of gloss on the faces of all parts, None if no part has any."""
-    layers = [_layer(read, [p.finish[k] for p in parts], parts) for k in range(len(Finish._fields))]
-    return None if all(paint is None for paint in layers) else Finish(*layers)
-
-
-def _layer(read: FileParts, placed: list[Placed | None], parts: list[Part]) -> Paint | None:
-    if all(p is None for p in placed):
-        return None
-    counts = [len(p.faces) for p in parts]
-    texture = [np.full(n, -1) if p is None else p.texture for p, n in zip(placed, counts, strict=True)]
-    uv = [np.zeros((n, 3, 2)) if p is None else p.uv for p, n in zip(placed, counts, strict=True)]
-    return Paint(
-        read.finishes,
-        np.concatenate(texture).astype(np.int32),
-        np.concatenate(uv).astype(np.float32),
-        np.ones((sum(counts), 3, 3), np.float32),
-    )
-
-
-def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Paint | None:
-    """Return the colours of all faces of all parts, None if their materials give them."""
-    if all(p.corner_colour is None and not _textured(p).any() for p in parts):
-        return None
-    rho = np.array([m.reflectance for m in materials], np.float32)
-    texture, uv, colour = [], [], []
-    for p in parts:
-        n, textured = len(p.faces), _textured(p)
-        texture.append(np.where(textured, p.face_texture, -1) if textured.any() else np.full(n, -1))
-        placed = np.zeros((n, 3, 2), np.float32)
-        if p.corner_uv is not None:
-            placed[textured] = p.corner_uv[textured]
-        uv.append(placed)
-        plain = np.repeat(rho[p.material][:, None], 3, axis=1)
-        plain[textured] = 1.0
-        corner_colour = plain if p.corner_colour is None else np.nan_to_num(p.corner_colour)
-        # A texture has a separate limit.
-        colour.append(np.clip(corner_colour, 0, np.where(textured, 1.0, MOST_REFLECTANCE)[:, None, None]))
-    return Paint(
-        read.textures,
-        np.concatenate(texture).astype(np.int32),
-        np.concatenate(uv),
-        np.concatenate(colour).astype(np.float32),
-    )
+def _limited(paint: Paint) -> Paint:
+    """Return the paint with colours from 0 to the largest reflectance; a texture has a limit of its own."""
+    most = np.where(paint.face_texture < 0, MOST_REFLECTANCE, 1.0)[:, None, None]
+    return paint._replace(corner_colour=np.clip(paint.corner_colour, 0, most).astype(np.float32))
 
 
 def scaled(read: MeshFile, factor: float) -> MeshFile:

@@ -20,20 +20,20 @@ from gi_core.files.formats.classes import lamps_of_texture
 from gi_core.files.formats.file_parts import (
     MOST_COVER,
     FileParts,
-    Part,
-    Placed,
     behind_cover,
     listed,
+    placed,
     transmitting,
     without_overlaps,
 )
 from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
+from gi_core.geometry.mesh_parts import untextured
 from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import three
 from gi_core.scene.rules import MOST_IOR
-from gi_core.scene.types import Gloss, Material, Pane, Texture, VariedFinish
+from gi_core.scene.types import Finish, Gloss, Material, Mesh, Paint, Pane, Texture, VariedFinish
 
 NO_MATERIAL = "default"
 FINISH_MAPS = "map_Pr", "map_Pm", "map_Ks", None  # in the order of Finish
@@ -89,7 +89,7 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
             raise
         except (ValueError, IndexError) as error:
             raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
-    vertices, placed, directions = (np.array(a).reshape(-1, n) for a, n in ((v, 3), (vt, 2), (vn, 3)))
+    vertices, coordinates, directions = (np.array(a).reshape(-1, n) for a, n in ((v, 3), (vt, 2), (vn, 3)))
     triples = np.array(corners, np.int64).reshape(-1, 3)
     order = np.arange(len(triples)).reshape(-1, 3)
     if len(order):
@@ -104,13 +104,21 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
         notes.append(f"no definition of material {listed(missing)}: taken as grey 0.7")
     normals = directions[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
     entries = [library.get(n) or _Entry(n) for n in names]
-    colour, finish = _textures_of(entries, material, placed, uv_ids)
-    tints = None
+    layers = [
+        _placed(entries, word, [e.finish[k] for e in entries], material, coordinates, uv_ids)
+        for k, word in enumerate(FINISH_MAPS)
+    ]
+    # The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
+    paint = _placed(entries, "map_Kd", [e.texture for e in entries], material, coordinates, uv_ids)
+    if paint is not None:
+        rho = np.array([m.reflectance for m in materials])[material, None]
+        paint = paint._replace(corner_colour=np.where(paint.face_texture[:, None, None] < 0, rho, paint.corner_colour))
     if len(vc) == len(v) and len(v):
         kd = np.array([(1.0, 1.0, 1.0) if m.name not in library else m.reflectance for m in materials])
         tints = srgb_to_linear(np.clip(np.array(vc).reshape(-1, 3), 0, 1))[faces] * kd[material][:, None]
-    material = _emitting(entries, materials, material, vertices[faces], placed, uv_ids, images)
-    part = Part(vertices, faces, material, normals, tints, *(colour or (None, None)), finish)
+        paint = untextured(tints) if paint is None else paint._replace(corner_colour=tints)
+    material = _emitting(entries, materials, material, vertices[faces], coordinates, uv_ids, images)
+    part = Mesh(vertices, faces, material, normals, None, paint, Finish(*layers))
     textures = tuple(images.textures), tuple(images.finishes)
     return FileParts([part], materials, [], None, "y", notes + images.notes(), *textures)
 
@@ -367,33 +375,21 @@ def _average_unplaced(names, library, material, uv_ids, images: Images, notes: l
 def _emitting(entries: list[_Entry], materials: list[Material], material, corners, vt, uv_ids, images: Images):
     """Return the materials (F,) of faces: where a texture scales emission, new ones, which are appended."""
     glows = [e.emissive for e in entries]
-    placed = _placed(
-        entries, "map_Ke", [None if glow is None else k for k, glow in enumerate(glows)], material, vt, uv_ids
-    )
+    numbers = [None if glow is None else k for k, glow in enumerate(glows)]
+    paint = _placed(entries, "map_Ke", numbers, material, vt, uv_ids)
     material = material.copy()
     for k, glow in enumerate(glows):
         if glow is None:
             continue
-        rows = np.flatnonzero((material == k) & (False if placed is None else placed.texture == k))
-        if placed is not None and len(rows):
-            material[rows] = lamps_of_texture(materials, k, corners[rows], glow, placed.uv[rows])
+        rows = np.flatnonzero((material == k) & (False if paint is None else paint.face_texture == k))
+        if paint is not None and len(rows):
+            material[rows] = lamps_of_texture(materials, k, corners[rows], glow, paint.corner_uv[rows])
         emission = images.mean(glow.pixels) * np.array(materials[k].emission)
         materials[k] = materials[k]._replace(emission=three(emission))  # of faces without a place in it
     return material
 
 
-def _textures_of(entries: list[_Entry], material, placed, uv_ids) -> tuple[Placed | None, tuple[Placed | None, ...]]:
-    """Return the texture of colour on each face, and those of gloss; None for none.
-
-    The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
-    """
-    layers = [("map_Kd", [e.texture for e in entries])]
-    layers += [(word, [e.finish[k] for e in entries]) for k, word in enumerate(FINISH_MAPS)]
-    colour, *finish = (_placed(entries, word, textures, material, placed, uv_ids) for word, textures in layers)
-    return colour, tuple(finish)
-
-
-def _placed(entries: list[_Entry], word: str | None, textures: list[int | None], material, vt, uv_ids) -> Placed | None:
+def _placed(entries: list[_Entry], word: str | None, textures: list[int | None], material, vt, uv_ids) -> Paint | None:
     """Return one texture per material, `textures`, on each face (F,) with corner coordinates (F, 3, 2), v downwards."""
     if not len(vt) or all(k is None for k in textures):
         return None
@@ -404,6 +400,5 @@ def _placed(entries: list[_Entry], word: str | None, textures: list[int | None],
     texture[uv_ids.min(axis=1) < 0] = -1
     rows, uv = np.flatnonzero(texture >= 0), np.zeros((len(material), 3, 2))
     used = material[rows, None]
-    with np.errstate(over="ignore", invalid="ignore"):  # cleaned with the rest of the mesh
-        uv[rows] = (vt[uv_ids[rows]] * scale[used] + offset[used]) * [1, -1] + [0, 1]  # OBJ counts v upwards
-    return Placed(texture, uv)
+    uv[rows] = (vt[uv_ids[rows]] * scale[used] + offset[used]) * [1, -1] + [0, 1]  # OBJ counts v upwards
+    return placed(texture, uv)

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.file_parts import FileParts, Part, without_overlaps
+from gi_core.files.formats.file_parts import FileParts, without_overlaps
+from gi_core.geometry.mesh_parts import untextured
 from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError, shown
-from gi_core.scene.types import Material
+from gi_core.scene.types import Material, Mesh
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -142,7 +143,7 @@ def _values(body: bytes, kind: np.dtype, count: int, at: int) -> np.ndarray:
     return np.frombuffer(body, kind, count, at) if kind.itemsize else np.zeros(count, kind)
 
 
-def _part(elements: list[_Element], columns: list[dict[str, Any]], where: str, boundary: Boundary) -> Part:
+def _part(elements: list[_Element], columns: list[dict[str, Any]], where: str, boundary: Boundary) -> Mesh:
     by_name = {e.name: (e, c) for e, c in zip(elements, columns, strict=True)}
     if "tristrips" in by_name:
         raise ValueError("it holds triangle strips")
@@ -151,21 +152,20 @@ def _part(elements: list[_Element], columns: list[dict[str, Any]], where: str, b
     face, of_faces = by_name.get("face") or (vertex, {})
     lists = next((c for c in of_faces.values() if isinstance(c, _Lists)), None)
     if lists is None:
-        return Part(vertices, np.zeros((0, 3), np.int64), np.zeros(0, np.int64))
+        return Mesh(vertices, np.zeros((0, 3), np.int64), np.zeros(0, np.int64))
     boundary.take(where, "triangles", int(np.maximum(lists.counts - 2, 0).sum()))
     faces, polygon = _fans(lists, vertices, where)
-    colours = None
+    paint = None
     if all(k in of_faces for k in COLOUR):
-        colours = srgb_to_linear(_colours(face, of_faces)[polygon])[:, None].repeat(3, axis=1)
+        paint = untextured(srgb_to_linear(_colours(face, of_faces)[polygon])[:, None].repeat(3, axis=1))
     elif all(k in values for k in COLOUR):
-        colours = srgb_to_linear(_colours(vertex, values))[faces]
-    return Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)
+        paint = untextured(srgb_to_linear(_colours(vertex, values))[faces])
+    return Mesh(vertices, faces, np.zeros(len(faces), np.int64), paint=paint)
 
 
 def _fans(lists: _Lists, vertices: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the triangles (F, 3) of polygons, and the polygon (F,) of each."""
-    with np.errstate(invalid="ignore"):  # nan of a text
-        named = lists.values.astype(np.int64)
+    named = lists.values.astype(np.int64)
     if (named != lists.values).any() or (named.size and not 0 <= named.min() <= named.max() < len(vertices)):
         raise SceneError(
             f"{where}: faces must name vertices 0 to {len(vertices) - 1}, "

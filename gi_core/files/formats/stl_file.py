@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.file_parts import FileParts
+from gi_core.geometry.mesh_parts import untextured
 from gi_core.geometry.texture_filter import srgb_to_linear
 from gi_core.scene.errors import SceneError
-from gi_core.scene.types import Material
+from gi_core.scene.types import Material, Mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -39,7 +40,7 @@ def read_stl(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     return FileParts(parts, [Material(path.stem, two_sided=True)], [], None, "z", [])
 
 
-def _part(mesh: trimesh.Trimesh, where: str, boundary: Boundary) -> Part:
+def _part(mesh: trimesh.Trimesh, where: str, boundary: Boundary) -> Mesh:
     faces, vertices = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
     boundary.take(where, "triangles", len(faces))
     boundary.take(where, "vertices", len(vertices))
@@ -47,9 +48,9 @@ def _part(mesh: trimesh.Trimesh, where: str, boundary: Boundary) -> Part:
         raise SceneError(
             f"{where}: faces must name vertices 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
         )
-    colours = None
+    paint = None
     if len(faces) and mesh.visual.kind == "face":
-        colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, None, :3] / 255.0).repeat(3, axis=1)
+        paint = untextured(srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, None, :3] / 255.0).repeat(3, axis=1))
     elif len(faces) and mesh.visual.kind == "vertex":
-        colours = srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces]
-    return Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)
+        paint = untextured(srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces])
+    return Mesh(vertices, faces, np.zeros(len(faces), np.int64), paint=paint)

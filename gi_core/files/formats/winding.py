@@ -8,9 +8,8 @@ import numpy as np
 
 from gi_core.base.grouping import components, group_of, order_of
 from gi_core.base.vectors import cross, dot, every, length
-from gi_core.files.formats.file_parts import Part
-from gi_core.geometry.mesh_parts import flipped
 from gi_core.geometry.receivers import weld
+from gi_core.scene.types import Mesh
 
 
 class Winding(NamedTuple):
@@ -57,7 +56,7 @@ def _shared_edges(faces: np.ndarray):
     return face[pair], face[pair + 1], forward[pair] != forward[pair + 1]
 
 
-def faces_to_turn(parts: list[Part], vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def faces_to_turn(parts: list[Mesh], vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return which faces (F,) of all parts together to turn round, and which belong to a body without two sides.
 
     Where a file has normals they decide: a face that all three of its normals oppose is wound the wrong
@@ -101,16 +100,3 @@ def distinct(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rank = np.empty(len(first), np.int64)
     rank[order := np.argsort(first)] = np.arange(len(first))
     return first[order], rank[like.reshape(-1)]
-
-
-def with_turned(part: Part, turn: np.ndarray) -> Part:
-    """Return the part with some faces wound the other way, with all their values per corner."""
-    if not turn.any():
-        return part
-    changed = {}
-    for name in part._fields:
-        value = getattr(part, name)
-        if value is not None and (name == "faces" or name.startswith("corner_")):
-            changed[name] = flipped(value, turn)
-    changed["finish"] = tuple(p and p._replace(uv=flipped(p.uv, turn)) for p in part.finish)
-    return part._replace(**changed)
