@@ -112,7 +112,7 @@ class Loading(NamedTuple):
 def _described(loading: Loading, stem: str, up) -> Scene:
     """Return the scene that a file describes, of its meshes as they are."""
     file, where, materials = loading.file, loading.where, list[Material]()
-    cache = dict[str, MeshFile]()  # by real path
+    cache = dict[str, MeshFile]()  # by absolute path
     notes = [note for photometry in file.photometry.values() for note in photometry.notes]
     names = [where if loading.bare else f"{where}: {path.name}" for path in file.static.meshes]
     parts = [_read(loading, cache, *named) for named in zip(file.static.meshes, names, strict=True)]
@@ -156,9 +156,7 @@ def _described(loading: Loading, stem: str, up) -> Scene:
 
 def _read(loading: Loading, cache: dict[str, MeshFile], path: Path, where: str) -> MeshFile:
     """Return a mesh file that a scene file names, read once."""
-    if not loading.boundary.holds(path):
-        raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
-    real = os.path.realpath(path)
+    real = os.path.abspath(path)
     if real in cache:
         loading.boundary.take(where, "triangles", len(cache[real].mesh.faces))
     else:

@@ -24,7 +24,7 @@ def test_options_are_checked(tmp_path):
         load_scene(file, max_edge=-1)
     with pytest.raises(SceneError, match='up must be "x", "y", "z" or three numbers that are not all 0, got'):
         load_scene(file, up="w")
-    with pytest.raises(SceneError, match=r"mobile.glb: there is no such mesh file"):
+    with pytest.raises(SceneError, match=r"mobile.glb: there is no such file"):
         load_scene(file, mobiles=[tmp_path / "mobile.glb"])
     with pytest.raises(SceneError, match="a scene is a .toml file or one of .glb"):
         load_scene(tmp_path / "room.mtl")

@@ -263,7 +263,7 @@ def test_an_edit_that_fails_takes_no_other_with_it(hand, viewer):
     insert(viewer, "gone.glb")
     hand.wait(lambda: viewer.session is not first)
     assert viewer.session.settings.edits == viewer.session.edits == (red,)
-    assert any("gone.glb: there is no such mesh file" in e.text for e in viewer.log.entries)
+    assert any("gone.glb: there is no such file" in e.text for e in viewer.log.entries)
     change(hand, viewer, lambda: viewer._do("undo"))
     assert viewer.session.settings.edits == ()
     change(hand, viewer, lambda: viewer._do("redo"))
@@ -329,7 +329,7 @@ def test_an_edit_that_fails_leaves_the_scene(hand, viewer, folder):
     hand.wait(lambda: errors(viewer))
     assert viewer.session is session and session.edits == ()
     said = errors(viewer)[-1]
-    assert said.startswith("editing: ") and said.endswith("gone.glb: there is no such mesh file")
+    assert said.startswith("editing: ") and said.endswith("gone.glb: there is no such file")
     assert viewer.reload.problem == "", "the scene itself has none: Scene shows none"
     viewer._do("undo")
     hand.ctx.yield_(2)

@@ -7,7 +7,6 @@ Nor must a few kilobytes fill the memory: readers ask `take` before they allocat
 
 from __future__ import annotations
 
-import errno
 import io
 import os
 import stat
@@ -64,22 +63,28 @@ class Boundary:
         return os.path.isfile(path) and self.holds(path)  # Path.is_file raises where a name is too long
 
     def read(self, path: str | Path, where: str, small: bool = False) -> bytes:
-        """Return the bytes of a regular file. Raises OSError, or SceneError beyond the limits.
+        """Return the bytes of a regular file. Raises SceneError: outside, not to be read, or beyond the limits.
 
         small: a file of the scene's own text. All is asked of the open file, as another may take its name meanwhile.
         """
-        if not os.path.isfile(path):
-            raise FileNotFoundError(errno.ENOENT, "there is no such file")
-        with open(path, "rb", opener=at_once if self.open or path == self.named else self._without_links) as file:
-            state = os.fstat(file.fileno())
-            if not stat.S_ISREG(state.st_mode):
-                raise FileNotFoundError(errno.ENOENT, "there is no such file")
-            if small:
-                self.take(where, "bytes in a scene file", state.st_size)
-            self.take(where, "files")
-            self.take(where, "bytes in files", state.st_size)
-            self.files.append(os.path.abspath(path))
-            data = file.read(state.st_size + 1)
+        try:
+            with open(path, "rb", opener=_open if self.open or path == self.named else self._without_links) as file:
+                state = os.fstat(file.fileno())
+                if not stat.S_ISREG(state.st_mode):
+                    raise OSError("there is no such file")
+                if small:
+                    self.take(where, "bytes in a scene file", state.st_size)
+                self.take(where, "files")
+                self.take(where, "bytes in files", state.st_size)
+                self.files.append(os.path.abspath(path))
+                data = file.read(state.st_size + 1)
+        except SceneError:
+            raise
+        except ValueError:  # a name with a zero byte
+            raise SceneError(f"{where}: there is no such file") from None
+        except OSError as error:
+            why = f"the file cannot be read: {error.strerror}" if error.errno else error  # of the system, or below
+            raise SceneError(f"{where}: {why}") from None
         if len(data) > state.st_size:
             raise SceneError(f"{where}: the file grows while it is read; wait until it is written, and open it again")
         return data
@@ -88,9 +93,9 @@ class Boundary:
         """Open the file that a path leads to now, below the folder; a link put there meanwhile is not followed."""
         real = Path(os.path.realpath(path))
         if not real.is_relative_to(self.folder):
-            raise PermissionError(errno.EACCES, "it lies outside the folder of the scene")
-        if os.open not in os.supports_dir_fd:  # Windows, where links need a privilege
-            return at_once(str(real), flags)
+            raise OSError("lies outside the folder of the scene; move it there, or give --allow-outside")
+        if os.open not in os.supports_dir_fd or not os.path.isfile(real):  # Windows, where links need a privilege
+            return _open(str(real), flags)
         *folders, name = real.relative_to(self.folder).parts
         above = os.open(self.folder, FOLDER)
         for of, name_flags in (*((f, FOLDER) for f in folders), (name, flags | os.O_NONBLOCK)):
@@ -110,6 +115,13 @@ class Boundary:
                 "simplify it, or write two scenes"
             )
         self.taken[what] = total
+
+
+def _open(path: str, flags: int) -> int:
+    """Open a regular file, and no device, which may act on it."""
+    if not os.path.isfile(path):
+        raise OSError("this is a folder" if os.path.isdir(path) else "there is no such file")
+    return at_once(path, flags)
 
 
 def at_once(path: str, flags: int) -> int:

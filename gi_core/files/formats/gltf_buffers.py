@@ -114,7 +114,7 @@ class Document:
         return values.astype(np.int64)
 
     def image(self, index: int) -> bytes:
-        """Return the encoded bytes of an image. Raises ImageError, OSError."""
+        """Return the encoded bytes of an image. Raises ImageError, SceneError."""
         image = self.json["images"][index]
         if "bufferView" in image:
             return bytes(self._view(image["bufferView"])[0])
@@ -160,24 +160,13 @@ class Document:
     def _buffer(self, index: int):
         if index not in self._buffers:
             uri = self.json["buffers"][index].get("uri")
-            try:
-                self._buffers[index] = memoryview(self.binary if uri is None else self._uri(uri))
-            except OSError as error:
-                raise SceneError(
-                    f"{self.where}: its buffer {uri} cannot be read: {error.strerror or error}; keep it beside the file"
-                ) from None
+            self._buffers[index] = memoryview(self.binary if uri is None else self._uri(uri))
         return self._buffers[index]
 
     def _uri(self, uri: str) -> bytes:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        file = self.path.parent / unquote(uri)
-        if not self.boundary.holds(file):
-            raise SceneError(
-                f"{self.where}: its buffer {uri} lies outside the folder of the scene; move it there, "
-                "or give --allow-outside"
-            )
-        return self.boundary.read(file, self.where)
+        return self.boundary.read(self.path.parent / unquote(uri), f"{self.where}: its buffer {uri}")
 
     def _chunks(self, data: bytes) -> bytes:
         text, at = b"", 12

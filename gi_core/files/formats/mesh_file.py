@@ -5,7 +5,6 @@ Each format has a reader in a file beside this one.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,16 +53,9 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
     where = where or str(path)
     boundary = boundary or Boundary(path.parent, named=path)
     suffix = path.suffix.lower()
-    if os.path.isdir(path):
-        raise SceneError(f"{where}: a mesh is a file, this is a folder")
     if suffix not in SUFFIXES:
         raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
-    if not os.path.isfile(path):  # Path.is_file raises where a name is too long
-        raise SceneError(f"{where}: there is no such mesh file")
-    try:
-        data = boundary.read(path, where)
-    except OSError as error:
-        raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
+    data = boundary.read(path, where)
     if not data:
         raise SceneError(f"{where}: the file is empty, 0 bytes long; export it again")
     read = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply}.get(suffix, read_stl)

@@ -30,7 +30,7 @@ from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
 from gi_core.geometry.mesh_parts import untextured
 from gi_core.geometry.texture_filter import srgb_to_linear
-from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
 from gi_core.scene.rules import MOST_IOR
 from gi_core.scene.types import Finish, Gloss, Material, Mesh, Paint, Pane, Texture, VariedFinish
@@ -38,13 +38,10 @@ from gi_core.scene.types import Finish, Gloss, Material, Mesh, Paint, Pane, Text
 NO_MATERIAL = "default"
 FINISH_MAPS = "map_Pr", "map_Pm", "map_Ks", None  # in the order of Finish
 MAPS = {"map_Kd", "map_Ke", "map_d", *FINISH_MAPS[:3]}
-COLOURS = {
-    "Kd": math.inf,
-    "Ke": math.inf,
-    "Ks": 1.0,
-    "Tf": 1.0,
-}  # largest value of a channel; Kd is limited with all materials
-NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0), "Ni": (0.0, MOST_IOR)}
+RANGES = {  # smallest and largest number, and how many; Kd is limited with all materials
+    "Kd": (0.0, math.inf, 3), "Ke": (0.0, math.inf, 3), "Ks": (0.0, 1.0, 3), "Tf": (0.0, 1.0, 3),
+    "Ns": (0.0, 1e6, 1), "Pm": (0.0, 1.0, 1), "Pr": (0.0, 1.0, 1), "illum": (0.0, 10.0, 1), "Ni": (0.0, MOST_IOR, 1),
+}  # fmt: skip
 
 
 def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
@@ -250,7 +247,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         return {}
     entries, entry = {}, None
     changed: dict[str, list[str]] = {}  # change of values that break a rule: materials
-    for number, line in enumerate(_joined(boundary.read(library, where)).split("\n"), 1):
+    for line in _joined(boundary.read(library, f"{where}: {library.name}")).split("\n"):
         words = line.partition("#")[0].split()
         if not words:
             continue
@@ -258,10 +255,8 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         if words[0] == "newmtl":
             boundary.take(where, "materials")
             entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
-        elif entry is not None and words[0] in COLOURS and len(words) > 1 and words[1] not in ("spectral", "xyz"):
-            _read_colour(entry, words, f"{where}: {library.name}: line {number}", changed)
-        elif entry is not None and words[0] in NUMBERS and len(words) > 1:
-            _read_number(entry, words, changed)
+        elif entry is not None and words[0] in RANGES and len(words) > 1:
+            _read_value(entry, words, changed)
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
             entry.cover = float(words[-1]) if words[0] == "d" else 1 - float(words[-1])
         elif entry is not None and words[0] in MAPS and len(words) > 1:
@@ -276,32 +271,22 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
     return entries
 
 
-def _read_colour(entry: _Entry, words: list[str], where: str, changed: dict[str, list[str]]) -> None:
-    """Read a line `Kd 0.5 0.4 0.3`, or one number for grey, limited to its range. Raises SceneError."""
-    word, written, most = words[0], words[1:4], COLOURS[words[0]]
+def _read_value(entry: _Entry, words: list[str], changed: dict[str, list[str]]) -> None:
+    """Read a line `Pr 0.5`, `Kd 0.5 0.4 0.3` or `Kd 0.5` for grey, limited to its range; left out without numbers."""
+    word, (low, high, n) = words[0], RANGES[words[0]]
+    bounds = f">= {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+    rule, written = f"{word} must be {'a number' if n == 1 else 'three numbers'} {bounds}", words[1 : 1 + n]
     if not all(map(_is_number, written)):
-        value_text = shown(" ".join(written))
-        raise SceneError(f"{where}: {word} must be three finite numbers, got {value_text}; correct the line")
-    colour = three(float(x) for x in (written * 3)[:3])
-    limited = three(min(max(0.0, x), most) for x in colour)
-    if limited != colour:
-        rule = f"{word} must be three numbers " + (">= 0" if most == math.inf else f"from 0 to {most:g}")
+        changed.setdefault(f"{rule}: left out", []).append(entry.name)
+        return
+    values = [float(x) for x in written]
+    limited = [min(max(low, x), high) for x in values]
+    if limited != values:
         changed.setdefault(f"{rule}: limited", []).append(entry.name)
-    setattr(entry, word.lower(), limited)
+    setattr(entry, word.lower(), limited[0] if n == 1 else three((limited * 3)[:3]))
 
 
-def _read_number(entry: _Entry, words: list[str], changed: dict[str, list[str]]) -> None:
-    """Read a line `Pr 0.5`, limited to its range; a line without a number is left out."""
-    word, (low, high) = words[0], NUMBERS[words[0]]
-    value = float(words[1]) if _is_number(words[1]) else math.nan
-    if not low <= value <= high:
-        what = "left out" if math.isnan(value) else "limited"
-        changed.setdefault(f"{word} must be a number from {low:g} to {high:g}: {what}", []).append(entry.name)
-    if not math.isnan(value):
-        setattr(entry, word.lower(), min(max(low, value), high))
-
-
-KEYWORDS = {word.lower(): word for word in ("newmtl", "d", "Tr", *COLOURS, *NUMBERS, *MAPS)}  # in any case
+KEYWORDS = {word.lower(): word for word in ("newmtl", "d", "Tr", *RANGES, *MAPS)}  # in any case
 
 
 def _make_textures(entry: _Entry, images: Images) -> None:

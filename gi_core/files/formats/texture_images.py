@@ -68,7 +68,7 @@ class Images:
     ) -> int | None:
         """Return the index of a texture in `textures`, None if it cannot be read.
 
-        `name` identifies the image; `load` returns the encoded bytes, or raises ImageError or OSError. cut: the factor
+        `name` identifies the image; `load` returns the encoded bytes, or raises an error of these. cut: the factor
         that multiplies alpha, and the value below which the surface is cut away; None: alpha says nothing. mask: name
         and bytes of an image that is there in place of alpha.
         """
@@ -162,8 +162,6 @@ class Images:
                 self._note(otherwise, str(error))
             except ImageError as error:
                 self._note(otherwise, f"{name} {error}")
-            except OSError as error:
-                self._note(otherwise, f"{name} cannot be read ({error.strerror or error})")
             self._pictures.setdefault(name, None)
         return self._pictures[name]
 

@@ -71,8 +71,6 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
         return tomllib.loads(text)
     except SceneError:
         raise
-    except OSError as error:
-        raise SceneError(f"{where}: the scene file cannot be read: {error.strerror or error}") from None
     except RecursionError:
         raise SceneError(f"{where}: a scene file must not nest brackets hundreds deep") from None
     except ValueError as error:  # of TOML, of its encoding, or a number of thousands of digits
