@@ -32,7 +32,7 @@ from gi_core.scene.errors import SceneError, named, shown, utf8
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import FILE, FLAG, LENGTH
-from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Pose, Scene
+from gi_core.scene.types import Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_lamp, check_scene, check_size, check_surface
 
 GLTF = ".glb", ".gltf"
@@ -69,7 +69,7 @@ def load_scene(
         described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
         entry = StaticEntry([file], 1.0, None, [])
-        described = SceneFile(utf8(file.stem), None, "radiometric", entry, [], [], {}, None, [], Defaults(), [], {})
+        described = SceneFile(entry, [], {}, {}, None, {"name": utf8(file.stem)})
     else:
         raise SceneError(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
@@ -77,7 +77,7 @@ def load_scene(
     loading = Loading(described, boundary, where, suffix != ".toml", max_edge)
     try:
         with named(where, *map(str, mobiles)):
-            scene = _described(loading, utf8(file.stem), up_of(up, where))
+            scene = _described(loading, up_of(up, where))
             scene = _completed(loading, scene, [Path(mobile) for mobile in mobiles])
             check_scene(scene)
             for name, _ in scene.watts:
@@ -109,7 +109,7 @@ class Loading(NamedTuple):
 # What the file describes ----------------------------------------------------------------------------
 
 
-def _described(loading: Loading, stem: str, up) -> Scene:
+def _described(loading: Loading, up) -> Scene:
     """Return the scene that a file describes, of its meshes as they are."""
     file, where, materials = loading.file, loading.where, list[Material]()
     cache = dict[str, MeshFile]()  # by absolute path
@@ -129,23 +129,13 @@ def _described(loading: Loading, stem: str, up) -> Scene:
     punctual = any(part.lights for part in parts)  # glTF lights are photometric, and so is its emission
     glows = any(any(m.emission) for m in parts[0].materials)
     nits = loading.bare and glows and file.static.meshes[0].suffix.lower() in GLTF
-    scene = Scene(
-        static,
-        tuple(materials),
-        (),
-        (*file.lights, *(light for part in parts for light in part.lights)),
-        tuple(file.probes),
-        file.camera or next((part.camera for part in parts if part.camera), None),
-        up or file.up or UP[parts[0].up],
-        "photometric" if punctual or nits else file.units,
-        stem if loading.bare else file.title,
-        file.defaults,
-        tuple(notes),
-        tuple(file.light_scenes),
-        surfaces=file.surfaces,
-        watts=file.watts,
-        maintenance_factor=file.maintenance_factor,
-        hold=file.hold,
+    scene = Scene(static, tuple(materials), notes=tuple(notes), **file.scene)
+    scene = replace(
+        scene,
+        lights=(*scene.lights, *(light for part in parts for light in part.lights)),
+        camera=scene.camera or next((part.camera for part in parts if part.camera), None),
+        up=up or file.scene.get("up") or UP[parts[0].up],
+        units="photometric" if punctual or nits else scene.units,
     )
     for entry in file.mobiles:
         scene = _with_entry(loading, cache, entry, scene)

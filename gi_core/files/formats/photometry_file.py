@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -241,13 +242,8 @@ def _ies_planes(planes: np.ndarray, values: np.ndarray, where: str) -> tuple[np.
     by_plane = list(zip(planes.tolist(), values, strict=True))
     if (first, last) == (0, 360):
         return planes, values
-    if (first, last) == (0, 90):
-        by_plane += [(180 - angle, row) for angle, row in by_plane]
-        return _around(by_plane + [(-angle, row) for angle, row in by_plane])
-    if (first, last) == (0, 180):
-        return _around(by_plane + [(-angle, row) for angle, row in by_plane])
-    if (first, last) == (90, 270):
-        return _around(by_plane + [(180 - angle, row) for angle, row in by_plane])
+    if (mirrors := {(0, 90): (180, 0), (0, 180): (0,), (90, 270): (180,)}.get((first, last))) is not None:
+        return _around(by_plane, mirrors)
     if first == 0 and last > 180 and 360 - last <= 2 * np.diff(planes).max():  # the plane at 360 left out
         return _around(by_plane)
     raise SceneError(
@@ -328,11 +324,7 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
     by_plane = list(zip(angles[np.arange(first, first + count) % planes].tolist(), values, strict=True))
     if symmetry == 1:
         by_plane = [(0.0, values[0])]
-    if symmetry in (2, 4):
-        by_plane += [(-angle, row) for angle, row in by_plane]
-    if symmetry in (3, 4):
-        by_plane += [(180 - angle, row) for angle, row in by_plane]
-    full = _around(by_plane)
+    full = _around(by_plane, {2: (0,), 3: (180,), 4: (0, 180)}.get(symmetry, ()))
     flux, stated = _flux(gammas, *full, where), lumens * ratio / 100
     notes = numbers.notes
     if stated > 0 and abs(flux / stated - 1) > ELSEWHERE:
@@ -354,11 +346,14 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
 # Both -----------------------------------------------------------------------------------------------
 
 
-def _around(by_plane: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _around(by_plane: list[tuple[float, np.ndarray]], mirrors: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
     """Return planes (P,) from 0 to 360 and their intensity (P, T), of some planes at any angles [degrees].
 
-    Between planes intensity is linear, so the plane at 0 that may have to be added changes nothing.
+    mirrors: sums of the angles of two mirrored planes, one mirror after the other. Between planes intensity is linear,
+    so the plane at 0 that may have to be added changes nothing.
     """
+    for both in mirrors:
+        by_plane = by_plane + [(both - angle, row) for angle, row in by_plane]
     by_angle = {round(angle % 360, 9) % 360: row for angle, row in by_plane}
     angles = sorted(by_angle)
     if angles[0] > 0:

@@ -230,23 +230,12 @@ class MobileEntry(NamedTuple):
 class SceneFile(NamedTuple):
     """A scene file as written, checked; mesh paths are resolved, not read."""
 
-    title: str
-    up: tuple[float, float, float] | None  # None: the custom of the first mesh's format
-    units: str
     static: StaticEntry
     mobiles: list[MobileEntry]
-    lights: list[Light]
     materials: dict[str, Table]
-    camera: Camera | None
-    probes: list[Probe]
-    defaults: Defaults
-    light_scenes: list[LightScene]
     photometry: dict[Path, PhotometryFile]  # files of luminaires
-    daylight: Daylight | None = None
-    surfaces: tuple[CalculationSurface, ...] = ()
-    watts: tuple[tuple[str, float], ...] = ()
-    maintenance_factor: float = 1.0
-    hold: bool = False
+    daylight: Daylight | None
+    scene: dict[str, Any]  # by field of Scene; up: None: the custom of the first mesh's format
 
 
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
@@ -279,25 +268,22 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
     probes = [_probe(t, i, where) for i, t in enumerate(tables[2])]
     for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
         _check_names(what, [n.name for n in named], where)
-    return SceneFile(
-        root.value("title", NAME, utf8(path.stem)),
-        up,
-        units,
-        entry,
-        mobiles,
-        lights,
-        read_materials(root),
-        read_camera(root.section("camera", CAMERA)) if "camera" in root else None,
-        probes,
-        Defaults(**root.section("defaults", DEFAULTS).fields(Defaults._field_defaults)),
-        read_light_scenes(root),
-        luminaires.files,
-        read_daylight(root.section("daylight", DAYLIGHT)) if "daylight" in root else None,
-        read_surfaces(root),
-        read_watts(root),
-        root.value("maintenance_factor", number("> 0 and <= 1", TINIEST, 1), 1.0),
-        root.value("hold", FLAG, False),
-    )
+    fields = {
+        "name": root.value("title", NAME, utf8(path.stem)),
+        "up": up,
+        "units": units,
+        "lights": tuple(lights),
+        "camera": read_camera(root.section("camera", CAMERA)) if "camera" in root else None,
+        "probes": tuple(probes),
+        "defaults": Defaults(**root.section("defaults", DEFAULTS).fields(Defaults._field_defaults)),
+        "light_scenes": tuple(read_light_scenes(root)),
+        "surfaces": read_surfaces(root),
+        "watts": read_watts(root),
+        "maintenance_factor": root.value("maintenance_factor", number("> 0 and <= 1", TINIEST, 1), 1.0),
+        "hold": root.value("hold", FLAG, False),
+    }
+    daylight = read_daylight(root.section("daylight", DAYLIGHT)) if "daylight" in root else None
+    return SceneFile(entry, mobiles, read_materials(root), luminaires.files, daylight, fields)
 
 
 def read_watts(root: Table) -> tuple[tuple[str, float], ...]:
