@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.grouping import components
-from gi_core.base.vectors import cross, dot
+from gi_core.base.vectors import length
 from gi_core.files.completion import DEFAULT_LAMP, lit_by_stand_ins
 from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.finishing import Values, finished_materials, materials_to_finish, mobile_called
@@ -25,6 +25,7 @@ from gi_core.files.formats.toml_fields import Table, as_table
 from gi_core.files.formats.toml_file import DAYLIGHT, Luminaires, changed_light, read_daylight, read_light
 from gi_core.files.load import inserted
 from gi_core.geometry.mesh_parts import join, part_of
+from gi_core.geometry.surfaces import face_normals
 from gi_core.lights.daylight import SKY, SUN, daylit
 from gi_core.scene.errors import SceneError, nearest, shown
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
@@ -273,25 +274,15 @@ def _without(scene: Scene, mobile: Mobile) -> Scene:
 
 def piece_at(mesh: Mesh, point) -> np.ndarray:
     """Return which faces (F,) bool hang together with the face nearest to a point (3,) [m]: they share corners."""
-    near = int(_distances(np.asarray(point, np.float64), mesh.vertices[mesh.faces]).argmin())
+    from trimesh.triangles import closest_point
+
+    solid = np.flatnonzero(face_normals(mesh)[1] > 0)  # of others trimesh 5.2 gives wrong points
+    corners, at = mesh.vertices[mesh.faces[solid]], np.broadcast_to(np.asarray(point, np.float64), (len(solid), 3))
+    near = solid[length(closest_point(corners, at) - at).argmin()]
     _, same = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = same.reshape(-1)[mesh.faces]
     label = components(np.concatenate([faces[:, :2], faces[:, 1:]]), int(faces.max()) + 1)[faces[:, 0]]
     return label == label[near]
-
-
-def _distances(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return the squared distances (F,) [m2] of a point (3,) from triangles (F, 3, 3)."""
-    normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inside, best = np.ones(len(corners), bool), np.full(len(corners), np.inf)
-    for k in range(3):
-        edge, way = corners[:, (k + 1) % 3] - corners[:, k], point - corners[:, k]
-        inside &= dot(cross(edge, way), normal) >= 0
-        along = np.clip(dot(way, edge) / np.maximum(dot(edge, edge), 1e-300), 0, 1)
-        off = way - along[:, None] * edge
-        best = np.minimum(best, dot(off, off))
-    height = dot(point - corners[:, 0], normal) ** 2 / np.maximum(dot(normal, normal), 1e-300)
-    return np.where(inside, height, best)
 
 
 def _promoted(scene: Scene, name: str, point) -> Scene:
