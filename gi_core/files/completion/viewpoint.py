@@ -146,7 +146,7 @@ def _distance(low: np.ndarray, high: np.ndarray, d, up) -> float:
     forward, right, above = axes(d, np.zeros(3), up)
     half = np.tan(np.radians(OUTSIDE_FOV) / 2) * 0.96  # 0.96 of the frame that a scene seen from outside fills
     wanted = np.maximum(np.abs(off @ right) / ASPECT, np.abs(off @ above)) / half - off @ forward
-    return max(float(wanted.max()), 0.3 * float((high - low).max()))
+    return float(wanted.max())
 
 
 def _raised(level: np.ndarray, up: np.ndarray, elevation: float) -> np.ndarray:
