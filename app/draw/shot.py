@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -151,20 +151,19 @@ class Layers(NamedTuple):
 
 
 def picture(
-    lit: LitScene, view: PictureView, display: Display,
-    sides: Sequence[tuple[np.ndarray, np.ndarray]] | None = None, progress: Progress = lambda fraction: None,
+    lit: LitScene, view: PictureView, display: Display, progress: Progress = lambda fraction: None,
     light: LightOfPixels = lambda lit, world: None,
 ) -> np.ndarray:  # fmt: skip
-    """Return a picture (height, width, 3) uint8. sides: colours in place of `lit.sides`; light: of pixels by rays.
+    """Return a picture (height, width, 3) uint8; light: of pixels by rays.
 
     Tone map and background follow the renderer.
     """
-    sides = lit.sides if sides is None else sides
-    world, gloss = _placed(lit, sides), lit.gloss_towards(view.camera.eye())
-    faces, above = raycast.both_sides(world, sides, lit.weights), raycast.above_textures(world, lit, gloss)
+    world, gloss = _placed(lit), lit.gloss_towards(view.camera.eye())
+    faces, above = raycast.both_sides(world, lit.sides, lit.weights), raycast.above_textures(world, lit, gloss)
     sharp = sharp_gloss(lit, view, display, gloss)
     pixels = light(lit, world)
-    drawn = faces if pixels is None else raycast.both_sides(world, _beside(pixels, lit).sides, lit.weights)
+    under = lit if pixels is None else replace(lit, drawn=pixels.vertices)
+    drawn = raycast.both_sides(world, under.sides, lit.weights)
     bare = _bare(lit, world) if lit.shows_radiance else None
     lamps = light_faces(lit.model, lit.levels) if lit.shows_radiance else None
     pixel = raycast.pixel_steps(view.camera, view.height)
@@ -211,12 +210,12 @@ def layers(shot: Shot, progress: Progress = lambda fraction: None) -> Layers:
     """Return the layers of a shot, at the size of its settings."""
     shot.expose()  # as the first reflections
     lit, view = replace(shot.lit, shows_radiance=True), shot.view
-    gloss, world = lit.gloss_towards(view.camera.eye()), _placed(lit, lit.sides)
+    gloss, world = lit.gloss_towards(view.camera.eye()), _placed(lit)
     sharp = sharp_gloss(lit, view, Display(shot.exposure, gains=shot.gains), gloss)
     faces, above = raycast.both_sides(world, lit.sides, lit.weights), raycast.above_textures(world, lit, gloss)
     lamps = light_faces(lit.model, lit.levels)
     bare, pixels = _bare(lit, world), shot.pixel_light(lit, world)
-    kept = lit if pixels is None else _beside(pixels, lit)
+    kept = lit if pixels is None else replace(lit, drawn=pixels.vertices)
     drawn = raycast.both_sides(world, kept.sides, lit.weights)
     white = raycast.both_sides(world, replace(kept, shows_radiance=False).sides, lit.weights)
     steps = raycast.pixel_steps(view.camera, view.height) if world.textures else None
@@ -252,18 +251,13 @@ def layers(shot: Shot, progress: Progress = lambda fraction: None) -> Layers:
     return out
 
 
-def _beside(pixels: PixelIrradiance, lit: LitScene) -> LitScene:
-    """Return a lit scene whose vertices have the light that pixels interpolate."""
-    return replace(lit, drawn=pixels.vertices)
-
-
 def _bare(lit: LitScene, world: visible.PictureScene) -> raycast.Coloured:
     """Return reflectance as colours of vertices."""
     dark = world._replace(emission=np.zeros_like(world.emission))
     return raycast.both_sides(dark, [(m.reflectance, m.reflectance) for m in lit.meshes], [None] * len(lit.meshes))
 
 
-def _placed(lit: LitScene, sides: Sequence[tuple[np.ndarray, np.ndarray]]) -> visible.PictureScene:
+def _placed(lit: LitScene) -> visible.PictureScene:
     """Return the meshes in world space, with the diagonals that suit their colours."""
-    meshes = zip(lit.meshes, sides, lit.weights, strict=True)
+    meshes = zip(lit.meshes, lit.sides, lit.weights, strict=True)
     return visible.place([along_light(mesh, *colours, w) for mesh, colours, w in meshes], lit.at)
