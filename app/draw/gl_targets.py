@@ -142,51 +142,42 @@ class LinearTarget:
 MOST_EDGES = 100_000  # in a picture
 
 
-class SmoothEdges:
-    """Smooths pictures of one sample per pixel on the processor, and keeps its scratch memory."""
+def smooth_edges(
+    picture: moderngl.Framebuffer,
+    depths: moderngl.Framebuffer,
+    edges: Sequence[Edges],
+    to_clip: Sequence[np.ndarray],
+    cull: bool,
+    colours: Callable[[int, np.ndarray, np.ndarray], np.ndarray],
+) -> None:
+    """Smooth a picture of one sample per pixel, a texture of bytes, of objects with some edges, on the processor.
 
-    def __init__(self) -> None:
-        self._placed, self._faces = np.empty((MOST_EDGES, 10)), np.empty((MOST_EDGES, 3), np.int32)
-        self._pixels, self._depth = np.empty((2, 0, 0, 4), np.uint8), np.empty((0, 0), np.float32)
-
-    def smooth(
-        self,
-        picture: moderngl.Framebuffer,
-        depths: moderngl.Framebuffer,
-        edges: Sequence[Edges],
-        to_clip: Sequence[np.ndarray],
-        cull: bool,
-        colours: Callable[[int, np.ndarray, np.ndarray], np.ndarray],
-    ) -> None:
-        """Smooth a picture of objects with some edges, a texture of bytes.
-
-        depths: the framebuffer that has theirs; to_clip: (4, 4) per object; cull: as for place_edges(). colours(object,
-        edge (n,), face (n,)): display colours (n, 3) in 0 .. 255 of faces as place_edges() numbers them.
-        """
-        (width, height), n, of_object = picture.size, 0, []
-        for shape, matrix in zip(edges, to_clip, strict=True):
-            room = np.empty((4, 4)), self._placed[n:], self._faces[n:]
-            of_object.append(n)
-            n += place_edges(*shape[:4], matrix, np.array(picture.size, np.float64), cull, *room)
-        if not n:
-            return
-        placed, wanted, thin = self._placed[:n], np.zeros(n, bool), np.zeros((n, 2, 3), np.float32)
-        if self._depth.shape != (height, width):
-            self._pixels, self._depth = np.empty((2, height, width, 4), np.uint8), np.empty((height, width), np.float32)
-        (drawn, out), depth = self._pixels, self._depth
-        picture.read_into(drawn, components=4)
-        depths.read_into(depth, attachment=-1, components=1, dtype="f4")
-        out[:] = drawn
-        gaps = np.zeros((n, 5), np.float32)
-        blend_edges(placed, thin, depth, drawn, out, wanted, gaps, 0)
-        rows = np.flatnonzero(wanted)
-        if len(rows):
-            for o, part in enumerate(np.split(rows, np.searchsorted(rows, of_object[1:]))):
-                for side in range(2):
-                    face = np.where(placed[part, 7 + 2 * side] < 0, 0, self._faces[part, 1 + side])
-                    thin[part, side] = colours(o, self._faces[part, 0], face)
-            blend_edges(placed[rows], thin[rows], depth, drawn, out, wanted, gaps, 1)
-        # Of fewer than 12 pixels, the share of the gap is chance: 8 add 0.05 of 255 to office.
-        rows = np.flatnonzero((gaps[:, :2] > 0).all(axis=1) & (gaps[:, :2].sum(axis=1) >= 12))
-        blend_edges(placed[rows], thin[rows], depth, drawn, out, wanted, gaps[rows], 2)
-        picture.color_attachments[0].write(out)  # type: ignore[union-attr]
+    depths: the framebuffer that has theirs; to_clip: (4, 4) per object; cull: as for place_edges(). colours(object,
+    edge (n,), face (n,)): display colours (n, 3) in 0 .. 255 of faces as place_edges() numbers them.
+    """
+    (width, height), n, of_object = picture.size, 0, []
+    room, faces = np.empty((MOST_EDGES, 10)), np.empty((MOST_EDGES, 3), np.int32)
+    for shape, matrix in zip(edges, to_clip, strict=True):
+        of_object.append(n)
+        size = np.array(picture.size, np.float64)
+        n += place_edges(*shape[:4], matrix, size, cull, np.empty((4, 4)), room[n:], faces[n:])
+    if not n:
+        return
+    placed, wanted, thin = room[:n], np.zeros(n, bool), np.zeros((n, 2, 3), np.float32)
+    drawn, depth = np.empty((height, width, 4), np.uint8), np.empty((height, width), np.float32)
+    picture.read_into(drawn, components=4)
+    depths.read_into(depth, attachment=-1, components=1, dtype="f4")
+    out = drawn.copy()
+    gaps = np.zeros((n, 5), np.float32)
+    blend_edges(placed, thin, depth, drawn, out, wanted, gaps, 0)
+    rows = np.flatnonzero(wanted)
+    if len(rows):
+        for o, part in enumerate(np.split(rows, np.searchsorted(rows, of_object[1:]))):
+            for side in range(2):
+                face = np.where(placed[part, 7 + 2 * side] < 0, 0, faces[part, 1 + side])
+                thin[part, side] = colours(o, faces[part, 0], face)
+        blend_edges(placed[rows], thin[rows], depth, drawn, out, wanted, gaps, 1)
+    # Of fewer than 12 pixels, the share of the gap is chance: 8 add 0.05 of 255 to office.
+    rows = np.flatnonzero((gaps[:, :2] > 0).all(axis=1) & (gaps[:, :2].sum(axis=1) >= 12))
+    blend_edges(placed[rows], thin[rows], depth, drawn, out, wanted, gaps[rows], 2)
+    picture.color_attachments[0].write(out)  # type: ignore[union-attr]

@@ -17,7 +17,7 @@ from app.draw.draw_mesh import DrawMesh
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, Scale, false_colours
 from app.draw.gl_mirrors import BACKDROP, GLCoverage, GLMirrors, Shares, View
 from app.draw.gl_objects import DrawnObject
-from app.draw.gl_targets import LinearTarget, Programs, SmoothEdges, Targets, put
+from app.draw.gl_targets import LinearTarget, Programs, Targets, put, smooth_edges
 from app.draw.gl_textures import GlossTexture, GLTextures
 from app.draw.tonemap import BACKGROUND, NEUTRAL, TONE_MAPS, UNLIT, Gains, to_display
 from app.settings import DEFAULT_TONE_MAP, LUMINANCE
@@ -86,7 +86,7 @@ class Renderer:
         self._targets: Targets | None = None
         # Bound after each picture: the GUI draws to it next, and `resize` must not release a bound framebuffer.
         self._default = ctx.detect_framebuffer(0)
-        self.samples, self._edges = samples, SmoothEdges()
+        self.samples = samples
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays.
@@ -218,7 +218,7 @@ class Renderer:
 
         to_clip = [look.view_projection @ model for model in look.models]
         edges = [o.mesh.edges for o in self._objects]
-        self._edges.smooth(self._targets.picture, depths, edges, to_clip, look.cull, colours)
+        smooth_edges(self._targets.picture, depths, edges, to_clip, look.cull, colours)
 
     def _linear_target(self, look: Look) -> LinearTarget | None:
         """Return the target of a picture with panes, which is drawn before its tone map; None: it shows none."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.draw.draw_mesh import DrawMesh
-from app.draw.gl_targets import SmoothEdges
+from app.draw.gl_targets import smooth_edges
 from app.draw.renderer import Look, Renderer
 from gi_core.display.edges import edges_of
 from gi_core.scene import Pose, Texture
@@ -64,11 +64,10 @@ def pictures(ctx):
             renderer.set_colours(o, front, back)
         look = Look(view, tuple(models or [IDENTITY] * len(objects)), tone_map="clip", eye=EYE.eye())
         out = []
-        for scale, samples, smooth in ((1, 1, SmoothEdges.smooth), (1, 1, lambda *_: None), (4, 4, None)):
+        for scale, samples, smooth in ((1, 1, smooth_edges), (1, 1, lambda *_: None), (4, 4, smooth_edges)):
             renderer.resize(scale * SIZE[0], scale * SIZE[1], samples)
             with pytest.MonkeyPatch.context() as patch:
-                if smooth is not None:
-                    patch.setattr(SmoothEdges, "smooth", smooth)
+                patch.setattr("app.draw.renderer.smooth_edges", smooth)
                 renderer.draw(look)
             out.append(renderer.pixels().reshape(SIZE[1], scale, SIZE[0], scale, 3).astype(float).mean(axis=(1, 3)))
         return out
