@@ -72,9 +72,6 @@ class OpenScene:
         self.held_receiver = -1  # whose part in the method is drawn instead, chosen by a click; -1: none
         self.edits = settings.edits  # those on show, and those asked for
         self._meshes: tuple[DrawMesh, ...] = ()
-        self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
-        self._finishes: dict[tuple[str, bool, str], Finished] = {}
-        self._parts: dict[str, tuple[str, ...]] = {}
         self.paths: dict[str, KeyFrames] = {}  # by mobile: the scene's, else a circle for the first one
         self.kept: KeptLight | None = None  # light A
         self._grids: dict[CalculationSurface, tuple[tuple, Grid]] = {}  # poses that they are of, and points
@@ -102,10 +99,7 @@ class OpenScene:
     @property
     def meshes(self) -> tuple[DrawMesh, ...]:
         """Draw meshes, the static part first; lamps emit at the levels of the light on show."""
-        levels = self.light.snapshot.levels
-        if self._lit[0] is not levels:
-            self._lit = levels, dimmed(self._meshes, levels)
-        return self._lit[1]
+        return dimmed(self._meshes, self.light.snapshot.levels)
 
     @cached_property
     def level(self) -> Level:
@@ -203,10 +197,9 @@ class OpenScene:
 
     def finish_of(self, name: str, material: bool, part: str = "") -> Finished:
         """Return the reflection of a part of a mobile, or of a material in the static part; of the edits asked for."""
-        if (key := (name, material, part)) not in self._finishes:
-            values = finish_of(self.scene, self.model.surfaces, *key)
-            self._finishes[key] = Finished(values, is_textured(self.scene, *key), _darkened(values))
-        finish = self._finishes[key]
+        of = name, material, part
+        values = finish_of(self.scene, self.model.surfaces, *of)
+        finish = Finished(values, is_textured(self.scene, *of), _darkened(values))
 
         def values_of(edits: Iterable[Edit]) -> list[Values]:
             return [e.material for e in edits if isinstance(e, Finish) and (e.name, e.part) == (name, part)]
@@ -246,9 +239,7 @@ class OpenScene:
 
     def parts_of(self, name: str) -> tuple[str, ...]:
         """Return the parts of a mobile, by material; () for an unknown one."""
-        if name not in self._parts:
-            self._parts[name] = parts_of(self.scene, name) if name in self.poses else ()
-        return self._parts[name]
+        return parts_of(self.scene, name) if name in self.poses else ()
 
     @property
     def lit(self) -> LitScene:
