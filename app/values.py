@@ -58,10 +58,22 @@ def day(text: str) -> int:
     return date.toordinal()
 
 
-def exposure(text: str) -> float:
-    value = finite(text)
-    _require(abs(value) <= 64, "-64 .. 64 stops", text)  # beyond, every picture is black or white
-    return value
+def _number(rule: str, holds: Callable[[float], bool]) -> Callable[[str], float]:
+    """Return the reader of a number that holds to a rule."""
+
+    def read(text: str) -> float:
+        value = finite(text)
+        _require(holds(value), rule, text)
+        return value
+
+    return read
+
+
+exposure = _number("-64 .. 64 stops", lambda value: abs(value) <= 64)  # beyond, every picture is black or white
+positive = _number(f"over 0, from {TINIEST:g} to {BIGGEST:g}", lambda value: value >= TINIEST)
+not_negative = _number(f"0, or from {TINIEST:g} to {BIGGEST:g}", lambda value: value == 0 or value >= TINIEST)
+percent = _number("in 0.01 .. 100 %", lambda value: 0.01 <= value <= 100)  # paths for less error would take days
+maintenance = _number("over 0, at most 1", lambda value: 0 < value <= 1)
 
 
 def _numbers(text: str, read: Callable[[str], float] = finite) -> tuple[float, ...]:
@@ -70,18 +82,6 @@ def _numbers(text: str, read: Callable[[str], float] = finite) -> tuple[float, .
         return tuple(read(part) for part in text.split(","))
     except argparse.ArgumentTypeError:
         return ()
-
-
-def positive(text: str) -> float:
-    value = finite(text)
-    _require(value >= TINIEST, f"over 0, from {TINIEST:g} to {BIGGEST:g}", text)
-    return value
-
-
-def not_negative(text: str) -> float:
-    value = finite(text)
-    _require(value == 0 or value >= TINIEST, f"0, or from {TINIEST:g} to {BIGGEST:g}", text)
-    return value
 
 
 def whole(most: int, least: int = 1) -> Callable[[str], int]:
@@ -106,13 +106,6 @@ rate = whole(1000)  # pictures per second: films count milliseconds or more
 points = whole(1_000_000)  # receivers at which errors are measured
 scale = whole(LONGEST_SIDE)
 light_map = whole(LONGEST_SIDE // 2, 16)  # 2 GB at 4,096 texels per side
-
-
-def percent(text: str) -> float:
-    """Return an error; paths for less than a hundredth of a percent would take days."""
-    value = finite(text)
-    _require(0.01 <= value <= 100, "in 0.01 .. 100 %", text)
-    return value
 
 
 def seed(text: str) -> int:
@@ -163,12 +156,6 @@ def watts(text: str) -> tuple[str, float]:
     with suppress(argparse.ArgumentTypeError):
         return name, not_negative(number)
     raise argparse.ArgumentTypeError(f"must be NAME=W, a power of 0 or more, got {text}")
-
-
-def maintenance(text: str) -> float:
-    value = finite(text)
-    _require(0 < value <= 1, "over 0, at most 1", text)
-    return value
 
 
 def pose(text: str) -> tuple[str, tuple[float, ...]]:
