@@ -14,8 +14,13 @@ from app.settings import Settings, UsageError
 from gi_core.scene import Scene
 
 
-def check_writable(option: str, file: Path) -> None:
-    """Raise UsageError, one sentence naming the option, if a file cannot be written; the check leaves no file."""
+def check_writable(option: str, file: Path, suffix: str = "") -> None:
+    """Raise UsageError, one sentence naming the option, if a file cannot be written; the check leaves no file.
+
+    suffix: that the file must have; "": any.
+    """
+    if suffix and file.suffix.lower() != suffix:
+        raise UsageError(f"{option} must name a {suffix} file, got {file}")
     if not os.path.isdir(file.resolve().parent):
         raise UsageError(f"{option} must name a file in a folder that exists, got {file}")
     if os.path.isdir(file):

@@ -13,7 +13,7 @@ from app.cli.progress import Bar, opened, solve
 from app.cli.terminal import Exit
 from app.cli.version import need
 from app.cli.writable import check_no_input, check_writable, write_whole
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.settings import Settings, make_solver, open_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -62,9 +62,7 @@ def bake(
     from app.rest.scheduler import gather
     from gi_core.scene.types import UNITS
 
-    if out.suffix.lower() != ".glb":
-        raise UsageError(f"--out must name a .glb file, got {out}")
-    check_writable("--out", out)
+    check_writable("--out", out, ".glb")
     image = out.with_suffix(".exr")
     if pixels is not None:
         need("xatlas", "unwraps meshes for light maps")

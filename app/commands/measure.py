@@ -47,9 +47,7 @@ def measure(settings: Settings, error: float, file: Path | None = None, shares: 
     from gi_core.lights.power import power_of
 
     if file is not None:
-        if file.suffix.lower() != ".csv":
-            raise UsageError(f"--csv must name a .csv file, got {file}")
-        check_writable("--csv", file)
+        check_writable("--csv", file, ".csv")
     with opened(settings, open_scene) as (bar, scene):
         if file is not None:
             check_no_input("--csv", file, settings, scene)

@@ -13,7 +13,7 @@ from app.cli.terminal import Exit, say
 from app.cli.version import version
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.commands.measure import measured
-from app.settings import ILLUMINANCE, Settings, UsageError, make_solver, open_scene
+from app.settings import ILLUMINANCE, Settings, make_solver, open_scene
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -45,9 +45,7 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
 
     files = [("--out", out, ".html")] + ([] if numbers is None else [("--json", numbers, ".json")])
     for option, file, suffix in files:
-        if file.suffix.lower() != suffix:
-            raise UsageError(f"{option} must name a {suffix} file, got {file}")
-        check_writable(option, file)
+        check_writable(option, file, suffix)
     with opened(settings, open_scene) as (bar, scene):
         for option, file, _ in files:
             check_no_input(option, file, settings, scene)
