@@ -157,8 +157,6 @@ class GLMirrors:
         for number, (view, area) in planes.items():
             image = self._images.get(number)
             if image is None or (image.size, image.samples) != (view.size, samples):
-                if image is not None:
-                    image.release()
                 image = self._images[number] = _Image(self._ctx, view.size, samples)
             image.begin(area)
             draw(view)
@@ -190,7 +188,6 @@ class GLMirrors:
             cube.write(face, room)
         if blurs:
             cube.build_mipmaps()  # half of the time of a software renderer
-        room.release()
 
     def way(self, reflector: Reflector, mirrors: tuple[str, ...]) -> str | None:
         """Return the way in which a view with some `mirrors` shows a reflector; None: there is no image of it."""
@@ -223,15 +220,6 @@ class GLMirrors:
         program["albedo"].write(lobe.albedo.astype(np.float32).tobytes())
         program["lobe"], program["alpha"] = tuple(map(float, lobe.lobe[:4])), float(lobe.lobe[4])
 
-    def release(self) -> None:
-        planes = *self._planes.values(), *self._planes_in_probes.values()
-        for image in (*planes, *([] if self._face is None else [self._face])):
-            image.release()
-        for cube in self._cubes.values():
-            cube.release()
-        self._planes, self._planes_in_probes, self._cubes, self._face = {}, {}, {}, None
-        self._keys, self._seen = {}, set()
-
 
 class GLCoverage:
     """Counts in small pictures of depths which share of a view each reflector covers.
@@ -241,7 +229,7 @@ class GLCoverage:
 
     def __init__(self, ctx: moderngl.Context, samples: int) -> None:
         self._ctx, self._samples = ctx, min(samples, ctx.max_samples)
-        self._targets: dict[tuple[int, int], tuple] = {}
+        self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
         self._queries: list[moderngl.Query] = []
         self._known: dict[tuple, Shares] = {}
 
@@ -265,6 +253,10 @@ class GLCoverage:
         if len(self._known) > 64:  # 64 views whose shares are kept, those asked for last
             del self._known[next(iter(self._known))]
         return shares
+
+    def forget(self) -> None:
+        """Forget the shares of all views: the scene has changed."""
+        self._known.clear()
 
     def _counted(self, size, objects, place, cull, omitted) -> Shares:
         scale = 256 / max(size)  # 256 pixels along the long side of the small picture
@@ -301,15 +293,8 @@ class GLCoverage:
         if size not in self._targets:
             colour = self._ctx.renderbuffer(size, 1, samples=self._samples)
             depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
-            self._targets[size] = self._ctx.framebuffer([colour], depth), colour, depth
-        return self._targets[size][0]
-
-    def release(self) -> None:
-        for things in self._targets.values():
-            for thing in things:
-                thing.release()
-        self._targets.clear()
-        self._known.clear()
+            self._targets[size] = self._ctx.framebuffer([colour], depth)
+        return self._targets[size]
 
 
 class _Image:
@@ -320,10 +305,8 @@ class _Image:
         self.texture = ctx.texture(size, 4, dtype="f2")
         self.texture.repeat_x = self.texture.repeat_y = False
         depth = ctx.depth_renderbuffer(size, samples=samples if samples > 1 else 0)
-        self._owned: list[moderngl.Texture | moderngl.Renderbuffer] = [self.texture, depth]
         if samples > 1:
             colour = ctx.renderbuffer(size, 4, samples=samples, dtype="f2")
-            self._owned.append(colour)
             self.shown, self._drawn = ctx.framebuffer([self.texture]), ctx.framebuffer([colour], depth)
         else:
             self.shown = self._drawn = ctx.framebuffer([self.texture], depth)
@@ -343,13 +326,6 @@ class _Image:
         self.texture.filter = _filter(blurred)
         if blurred:
             self.texture.build_mipmaps()
-
-    def release(self) -> None:
-        if self._drawn is not self.shown:
-            self._drawn.release()
-        self.shown.release()
-        for thing in self._owned:
-            thing.release()
 
 
 def _blurs(reflectors: Iterable[Reflector]) -> bool:

@@ -93,11 +93,9 @@ class DrawnObject:
         self._triangles = ctx.buffer(_indices(self._ordered))
         self._faces: MarkedFaces | None = None  # those marked last
         self._marked = ctx.vertex_array(mask, [(self._positions, "3f", "position")], self._triangles)
-        self._owned = [self._positions, self._triangles, self._marked]
         self._places = None
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
-            self._owned.append(self._places)
         self._light: np.ndarray | None = None  # irradiance under gloss
         self._radiance: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # of both sides, weights
         self._gloss = Gloss()
@@ -107,13 +105,10 @@ class DrawnObject:
             self._gloss.tabulated = self._gloss.at_vertices[mesh.gloss.lobe[self._gloss.at_vertices, 4] < 0]
             packed = np.c_[mesh.gloss.receivers + 1, mesh.gloss.normal, _with_albedo(mesh.gloss)].astype(np.float32)
             self._gloss.lobes = ctx.buffer(packed.tobytes())
-            self._owned.append(self._gloss.lobes)
         if mesh.reflectors and mesh.gloss.tangent is not None:
             self._gloss.tangents = ctx.buffer(np.ascontiguousarray(mesh.gloss.tangent, np.float32).tobytes())
-            self._owned.append(self._gloss.tangents)
         if mesh.reflectors:
             self._gloss.strengths = ctx.buffer(bytes(4 * HIGHLIGHTS * self._vertices), dynamic=True)
-            self._owned.append(self._gloss.strengths)
         self._colours = self._buffers()
 
     @property
@@ -147,9 +142,7 @@ class DrawnObject:
             attributes.append((self._gloss.strengths, "4f 4f 4f 4f", "lit_a", "lit_b", "lit_c", "lit_d"))
         if self._places is not None:
             attributes.append((self._places, "2f", "place"))
-        buffers = front, back, weights, triangles, Turning(self._ordered), irradiance, sent
-        self._owned += [thing for thing in buffers if hasattr(thing, "release")]
-        return Colours(*buffers, attributes, {})
+        return Colours(front, back, weights, triangles, Turning(self._ordered), irradiance, sent, attributes, {})
 
     def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """Return the vertex array with the attributes that a program reads."""
@@ -157,7 +150,6 @@ class DrawnObject:
         if program not in of.arrays:
             # moderngl refuses attributes that compilation has removed, unless it skips errors.
             of.arrays[program] = self.ctx.vertex_array(program, of.attributes, of.triangles, skip_errors=True)
-            self._owned.append(of.arrays[program])
         return of.arrays[program]
 
     def dim(self, emission: np.ndarray) -> None:
@@ -291,9 +283,6 @@ class DrawnObject:
 
     def _marked_faces(self, faces: np.ndarray) -> MarkedFaces:
         if self._faces is None or self._faces.faces is not faces:
-            if self._faces is not None:
-                self._faces.vertices.release()
-                self._faces.triangles.release()
             self._faces = self._made(faces)
         return self._faces
 
@@ -320,12 +309,6 @@ class DrawnObject:
         """Return the pixel rectangle (x, y, width, height) of the object, or of faces (k,) of it."""
         corners = self._corners if faces is None else self._marked_faces(faces).corners
         return rectangle(corners, to_clip, size, margin + 1) or (0, 0, 0, 0)
-
-    def release(self) -> None:
-        if self._faces is not None:
-            self._owned += [self._faces.triangles, self._faces.vertices]
-        for thing in reversed(self._owned):
-            thing.release()
 
 
 def _with_albedo(gloss: GlossVertices) -> np.ndarray:

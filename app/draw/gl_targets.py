@@ -38,14 +38,6 @@ class Programs:
             self._screens[program] = self._ctx.vertex_array(program, [])
         self._screens[program].render(moderngl.TRIANGLES, vertices=3)
 
-    def release(self) -> None:
-        for screen in self._screens.values():
-            screen.release()
-        for program in self.made.values():
-            program.release()
-        self._screens.clear()
-        self.made.clear()
-
 
 def put(program: moderngl.Program, **values) -> None:
     """Set those uniforms that compilation has left in a program; bytes fill arrays."""
@@ -83,25 +75,13 @@ class Targets:
         shown = ctx.texture(size, 4)
         shown.filter = (moderngl.LINEAR, moderngl.LINEAR)
         marks = ctx.texture(size, 1)
-        self._owned = [shown, marks]
         if samples > 1:
             colour, depth = ctx.renderbuffer(size, 4, samples=samples), ctx.depth_renderbuffer(size, samples=samples)
-            self._owned += [colour, depth]
             self.picture = ctx.framebuffer([shown])
             self.drawn = ctx.framebuffer([colour], depth)
         else:
-            depth = ctx.depth_renderbuffer(size)
-            self._owned.append(depth)
-            self.picture = self.drawn = ctx.framebuffer([shown], depth)
-        of_mask = ctx.depth_renderbuffer(size)
-        self._owned.append(of_mask)
-        self.mask = ctx.framebuffer([marks], of_mask)
-
-    def release(self) -> None:
-        if self.drawn is not self.picture:
-            self.drawn.release()
-        for thing in (self.picture, self.mask, *self._owned):
-            thing.release()
+            self.picture = self.drawn = ctx.framebuffer([shown], ctx.depth_renderbuffer(size))
+        self.mask = ctx.framebuffer([marks], ctx.depth_renderbuffer(size))
 
 
 class LinearTarget:
@@ -109,19 +89,16 @@ class LinearTarget:
 
     def __init__(self, ctx: moderngl.Context, programs: Programs) -> None:
         self._ctx, self._programs, self._key = ctx, programs, ((0, 0), 0)
-        self._owned: tuple = ()
 
     def resize(self, size: tuple[int, int], samples: int) -> None:
         """Set width and height in pixels, and samples per pixel."""
         if self._key == (size, samples):
             return
-        self.release()
         self._key = size, samples
         samples = samples if samples > 1 else 0  # llvmpipe takes 4 samples for 1
         self._light = self._ctx.texture(size, 4, samples=samples, dtype="f2")
         depth = self._ctx.depth_renderbuffer(size, samples=samples)
         self.drawn = self._ctx.framebuffer([self._light], depth)
-        self._owned = self.drawn, self._light, depth
 
     def tone_map(self, picture: moderngl.Framebuffer, code: int) -> None:
         """Write a picture by a tone map of surface.frag, the mean of the samples."""
@@ -133,10 +110,6 @@ class LinearTarget:
         )
         put(program, light=0, background=BACKGROUND, unlit=UNLIT)
         self._programs.cover(program)
-
-    def release(self) -> None:
-        for thing in self._owned:
-            thing.release()
 
 
 MOST_EDGES = 100_000  # in a picture

@@ -27,13 +27,9 @@ class GLTextures:
         self._largest = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
 
     def keep(self, textures: Iterable[Texture]) -> None:
-        """Upload missing textures and release all others."""
-        wanted = dict.fromkeys(textures)
-        for gone in [t for t in self._loaded if t not in wanted]:
-            self._loaded.pop(gone).release()
-        for texture in wanted:
-            if texture not in self._loaded:
-                self._loaded[texture] = self._upload(texture)
+        """Upload missing textures, and keep no others."""
+        loaded = self._loaded
+        self._loaded = {t: loaded[t] if t in loaded else self._upload(t) for t in dict.fromkeys(textures)}
 
     def of(self, texture: Texture) -> moderngl.Texture:
         return self._loaded[texture]
@@ -80,10 +76,8 @@ class GlossTexture:
         n, cells, _ = light.resting.shape
         size = 2 * cells * -(-n // self.lines), min(n, self.lines)
         if self._texture is None or self._texture.size != size:
-            self.release()
             self._texture, before = self._ctx.texture(size, 4, dtype="f2"), None
             self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
-            self.light = light
         if before is None or before.place is not light.place:
             self._write_owners(light.place)
         if before is None or before.resting is not light.resting:
@@ -99,8 +93,6 @@ class GlossTexture:
             self._write(light, place, int(run[0]), int(run[-1]) + 1)
 
     def _write_owners(self, place: np.ndarray) -> None:
-        if self._owners is not None:
-            self._owners.release()
         columns, lines = -(-len(place) // self.lines), min(len(place), self.lines)
         whole = np.zeros(columns * lines, np.float32)
         whole[: len(place)] = place
@@ -125,9 +117,3 @@ class GlossTexture:
         assert self._texture is not None and self._owners is not None
         self._texture.use(cells)
         self._owners.use(owners)
-
-    def release(self) -> None:
-        for texture in (self._texture, self._owners):
-            if texture is not None:
-                texture.release()
-        self._texture = self._owners = self.light = None

@@ -26,7 +26,6 @@ from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.light import Directions, GlossLight
 from gi_core.gloss.reflectors import PLANAR, PROBE, Reflector
-from gi_core.scene.types import Texture
 
 SAMPLES = 4  # per pixel; a picture of one has its edges smoothed
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
@@ -68,10 +67,11 @@ class Look:
 
 
 class Renderer:
-    """GL objects of one scene and one picture; `release` frees them."""
+    """GL objects of one scene and one picture. Those that nothing refers to any more are freed after each picture."""
 
     def __init__(self, ctx: moderngl.Context, samples: int = SAMPLES) -> None:
         self.ctx = ctx
+        ctx.gc_mode = "context_gc"  # objects are freed by ctx.gc(), in the thread of this context
         self._programs = Programs(ctx)
         self._mask = self._programs.of("surface.vert", "mask.frag")
         self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
@@ -82,9 +82,8 @@ class Renderer:
         self._faces = LightFaces(np.zeros((0, 4, 3)), np.zeros((0, 3)))
         self._bright: DrawnObject | None = None  # these faces; None: there are none
         self._objects: list[DrawnObject] = []
-        self._used_textures: list[Texture] = []
         self._targets: Targets | None = None
-        # Bound after each picture: the GUI draws to it next, and `resize` must not release a bound framebuffer.
+        # Bound after each picture: the GUI draws to it next, and a bound framebuffer must not be freed.
         self._default = ctx.detect_framebuffer(0)
         self.samples = samples
 
@@ -96,26 +95,10 @@ class Renderer:
         kept = {k: o for k, (o, mesh) in enumerate(zip(self._objects, meshes, strict=False)) if o.draws(mesh)}
         if len(kept) == len(meshes) == len(self._objects):
             return
-        textures, made = [t for mesh in meshes for t in mesh.textures], []
-        try:
-            self._textures.keep([*self._used_textures, *textures])
-            for k, mesh in enumerate(meshes):
-                made.append(kept[k] if k in kept else DrawnObject(self.ctx, self._mask, mesh))
-        except Exception:
-            self._release([o for k, o in enumerate(made) if k not in kept])
-            raise
-        self._gloss.release()
-        self._mirrors.release()
-        self._coverage.release()
-        self._mirrors = GLMirrors(self.ctx, meshes)
-        before, self._objects, self._used_textures = self._objects, made, textures
-        self._release([o for k, o in enumerate(before) if k not in kept])
-
-    def _release(self, objects: list[DrawnObject]) -> None:
-        """Release objects and unused textures."""
-        for o in objects:
-            o.release()
-        self._textures.keep(self._used_textures)
+        made = [kept[k] if k in kept else DrawnObject(self.ctx, self._mask, mesh) for k, mesh in enumerate(meshes)]
+        self._textures.keep(t for mesh in meshes for t in mesh.textures)
+        self._objects, self._gloss, self._mirrors = made, GlossTexture(self.ctx), GLMirrors(self.ctx, meshes)
+        self._coverage.forget()
 
     def set_colours(self, o: int, front: np.ndarray, back: np.ndarray, weights: np.ndarray | None = None) -> None:
         """Upload linear radiance (D, 3) of both sides of an object's draw vertices.
@@ -143,8 +126,6 @@ class Renderer:
         if all(np.array_equal(a, b) for a, b in zip(now, before, strict=True)):
             return
         self._mirrors.forget()
-        if self._bright is not None:
-            self._bright.release()
         self._faces, self._bright = faces, None
         if len(faces.corners):
             mesh = faces.mesh
@@ -164,12 +145,12 @@ class Renderer:
         self._mirrors.forget()
 
     def resize(self, width: int, height: int, samples: int | None = None) -> None:
-        """Set the picture's size in pixels and release the old one, because moderngl frees nothing by itself."""
+        """Set the picture's size in pixels; the old one is freed first."""
         samples = min(self.samples if samples is None else samples, self.ctx.max_samples)
         size = (max(int(width), 1), max(int(height), 1))
         if self._targets is None or (self._targets.size, self._targets.samples) != (size, samples):
-            if self._targets is not None:
-                self._targets.release()
+            self._targets = None
+            self.ctx.gc()
             self._targets = Targets(self.ctx, size, samples)
 
     def draw(self, look: Look) -> None:
@@ -206,6 +187,7 @@ class Renderer:
             self._draw_outline(targets, look, look.pointed, (0.95, 0.95, 0.95, 0.8))
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
+        ctx.gc()
 
     def _smooth_edges(self, look: Look, depths: moderngl.Framebuffer) -> None:
         def colours(o: int, edge: np.ndarray, face: np.ndarray) -> np.ndarray:
@@ -292,8 +274,6 @@ class Renderer:
                 light = to_display(light, look.exposure, mode, look.gains) / 255
             else:
                 light = 2.0**look.exposure * np.array(look.gains) * light
-            if self._dome is not None:
-                self._dome[1].release()
             self._dome = key, self.ctx.texture((columns, rows), 3, light.astype(np.float32).tobytes(), dtype="f4")
         self._dome[1].use(SKY_UNIT)
         sky = self._programs.of("screen.vert", "sky.frag")
@@ -473,21 +453,6 @@ class Renderer:
         w, h = self._targets.size
         data = self._targets.picture.read(components=3, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(h, w, 3)[::-1]
-
-    def release(self) -> None:
-        for o in (*self._objects, *([] if self._bright is None else [self._bright])):
-            o.release()
-        if self._targets is not None:
-            self._targets.release()
-        self._textures.keep(())
-        self._gloss.release()
-        self._mirrors.release()
-        self._coverage.release()
-        if self._dome is not None:
-            self._dome[1].release()
-        if self._linear is not None:
-            self._linear.release()
-        self._programs.release()
 
 
 def _place(program, view_projection: np.ndarray, model: np.ndarray, eye: np.ndarray | None = None) -> None:

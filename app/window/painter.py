@@ -47,7 +47,7 @@ class Preview:
 
 
 class Painter:
-    """`open` with the window, `adopt` with each session, `draw` once per frame, `close` with the window."""
+    """`open` with the window, `adopt` with each session, `draw` once per frame."""
 
     def __init__(self) -> None:
         self.ctx: moderngl.Context | None = None  # of the window
@@ -117,7 +117,3 @@ class Painter:
         for o, (painted, weight) in enumerate(zip(colours, lit.weights, strict=True)):
             self.renderer.set_colours(o, *painted, weight)
             self.renderer.set_irradiance(o, lit.drawn.irradiance)
-
-    def close(self) -> None:
-        if self.renderer is not None:
-            self.renderer.release()

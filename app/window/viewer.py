@@ -322,7 +322,6 @@ class Viewer:
         implot.destroy_context()
         self.reload.close()
         self.session.close()
-        self.painter.close()
 
     # A frame ----------------------------------------------------------------------------------------
 

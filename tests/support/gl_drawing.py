@@ -53,7 +53,6 @@ def drawn(shot, ctx=None):
         drawing.draw(look_of(shot))
         yield drawing
     finally:
-        drawing.release()
         if own is not None:
             own.release()
 

@@ -72,11 +72,8 @@ def draw(ctx):
     """Return a function that draws objects and reads the picture back."""
     from app.draw.renderer import Look, Renderer
 
-    made = []
-
     def picture(objects, models=None, samples=1, camera=EYE, **look):
         renderer = Renderer(ctx, samples)
-        made.append(renderer)
         renderer.set_scene(tuple(mesh for mesh, _, _ in objects))
         for o, (_, front, back) in enumerate(objects):
             renderer.set_colours(o, front, back)
@@ -88,5 +85,3 @@ def draw(ctx):
 
     yield picture
     assert ctx.error == "GL_NO_ERROR"
-    for renderer in made:
-        renderer.release()

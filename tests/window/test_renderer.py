@@ -73,7 +73,6 @@ def test_vertices_of_small_weight_hardly_count(ctx):
     for model, radiance in ((IDENTITY, 0.125), (HALF_TURN, 0.25)):
         renderer.draw(Look(EYE.projection(SIZE[0] / SIZE[1]) @ EYE.view(), (model,), tone_map="clip"))
         assert middle(renderer.pixels()) == pytest.approx(to_display(np.full(3, radiance), 0, "clip"), abs=2)
-    renderer.release()
 
 
 @pytest.mark.gl
@@ -116,7 +115,9 @@ def test_the_outline_of_a_surface_is_round_its_visible_part(draw, faces):
 
 
 @pytest.mark.gl
-def test_resizing_releases_and_an_empty_object_draws_nothing(ctx):
+def test_resizing_frees_the_last_size_and_an_empty_object_draws_nothing(ctx, monkeypatch):
+    freed, free = [], ctx.gc
+    monkeypatch.setattr(ctx, "gc", lambda: freed.append(free()))
     empty = DrawMesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32),
                      np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))  # fmt: skip
     renderer = Renderer(ctx)
@@ -125,12 +126,12 @@ def test_resizing_releases_and_an_empty_object_draws_nothing(ctx):
     for k in range(20):
         renderer.resize(50 + k, 40)
         renderer.draw(Look(IDENTITY, (IDENTITY,)))
-        assert ctx.error == "GL_NO_ERROR"
+        assert ctx.error == "GL_NO_ERROR" and not ctx.objects
+    assert sum(freed) >= 19 * 8, "two or three framebuffers, and five or six images of them"
     assert renderer.pixels().shape == (40, 69, 3)
     assert (renderer.pixels() == background()).all()
     renderer.resize(0, 0)
     assert renderer.size == (1, 1)
-    renderer.release()
     assert ctx.error == "GL_NO_ERROR"
 
 
@@ -154,7 +155,6 @@ def test_geometry_is_uploaded_once(ctx):
     for others in ((mesh._replace(positions=mesh.positions * 2),), (mesh, mesh)):
         renderer.set_scene(others)
         assert drawn not in renderer._objects and len(renderer._objects) == len(others)
-    renderer.release()
     assert ctx.error == "GL_NO_ERROR"
 
 
@@ -174,7 +174,6 @@ def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
         paths = [write_png(tmp_path / f"{k}.png", screenshot(drawing, look, None, k)) for k in (1, scale)]
         assert drawing.size == (64, 48)
     finally:
-        drawing.release()
         ctx.release()
     small, large = (np.array(Image.open(path).convert("RGB")).astype(float) for path in paths)
     assert large.shape == (48 * scale, 64 * scale, 3)
@@ -193,16 +192,13 @@ def test_objects_that_an_edit_keeps_are_not_uploaded_again(ctx):
     pictures = []
     drawing = Renderer(ctx)
     for renderer, sets in ((drawing, ((first, second), (first, third))), (Renderer(ctx), ((first, third),))):
-        try:
-            renderer.resize(*SIZE)
-            for meshes in sets:
-                known = renderer._objects[:1]
-                renderer.set_scene(meshes)
-                assert renderer._objects[:1] == known or not known
-                renderer.set_colours(0, *light)
-                renderer.set_colours(1, *(new if meshes[1] is third else other))
-            renderer.draw(look)
-            pictures.append(renderer.pixels().copy())
-        finally:
-            renderer.release()
+        renderer.resize(*SIZE)
+        for meshes in sets:
+            known = renderer._objects[:1]
+            renderer.set_scene(meshes)
+            assert renderer._objects[:1] == known or not known
+            renderer.set_colours(0, *light)
+            renderer.set_colours(1, *(new if meshes[1] is third else other))
+        renderer.draw(look)
+        pictures.append(renderer.pixels().copy())
     np.testing.assert_array_equal(*pictures)

@@ -54,11 +54,9 @@ def turned(axis, degrees, position=(0.0, 0.0, 0.0)):
 @pytest.fixture
 def pictures(ctx):
     """Return a function that draws objects: with smooth edges, without, and the mean of 64 samples."""
-    made = []
 
     def draw(objects, models=None, view=VIEW):
         renderer = Renderer(ctx, 1)
-        made.append(renderer)
         renderer.set_scene(tuple(mesh for mesh, _, _ in objects))
         for o, (_, front, back) in enumerate(objects):
             renderer.set_colours(o, front, back)
@@ -74,8 +72,6 @@ def pictures(ctx):
 
     yield draw
     assert ctx.error == "GL_NO_ERROR"
-    for renderer in made:
-        renderer.release()
 
 
 def errors_at_edges(smooth, plain, truth):
