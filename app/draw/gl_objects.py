@@ -72,19 +72,17 @@ class Gloss:
 
 
 class DrawnObject:
-    """Buffers of one object. One-sided faces come first, so that culling covers one range."""
+    """Buffers of one object."""
 
     def __init__(self, ctx, mask: moderngl.Program, mesh: DrawMesh) -> None:
         self.ctx, self._mask = ctx, mask
         self._two_sided = np.flatnonzero(mesh.back >= 0)
         order, self._calls = _draw_calls(mesh)
-        self.indices = 3 * len(order)
         places = np.argsort(order)
         # The mesh with its faces in the order of the draw calls.
         self._ordered = mesh._replace(
             triangles=mesh.triangles[order].astype(np.int32), quads=mesh.quads._replace(faces=places[mesh.quads.faces])
         )
-        self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
         self.mesh = mesh
         self._back = np.full((self._vertices, 3), -1.0, np.float32)  # it stays where one-sided: see surface.frag
         self._corners = _box(mesh.positions)
@@ -219,9 +217,7 @@ class DrawnObject:
 
     def draw(self, program: moderngl.Program, cull: bool) -> None:
         """Draw all triangles in vertex colours."""
-        split, lit = self._one_sided_indices if cull else 0, self._array(program)
-        self._part(lit, 0, split, True)
-        self._part(lit, split, self.indices - split, False)
+        self._call(self._array(program), cull)
 
     def draw_calls(
         self,
@@ -259,20 +255,12 @@ class DrawnObject:
 
     def mark(self, cull: bool = False, omitted: Callable[[Reflector], bool] = lambda reflector: False) -> None:
         """Draw all triangles with the program of the mask, but those of omitted reflectors."""
-        if any(map(omitted, self.mesh.reflectors)):
-            for call in self._calls:
-                if call.reflector < 0 or not omitted(self.mesh.reflectors[call.reflector]):
-                    self._part(self._marked, call.first, call.indices, cull and call.one_sided)
-            return
-        split = self._one_sided_indices if cull else 0
-        self._part(self._marked, 0, split, True)
-        self._part(self._marked, split, self.indices - split, False)
+        of = self.mesh.reflectors
+        self._call(self._marked, cull, lambda call: call.reflector < 0 or not omitted(of[call.reflector]))
 
     def mark_reflector(self, k: int, cull: bool) -> None:
         """Draw the triangles of one reflector as mark(), with the same depths."""
-        for call in self._calls:
-            if call.reflector == k:
-                self._part(self._marked, call.first, call.indices, cull and call.one_sided)
+        self._call(self._marked, cull, lambda call: call.reflector == k)
 
     def mark_faces(self, faces: np.ndarray, cull: bool) -> None:
         """Draw some faces (k,) as mark(), with the same depths."""
@@ -293,6 +281,11 @@ class DrawnObject:
         vertices = self.ctx.vertex_array(self._mask, [(self._positions, "3f", "position")], buffer)
         counts = 3 * len(triangles), 3 * int((~two_sided).sum())
         return MarkedFaces(faces, buffer, vertices, *counts, _box(self.mesh.positions[triangles.ravel()]))
+
+    def _call(self, vertices, cull: bool, wanted: Callable[[DrawCall], bool] = lambda call: True) -> None:
+        """Draw the calls that are wanted with one program."""
+        for call in filter(wanted, self._calls):
+            self._part(vertices, call.first, call.indices, cull and call.one_sided)
 
     def _part(self, vertices, first: int, count: int, cull: bool) -> None:
         if not count:
