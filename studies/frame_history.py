@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 from app.cli.progress import Bar
 from app.cli.terminal import Exit, fail
+from app.cli.version import need
 from app.cli.writable import check_writable
-from app.measure.chart.figure import need_matplotlib
 from app.settings import UsageError
 from gi_core.estimators import ESTIMATORS
 
@@ -186,7 +186,7 @@ def main() -> int:
     arguments = parser.parse_args()
     wanted = [case for case in cases() if arguments.only in case.key]
     try:
-        need_matplotlib()
+        need("matplotlib", "draws the chart")
         commit = last_commit(_read(arguments.out)[1]) if arguments.out.exists() else None
         with checked_out(commit) if commit else nullcontext() as earlier:
             print(f"before: {commit or 'no commit'}", flush=True)

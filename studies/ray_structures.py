@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from app.cli.progress import Bar
+from app.cli.version import need
 from app.cli.writable import write_whole
 from app.draw.camera import from_camera, scene_bounds
-from app.measure.chart.figure import need_matplotlib
 from app.measure.tables import markdown_table
 from app.settings import Settings, open_scene
 from gi_core.files.completion.camera_view import picture_rays, unit
@@ -208,7 +208,7 @@ def main() -> int:
     if asked.agreement:
         over = [agreement_over(scene, asked.agreement) for scene in asked.scenes]
         return 0 if all(over or [agreement(asked.agreement)]) else 1
-    need_matplotlib()
+    need("matplotlib", "draws the chart")
     asked.out.mkdir(parents=True, exist_ok=True)
     print(growth(*asked.growth, asked.out))
     return 0

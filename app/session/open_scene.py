@@ -62,7 +62,6 @@ class OpenScene:
         self.settings = settings  # the user's
         self.opened: Opened
         self._given: Scene
-        self._scene: Scene  # that, in the units of the settings
         self.model: Model
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
@@ -80,21 +79,17 @@ class OpenScene:
         """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
         self.opened, self.light, solver = opened, light, opened.solver
         self._meshes, self.picker = opened.meshes, Picker(solver.model)
-        self._given = self._scene = solver.scene
+        self._given = solver.scene
         self.model, self.chosen = solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)
         self.paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
-        self.__dict__.pop("level", None)
-        self._grids = {}
 
     @property
     def scene(self) -> Scene:
         """The scene, in the units of the settings, else in those of its files."""
         units = self.settings.units or self._given.units
-        if units != self._scene.units:
-            self._scene = replace(self._given, units=units)
-        return self._scene
+        return self._given if units == self._given.units else replace(self._given, units=units)
 
     @property
     def meshes(self) -> tuple[DrawMesh, ...]:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from app.cli.version import need
 from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, REPORT, RESTED, RIVAL, SCENES
 from gi_core.estimators import ESTIMATORS
 
@@ -42,11 +41,6 @@ def styles() -> dict[str, tuple[str, str]]:
         out[name] = OWN[k % len(OWN)]
         out |= {name + variant: style for variant, style in VARIANTS.items() if ESTIMATORS[name].controlled}
     return out | OTHERS
-
-
-def need_matplotlib() -> None:
-    """Raise UsageError where matplotlib is missing."""
-    need("matplotlib", "draws the chart")
 
 
 def draw(rows: list[dict], about: dict, out: Path) -> None:

@@ -22,12 +22,13 @@ from app.cli.version import commit
 from app.draw import motion
 from app.measure.chart import truth
 from app.measure.chart.settings import (
+    FULL,
+    QUICK,
     RIVAL,
     Choice,
     Effort,
     choices,
     choices_like_the_report,
-    effort,
 )
 from app.measure.chart.truth import PoseTruth
 from app.measure.results import Failure, attempted, load, processor, write_rows
@@ -254,7 +255,7 @@ class Run:
     def __init__(self, scene, settings: Settings, quick: bool, frames: int | None, points: int | None, out: Path,
                  bar: Bar) -> None:  # fmt: skip
         self.scene, self.settings, self.quick, self.bar = scene, settings, quick, bar
-        self.effort = effort(quick)
+        self.effort = QUICK if quick else FULL
         self.frames, self.points = frames or self.effort.frames, points or self.effort.points
         self.measurer = Measurer(scene, settings, self.effort, bar)
         self.base = self.measurer.base

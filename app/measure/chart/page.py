@@ -10,8 +10,9 @@ from html import escape
 from pathlib import Path
 
 from app.cli.progress import opened
+from app.cli.version import need
 from app.cli.writable import write_whole
-from app.measure.chart.figure import draw, need_matplotlib
+from app.measure.chart.figure import draw
 from app.measure.chart.measure import Run
 from app.measure.chart.settings import SCENES, ReportRow, beside
 from app.measure.results import Failure
@@ -28,7 +29,7 @@ def chart(
 
     Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
     """
-    need_matplotlib()
+    need("matplotlib", "draws the chart")
     out.mkdir(parents=True, exist_ok=True)
     with opened(settings, open_moving_scene) as (bar, scene):
         run = Run(scene, settings, quick, frames, points, out, bar)

@@ -52,10 +52,6 @@ FULL = Effort(
 QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.05, 3.0, 1 << 18)
 
 
-def effort(quick: bool) -> Effort:
-    return QUICK if quick else FULL
-
-
 class Choice(NamedTuple):
     """Settings of one row. Fields are columns of results.csv."""
 
