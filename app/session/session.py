@@ -36,19 +36,34 @@ class Field(NamedTuple):
 
 
 class History:
-    """Steps of ({key: value before}, {key: value after}); a key is the name of a mobile, or a Field."""
+    """Steps of ({key: value before}, {key: value after}); a key is the name of a mobile, or a Field.
+
+    press: the number of the press that holds a field of the window; its changes are one step. None: each is one.
+    """
 
     def __init__(self) -> None:
         self._done: list[Step] = []
         self._undone: list[Step] = []
-        self.before: dict[Field, Any] = {}  # fields when the edit under way, or the last one, began
+        self.press: int | None = None
+        self._last: int | None = None  # press of the last change
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the next change belongs to the press of the last one."""
+        return self.press is not None and self.press == self._last
 
     def push(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
-        """Record a change; undone steps can then no longer be redone."""
+        """Record a change, in the step of the last one where that goes on; undone steps can no longer be redone."""
         before = {key: value for key, value in before.items() if after.get(key, value) != value}
         if not before:
             return
-        self._done = [*self._done[-199:], (before, {key: after[key] for key in before})]  # 200 steps at most
+        done = self._done
+        if self.goes_on and done and all(done[-1][1].get(key) == value for key, value in before.items()):
+            (was, ended), done = done[-1], done[:-1]
+            before, after = {**before, **was}, {**ended, **after}
+        before = {key: value for key, value in before.items() if after[key] != value}  # a press may end as it began
+        step = [(before, {key: after[key] for key in before})] if before else []
+        self._done, self._last = [*done[-199:], *step], self.press if step else None  # 200 steps at most
         self._undone.clear()
 
     def undo(self) -> dict[Any, Any]:
@@ -63,13 +78,6 @@ class History:
             return {}
         self._done.append(self._undone.pop())
         return self._done[-1][1]
-
-    def extend(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
-        """Record a change as part of the last step, if that step ended in the values before; else push it."""
-        if self._done and all(self._done[-1][1].get(key) == value for key, value in before.items()):
-            self._done[-1] = self._done[-1][0], {**self._done[-1][1], **after}
-        else:
-            self.push(before, after)
 
     def change(self, key: Field, new: Callable[[Any], Any]) -> None:
         """Put new values of a field into all steps; steps that then leave it as it is are dropped."""
@@ -131,7 +139,7 @@ class Requests:
     changed_at: float = 0.0  # [s], the last request
     filled: dict[str, object] = field(default_factory=dict)  # values of settings that were open
     lamps: tuple = ((), "")  # levels and solo that the light on show has, or will have
-    holds_lamp: bool = False  # the panel holds a lamp's slider
+    before: Settings | None = None  # a press that has changed lamps; None: no such press
 
 
 class Session(OpenScene):
@@ -248,24 +256,20 @@ class Session(OpenScene):
             self.requests.changed_at = self.clock()
 
     def take(self, settings: Settings, held: bool) -> None:
-        """Request the panel's settings; held: its mouse button is down. Lamps change in one step of undo per press."""
+        """Request the panel's settings; held: its mouse button is down.
+
+        The log has how to meter the exposure where an edit of lamps has ended in other light.
+        """
         changed = {name: getattr(settings, name) for name in OF_LAMPS}
         if changed != {name: getattr(self.settings, name) for name in OF_LAMPS}:
-            self.edit(first=not self.requests.holds_lamp, last=not held, **changed)
-            self.requests.holds_lamp = held
-            self._hint_at_exposure(held)
-        elif self.requests.holds_lamp and not held:
-            self.edit(first=False)
-            self.requests.holds_lamp = False
-            self._hint_at_exposure(held)
+            self.requests.before = self.requests.before or self.settings
+            self.edit(**changed)
         self.want(settings)
-
-    def _hint_at_exposure(self, held: bool) -> None:
-        """Log how to meter the exposure where an edit of lamps has ended in other light."""
-        was, of = replace(self.settings, **{key.name: v for key, v in self.history.before.items()}), self.model.emitters
-        alone = was.solo != self.settings.solo
-        if not held and (alone or changes_exposure(flux_of(of, was), flux_of(of, self.settings))):
-            self.log(EXPOSURE_STAYS, WARNING)
+        was, of = self.requests.before, self.model.emitters
+        if was is not None and not held:
+            self.requests.before = None
+            if was.solo != settings.solo or changes_exposure(flux_of(of, was), flux_of(of, settings)):
+                self.log(EXPOSURE_STAYS, WARNING)
 
     def reset_settings(self) -> None:
         """Return to the settings of a scene opened without options, and to its first exposure."""
@@ -374,25 +378,18 @@ class Session(OpenScene):
             self.want(replace(self.settings, since=self.kept.state))
             self.log("light A is kept: Show / Change since A compares with it")
 
-    def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
-        """Change fields of the settings; the changes from a `first` to a `last` are one step of undo."""
-        if first:
-            self.history.before = {}
-        for name in fields:
-            self.history.before.setdefault(Field(name), getattr(self.settings, name))
+    def edit(self, **fields: Any) -> None:
+        """Change fields of the settings, a step of undo."""
+        before = {Field(name): getattr(self.settings, name) for name in fields}
         self.want(replace(self.settings, **fields))
-        if last:
-            self.history.push(
-                self.history.before, {key: getattr(self.settings, key.name) for key in self.history.before}
-            )
+        self.history.push(before, {Field(name): value for name, value in fields.items()})
 
     # Edits ------------------------------------------------------------------------------------------
 
-    def change_scene(self, *edits: Edit, first: bool = True) -> None:
+    def change_scene(self, *edits: Edit) -> None:
         """Change the scene, one step of undo; `Reload` opens it in the background, this picture staying until then.
 
-        Not `first`: the next value of a held slider, in the same step of undo. Values that come while one is being
-        opened are dropped, except the newest.
+        Values of a held slider that come while one is being opened are dropped, except the newest.
         """
         self.motion.playing = False
         before = self.edits
@@ -400,12 +397,10 @@ class Session(OpenScene):
             self.edits = with_edit(self.edits, edit)
         if self.edits == before:
             return
-        if first:
-            poses: dict[Any, Any] = dict(self.poses)
-            self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
-        else:
-            self.history.extend({Field("edits"): before}, {Field("edits"): self.edits})
-        self.asked, self._returning = Asked(self.edits, {}, follows=not first), {}
+        follows = self.history.goes_on
+        poses: dict[Any, Any] = {} if follows else dict(self.poses)
+        self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
+        self.asked, self._returning = Asked(self.edits, {}, follows), {}
 
     @property
     def is_editing(self) -> bool:

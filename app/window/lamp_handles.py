@@ -169,7 +169,7 @@ class LampHandles:
     def _change(self, session: Session, values: Values) -> None:
         light_id, now = self.held.id, session.lights.get(self.held.id)
         if values and now is not None and any(getattr(now, key) != value for key, value in values):
-            session.change_scene(edits.Light(light_id.name, values, number=light_id.number), first=not self._moved)
+            session.change_scene(edits.Light(light_id.name, values, number=light_id.number))
             self._moved = True
 
     def cancel(self, session: Session) -> bool:

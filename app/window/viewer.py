@@ -124,6 +124,7 @@ class Viewer:
         self._ready = False
         self._news = ""  # for the log: how the scene on show came
         self._waits_for_save = False
+        self._press = 0  # number of the press under way, or of the next one
 
     # HelloImGui's callbacks -------------------------------------------------------------------------
 
@@ -137,6 +138,8 @@ class Viewer:
     def _begin_frame(self) -> None:
         has_input = bool(len(imgui.get_current_context().input_events_trail)) or imgui.is_any_item_active()
         seconds = self.clock.begin(has_input)
+        self._press += not self.holds_field
+        self.session.history.press = self._press
         # ImGui takes one event of the mouse per frame: press, release and press need three
         io = imgui.get_io()
         io.mouse_double_click_time = max(DOUBLE_CLICK, 3 * seconds)
@@ -166,6 +169,11 @@ class Viewer:
                 self.leave(ask=False)
         if self._ready and self.exit_when_refined and not self.session.refining and self.painter.is_done:
             self.leave(ask=False)
+
+    @property
+    def holds_field(self) -> bool:
+        """Whether the mouse holds a field of the panel, or the mark of a lamp."""
+        return imgui.is_any_item_active() or self.viewport.lamps.held is not None
 
     def _end_frame(self) -> None:
         self.painter.finish()
@@ -350,8 +358,7 @@ class Viewer:
             elif brighter:
                 self.log(f"{self._news}; {EXPOSURE_STAYS}", WARNING)
                 self._news = ""
-        held = imgui.is_any_item_active() or self.viewport.lamps.held is not None or self.reload.is_editing
-        if self._news and not held:  # once per held slider
+        if self._news and not (self.holds_field or self.reload.is_editing):  # once per held slider
             self.log(self._news)
             self._news = ""
 

@@ -79,8 +79,9 @@ def test_a_colour_is_edited_undone_and_done_again(hand, viewer):
 
 
 @in_window()
-def test_a_held_slider_is_followed_and_undone_as_one_step(hand, viewer):
+def test_a_held_slider_is_followed_and_undone_as_one_step(hand, viewer, monkeypatch):
     """The value being opened is let finish, the newest comes next, those in between are dropped."""
+    monkeypatch.setattr(type(viewer), "holds_field", True)
     values = [(("reflectance", (0.1 * k, 0.5, 0.3)),) for k in range(1, 7)]
     shown: list[tuple] = []
     plain, first = viewer.session.irradiance, viewer.session
@@ -88,13 +89,13 @@ def test_a_held_slider_is_followed_and_undone_as_one_step(hand, viewer):
     hand.wait(lambda: viewer.reload.coming is not None)
     coming = viewer.reload.coming
     for value in values[1:-1]:
-        viewer._do(("refinish", "white", "", value, False))
+        viewer._do(("refinish", "white", "", value))
         hand.ctx.yield_()
         shown.append(viewer.session.settings.edits)
         assert viewer.session.finish_of("white", True).values == value, "the panel shows the newest value"
     hand.wait(lambda: viewer.session is not first)
     assert viewer.session is coming, "a newer value does not start the opening again"
-    viewer._do(("refinish", "white", "", values[-1], False))
+    viewer._do(("refinish", "white", "", values[-1]))
     hand.wait(lambda: viewer.session.asked is None and viewer.reload.coming is None)
     hand.wait_for_light()
     assert viewer.session.settings.edits == (Finish("white", values[-1]),)
@@ -113,7 +114,7 @@ def test_an_edit_that_changes_nothing_is_no_step_of_undo(hand, viewer):
     edits, asked = viewer.session.edits, viewer.session.asked
     viewer._do(("refinish", "white", "", (("reflectance", RED),)))
     assert viewer.session.asked is asked
-    viewer._do(("refinish", "white", "", (("reflectance", (0.2, 0.4, 0.6)),), False))
+    viewer._do(("refinish", "white", "", (("reflectance", (0.2, 0.4, 0.6)),)))
     hand.wait(lambda: viewer.session.asked is None and viewer.reload.coming is None)
     change(hand, viewer, lambda: viewer._do("undo"))
     assert viewer.session.settings.edits in ((), edits)

@@ -57,7 +57,7 @@ ACTIONS = {
     "select lamp": Action(lambda w, light: w.viewport.select_lamp(light)),
     "change light": Action(lamps.change),
     "add lamp": Action(lamps.add),
-    "edit": Action(lambda w, field, value, first=True, last=True: w.session.edit(first, last, **{field: value})),
+    "edit": Action(lambda w, field, value: w.session.edit(**{field: value})),
     "fold surface": Action(lambda w, surface: w.viewport.view.folded.symmetric_difference_update({surface})),
     # Of keys, menus and buttons.
     "open": Action(files.choose_scene, (_ctrl(K.o),), "Ctrl+O", "open a scene", False, "Open..."),

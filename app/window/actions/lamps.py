@@ -37,10 +37,10 @@ from gi_core.scene.pose import three
 from gi_core.scene.types import PlacedLight
 
 
-def change(window: Window, light: LightId | None, values: Values, first: bool = True) -> None:
-    """Change a light, or the daylight (None); not `first`: the next value of a field that is still held."""
+def change(window: Window, light: LightId | None, values: Values) -> None:
+    """Change a light, or the daylight (None)."""
     edit = Light(light.name, values, number=light.number) if light is not None else Daylight(values)
-    window.session.change_scene(edit, first=first)
+    window.session.change_scene(edit)
 
 
 def add(window: Window, kind: str) -> None:

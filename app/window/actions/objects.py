@@ -44,12 +44,9 @@ def move(window: Window, name: str, pose: Pose, first: bool, last: bool) -> None
         session.end_drag()
 
 
-def refinish(window: Window, surface: str, part: str, material: Values, first: bool = True) -> None:
-    """Change the reflection of a part of a mobile, or of a material of the static part, which has no part.
-
-    Not `first`: the next value of a slider that is still held.
-    """
-    window.session.change_scene(Finish(surface, material, part), first=first)
+def refinish(window: Window, surface: str, part: str, material: Values) -> None:
+    """Change the reflection of a part of a mobile, or of a material of the static part, which has no part."""
+    window.session.change_scene(Finish(surface, material, part))
 
 
 def rest(window: Window) -> None:

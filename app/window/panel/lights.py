@@ -87,7 +87,6 @@ CONE = {
 }
 
 _headings: dict[LightId, float] = {}  # last heading: straight down has none
-_held = [False]  # a field: its next value belongs to the same step of undo
 
 
 def draw(window: Window, actions: set[Any]) -> None:
@@ -144,9 +143,9 @@ def _kind(light: Light | None) -> str:
 
 def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> None:
     if isinstance(light, PlacedLight):
-        values, *done = ui.fields("Position", light.position, ui.SPEED * session.chosen.scene_size, "%.3f")
+        values, edited, *_ = ui.fields("Position", light.position, ui.SPEED * session.chosen.scene_size, "%.3f")
         ui.tip("Position [m]: x, y, z. Drag, or double-click to type. In the picture, drag the lamp's mark.")
-        _changed(lamp, (("position", three(values)),), done, actions)
+        _changed(lamp, (("position", three(values)),), edited, actions)
     if isinstance(light, Directed):
         tilt, heading, turn = aim_of(light, session.scene.up, _headings.get(lamp, 0.0))
         _headings[lamp] = heading
@@ -154,32 +153,34 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
         for k, (name, about) in enumerate(AIM.items()):
             if name == "Turn" and not isinstance(light, PhotometricLight):
                 continue
-            (angles[k],), *done = ui.fields(name, angles[k : k + 1], 0.5, "%.1f°", ("angle",))
+            (angles[k],), edited, *_ = ui.fields(name, angles[k : k + 1], 0.5, "%.1f°", ("angle",))
             ui.tip(f"{about} [degrees]. In the picture, drag the ring where the lamp's axis meets a surface.")
-            if done[0]:
+            if edited:
                 _headings[lamp] = angles[1]
             tilt, heading, turn = angles
-            _changed(lamp, aimed(light, tilt, heading, turn, session.scene.up), done, actions)
+            _changed(lamp, aimed(light, tilt, heading, turn, session.scene.up), edited, actions)
     if isinstance(light, SpotLight):
         cone = [light.inner_degrees, light.outer_degrees]
         for k, (name, about) in enumerate(CONE.items()):
-            (cone[k],), *done = ui.fields(name, cone[k : k + 1], 0.2, "%.1f°", ("angle",))
+            (cone[k],), edited, *_ = ui.fields(name, cone[k : k + 1], 0.2, "%.1f°", ("angle",))
             ui.tip(f"{about} [degrees]. The flux stays.")
-            _changed(lamp, beam(light, *cone), done, actions)
+            _changed(lamp, beam(light, *cone), edited, actions)
     if isinstance(light, DirectionalLight):
-        (degrees,), *done = ui.fields("Disc", (light.disc_degrees,), 0.02, "%.2f°", ("angle",))
+        (degrees,), edited, *_ = ui.fields("Disc", (light.disc_degrees,), 0.02, "%.2f°", ("angle",))
         ui.tip("Angular diameter of the sun [degrees]: its shadows are as soft. The irradiance stays.")
-        _changed(lamp, (("disc_degrees", min(max(degrees, 0.0), 90.0)),), done, actions)
+        _changed(lamp, (("disc_degrees", min(max(degrees, 0.0), 90.0)),), edited, actions)
     if isinstance(light, SkyLight):
         types = range(1, OVERCAST_SKY + 1) if light.sun is not None else SUNLESS_SKIES
         if (cie := _sky_type(light.cie, types)) is not None:
             actions.add(("change light", lamp, (("cie", cie),)))
     if isinstance(light, PhotometricLight):
-        values, *done = ui.fields("Size", light.size, ui.SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90"))
+        values, edited, *_ = ui.fields(
+            "Size", light.size, ui.SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90")
+        )
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
         a, b = (max(v, 0.0) for v in values)
         sides = (a, b) if a == b == 0 else (max(a, ui.LEAST_SIDE), max(b, ui.LEAST_SIDE))
-        _changed(lamp, (("size", sides),), done, actions)
+        _changed(lamp, (("size", sides),), edited, actions)
         ui.label("File")
         file = session.file_of(lamp)
         name = (utf8(Path(file).name) if file else "Choose...") + "###file"
@@ -232,31 +233,28 @@ def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
     if (zone := _city(day)) is not None:
         place, offset = cities()[zone], utc_offset(zone, day.date, day.hour)
         actions.add(("change light", None, (("place", place), ("utc_offset", offset))))
-    (latitude, longitude), *done = ui.fields("Place", day.place, 0.1, "%.2f°", ("latitude", "longitude"))
+    (latitude, longitude), edited, *_ = ui.fields("Place", day.place, 0.1, "%.2f°", ("latitude", "longitude"))
     ui.tip("Latitude and longitude [degrees], north and east positive.")
     place = min(max(latitude, -90.0), 90.0), min(max(longitude, -180.0), 180.0)
-    _changed(None, (("place", place),), done, actions)
+    _changed(None, (("place", place),), edited, actions)
     date = datetime.date.fromisoformat(day.date)
     first, last = (date.replace(month=m, day=d).toordinal() for m, d in ((1, 1), (12, 31)))
     moved, number = ui.slider("Date", date.toordinal(), first, last, day.date, read=readers.day)
-    done = [moved, imgui.is_item_activated(), False]
     ui.tip("Day of the year. Ctrl-click to type one, such as 2026-03-21.")
     on = datetime.date.fromordinal(number).isoformat()
     clock = (("utc_offset", utc_offset(zone, on, day.hour)),) if (zone := zone_at(day.place)) else ()
-    _changed(None, (("date", on), *clock), done, actions)
+    _changed(None, (("date", on), *clock), moved, actions)
     minutes = round(60 * day.hour)
     moved, hour = ui.slider("Hour", day.hour, 0.0, 24 - 1 / 60, f"{minutes // 60}:{minutes % 60:02}")
-    done = [moved, imgui.is_item_activated(), False]
     ui.tip("Time of the clock. Ctrl-click to type one: 9.5 is half past nine.")
-    _changed(None, (("hour", round(60 * hour) / 60),), done, actions)
+    _changed(None, (("hour", round(60 * hour) / 60),), moved, actions)
     moved, offset = ui.slider("Clock", day.utc_offset, -12.0, 15.0, f"UTC{day.utc_offset:+g}")
-    done = [moved, imgui.is_item_activated(), False]
     ui.tip("Hours that the clock is ahead of UTC, summer time included. A city sets them.")
-    _changed(None, (("utc_offset", round(4 * offset) / 4),), done, actions)
+    _changed(None, (("utc_offset", round(4 * offset) / 4),), moved, actions)
     up = window.session.scene.up
-    (turn,), *done = ui.fields("North", [north_angle(day, up)], 0.5, "%.1f°", ["angle"])
+    (turn,), edited, *_ = ui.fields("North", [north_angle(day, up)], 0.5, "%.1f°", ["angle"])
     ui.tip("Direction of north, clockwise from above [degrees], from -z with y up, from y with z up.")
-    _changed(None, (("north", north_at(turn, up)),), done, actions)
+    _changed(None, (("north", north_at(turn, up)),), edited, actions)
     if (cie := _sky_type(day.sky, range(1, OVERCAST_SKY + 1))) is not None:
         actions.add(("change light", None, (("sky", cie),)))
     sun = sun_of(day)
@@ -264,9 +262,6 @@ def daylight(s: Settings, window: Window, actions: set[Any]) -> Settings:
     return s
 
 
-def _changed(lamp: LightId | None, values: Values, done: list[bool], actions: set[Any]) -> None:
-    edited, begins, _ = done
-    _held[0] &= not begins
+def _changed(lamp: LightId | None, values: Values, edited: bool, actions: set[Any]) -> None:
     if edited:
-        actions.add(("change light", lamp, values, not _held[0]))
-        _held[0] = True
+        actions.add(("change light", lamp, values))

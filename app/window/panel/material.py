@@ -37,9 +37,6 @@ def models() -> dict[str, dict[str, Parameter]]:
     return {DIFFUSE: {"reflectance": colour}, METAL_ROUGH: metal_rough, **tabulated}
 
 
-_held: list[tuple[str, str]] = []  # the surface and part whose slider is held
-
-
 def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     surface, parts, part = window.viewport.surface, window.viewport.parts, window.viewport.part
     finish = window.viewport.finish
@@ -62,8 +59,6 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     chosen_now = len(names) - 1 if combined else names.index(model)
     changed, k = imgui.combo("##Model", chosen_now, [_title(name) for name in names], len(names))
     ui.tip("Model of reflection. Photons that met the surface are traced again; the picture stays until then.")
-    if not imgui.is_any_item_active():
-        _held.clear()
     if changed and not (combined and k == chosen_now):
         new_values = starting(names[k], values)
         actions.add(("refinish", surface, part, _kept(new_values) if finish.textured else new_values))
@@ -93,9 +88,8 @@ def draw(s: Settings, window: Window, actions: set[Any]) -> Settings:
     if finish.textured:
         ui.wrapped(_about_texture(model))
     if edited:
-        new_values, target = tuple(values.items()), (surface, part)
-        actions.add(("refinish", surface, part, _kept(new_values) if keeps else new_values, target not in _held))
-        _held[:] = [target]
+        new_values = tuple(values.items())
+        actions.add(("refinish", surface, part, _kept(new_values) if keeps else new_values))
     return s
 
 

@@ -99,17 +99,16 @@ def _surfaces(s: Settings, window: Window, actions: set[Any]) -> None:
         factor = s.maintenance_factor or session.scene.maintenance_factor
         moved, factor = ui.slider("Maintenance", factor, 0.3, 1.0, f"{factor:.2f}", read=maintenance)
         ui.tip("Maintenance factor of EN 12464-1: share of the light of lamps, not of sun and sky, that counts here.")
-        first, last = imgui.is_item_activated(), imgui.is_item_deactivated()
-        if moved or first or last:
-            actions.add(("edit", "maintenance_factor", round(factor, 2), first, last))
+        if moved:
+            actions.add(("edit", "maintenance_factor", round(factor, 2)))
     if any(surface.targets for surface in surfaces):
         _hold(s, session, actions)
     for k, surface in enumerate(surfaces):
         imgui.push_id(f"surface {k}")
 
-        def edit(to: CalculationSurface | None, first: bool = True, last: bool = True, k: int = k) -> None:
+        def edit(to: CalculationSurface | None, k: int = k) -> None:
             edited = () if to is None else (to,)
-            actions.add(("edit", "surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :]), first, last))
+            actions.add(("edit", "surfaces", (*surfaces[:k], *edited, *surfaces[k + 1 :])))
 
         imgui.set_next_item_open(surface.name not in viewport.view.folded)
         unfolded = imgui.tree_node_ex(f"{surface.name}###surface")
@@ -206,13 +205,13 @@ def _place(surface: CalculationSurface, session: Session, edit: Callable) -> Non
     for field, (speed, digits), about in rows:
         value = getattr(s, field) or 0.0
         values = value if isinstance(value, tuple) else (value,)
-        numbers, edited, first, last = ui.fields(f"   {field}", values, speed, digits, "ab"[: len(values)])
+        numbers, edited, *_ = ui.fields(f"   {field}", values, speed, digits, "ab"[: len(values)])
         ui.tip(about)
         low, high = {"tilt": (0.0, 180.0), "margin": (0.0, 1e6), "size": (ui.LEAST_SIDE, 1e6)}.get(field, (-1e6, 1e6))
         numbers = tuple(min(max(number, low), high) for number in numbers)
-        if edited or first or last:
+        if edited:
             change: dict[str, Any] = {field: numbers if isinstance(value, tuple) else numbers[0]}
-            edit(surface._replace(**change), first, last)
+            edit(surface._replace(**change))
 
 
 def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -> None:
@@ -231,20 +230,19 @@ def _grid(surface: CalculationSurface, shape: tuple[int, int], edit: Callable) -
     if surface.quantity == UGR:
         moved, views = ui.slider("   views", surface.views, 1, 36, str(surface.views))
         ui.tip("Directions that eyes look in at each point, evenly round the vertical; the worst counts.")
-        first, last = imgui.is_item_activated(), imgui.is_item_deactivated()
-        if moved or first or last:
-            edit(surface._replace(views=views), first, last)
+        if moved:
+            edit(surface._replace(views=views))
 
 
 def _targets(surface: CalculationSurface, edit: Callable) -> None:
     """Draw the targets of mean and U0, or of UGR; a scene file may have others."""
     targets, rows = dict(surface.targets), (("mean", "mean >=", 1.0, "%g"), ("U0", "U0 >=", 0.005, "%.2f"))
     for name, label, speed, digits in (("maximum", "UGR <=", 0.1, "%g"),) if surface.quantity == UGR else rows:
-        (value,), edited, first, last = ui.fields(f"   {label}", (targets.get(name, 0.0),), speed, digits, "t")
+        (value,), edited, *_ = ui.fields(f"   {label}", (targets.get(name, 0.0),), speed, digits, "t")
         ui.tip("Target; 0: none. A target holds, or not, where that is certain by two standard errors.")
-        if edited or first or last:
+        if edited:
             asked = targets | {name: max(value, 0.0)}
-            edit(surface._replace(targets=tuple((t, asked[t]) for t in TARGETS if asked.get(t))), first, last)
+            edit(surface._replace(targets=tuple((t, asked[t]) for t in TARGETS if asked.get(t))))
 
 
 def _numbers(light: SurfaceLight, units: Units, power_of: Power | None, before: SurfaceLight | None) -> None:

@@ -21,7 +21,7 @@ from app.rest.scheduler import RestWork
 from app.session.opening import COMPILING
 from app.session.picture import Picture
 from app.session.reload import QUIET, Reload, settings_for, words_of
-from app.session.session import Asked
+from app.session.session import Asked, Field, History
 from app.session.solver_jobs import snapshot_of
 from app.settings import LampLevel, Settings
 from app.window import files
@@ -31,6 +31,16 @@ from gi_core.instruments.compile_ahead import SURFACES
 from gi_core.scene import Camera, Pose
 from tests.support import viewer_support as support
 from tests.support.scene_builders import solve
+
+
+def test_changes_of_one_press_are_one_step_and_one_back_to_the_start_is_none():
+    history, key = History(), Field("exposure")
+    for press, values in ((None, (0, 1)), (None, (1, 2)), (1, (2, 3, 4)), (2, (4, 5, 4)), (2, (4, 6))):
+        history.press = press
+        for before, after in zip(values, values[1:], strict=False):
+            history.push({key: before, Field("solo"): ""}, {key: after, Field("solo"): ""})
+    assert [history.undo() for _ in range(5)] == [{key: 4}, {key: 2}, {key: 1}, {key: 0}, {}]
+    assert history.redo() == {key: 1}
 
 
 def test_different_light_has_different_parameters():
