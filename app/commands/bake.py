@@ -13,7 +13,7 @@ from app.cli.progress import Bar, opened, solve
 from app.cli.terminal import Exit
 from app.cli.version import need
 from app.cli.writable import check_no_input, check_writable, write_whole
-from app.settings import Settings, make_solver, open_scene
+from app.settings import make_solver, open_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,28 +40,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    a = arguments
-    for path in bake(settings_of(a), a.out, a.seconds, a.error and a.error / 100, a.light_map, a.of_colours):
-        print(path)
-    return Exit.OK
-
-
-def bake(
-    settings: Settings, out: Path, seconds: float | None = None, error: float | None = None,
-    pixels: int | None = None, exposure: float | None = None,
-) -> list[Path]:  # fmt: skip
-    """Write the scene with its light to a GLB file, and its light map beside it; return their full paths.
-
-    seconds: for gathering light before, see `gather`; error: of the reference [relative l1], to be baked instead;
-    pixels: per side of the light map, about, None: without; exposure [EV]: of the colours, None: by default. Raises
-    SceneError, UsageError, OSError.
-    """
+    """Write the scene with its light to a GLB file, and its light map beside it; print their full paths."""
     from app.draw.baking import baked
     from app.draw.picture_files import write_channels
     from app.draw.shot import Shot
     from app.rest.scheduler import gather
     from gi_core.scene.types import UNITS
 
+    settings, out, pixels, written = settings_of(arguments), arguments.out, arguments.light_map, []
     check_writable("--out", out, ".glb")
     image = out.with_suffix(".exr")
     if pixels is not None:
@@ -73,12 +59,13 @@ def bake(
             check_no_input("--out", file, settings, scene)
         solver = make_solver(scene, settings)
         solve(solver, bar)
-        if error is None:
-            gather(solver, seconds, bar)
+        if arguments.error is None:
+            gather(solver, arguments.seconds, bar)
         else:
-            solver.frame = solver.frame._replace(irradiance=_reference(solver, error, bar))
+            solver.frame = solver.frame._replace(irradiance=_reference(solver, arguments.error / 100, bar))
         bar("writing", 1.0)
-        baking, written = baked(Shot(solver, settings), exposure, None if pixels is None else (pixels, image.name)), []
+        light_map = None if pixels is None else (pixels, image.name)
+        baking = baked(Shot(solver, settings), arguments.of_colours, light_map)
         if baking.light_map is not None:  # first: the other file names it
             E, coverage = baking.light_map
             channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
@@ -87,7 +74,9 @@ def bake(
         write_whole(out, baking.glb)
         if note := _left_out(scene):
             bar.say(f"gi-viewer: {note}")
-        return [out.resolve(), *written]
+    for path in (out.resolve(), *written):
+        print(path)
+    return Exit.OK
 
 
 def _left_out(scene: Scene) -> str:

@@ -11,7 +11,7 @@ from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
 from app.cli.terminal import Exit
 from app.cli.writable import check_folder
-from app.settings import Settings, open_scene
+from app.settings import open_scene
 
 if TYPE_CHECKING:
     from app.rest.reference_store import ReferenceStore
@@ -24,23 +24,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.error(add)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    reference(settings_of(arguments), arguments.error / 100)
-    return Exit.OK
-
-
 class Stopped(KeyboardInterrupt):
     """Ctrl+C; the message names the files kept and the command that resumes."""
 
 
-def reference(settings: Settings, error: float) -> dict:
-    """Path trace until the noise (l1) is at most `error`; print and return the result.
+def run(arguments: argparse.Namespace) -> int:
+    """Path trace until the noise is small, and print the result.
 
-    Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
+    Raises Stopped when interrupted, with all paths on disk.
     """
     from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, reference_folder
     from gi_core.model import Model
 
+    settings = settings_of(arguments)
     check_folder(FOLDER_VARIABLE, reference_folder())
     with opened(settings, open_scene) as (bar, scene):
         model = Model(scene, rays=settings.rays)
@@ -49,7 +45,7 @@ def reference(settings: Settings, error: float) -> dict:
         store = ReferenceStore(model, seed=settings.seed, levels=levels)
         started, first = time.monotonic(), None
         try:
-            for reached in store.gather(error):
+            for reached in store.gather(arguments.error / 100):
                 first = first or reached.fraction
                 done = reached.fraction - first
                 left = (1 - reached.fraction) * (time.monotonic() - started) / done if done else None
@@ -57,23 +53,12 @@ def reference(settings: Settings, error: float) -> dict:
         except KeyboardInterrupt:
             raise Stopped(_kept(store)) from None
     light = (store.weights[:, None] * reached.state.mean).sum(axis=0) / store.weights.sum()
-    numbers = {
-        "scene": settings.scene,
-        "receivers": len(store.rows),
-        "paths": int(reached.state.paths.sum()),
-        "noise": reached.noise,
-        "irradiance": light.tolist(),
-        "file": str(store.path),
-    }
-    print(f"{settings.scene}: {numbers['receivers']:,} receivers, {numbers['paths']:,} paths")
+    print(f"{settings.scene}: {len(store.rows):,} receivers, {int(reached.state.paths.sum()):,} paths")
     print(f"noise: {100 * reached.noise:.2f} % of the light (l1, luminance, by area)")
-    print("mean irradiance: " + ", ".join(f"{c:.5g}" for c in light) + f" {_unit(scene)}")
+    unit = "lux" if scene.units == "photometric" else "W/m2"
+    print("mean irradiance: " + ", ".join(f"{c:.5g}" for c in light) + f" {unit}")
     print(f"kept in {store.path}")
-    return numbers
-
-
-def _unit(scene) -> str:
-    return "lux" if scene.units == "photometric" else "W/m2"
+    return Exit.OK
 
 
 def _kept(store: ReferenceStore) -> str:

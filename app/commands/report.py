@@ -13,7 +13,7 @@ from app.cli.terminal import Exit, say
 from app.cli.version import version
 from app.cli.writable import check_no_input, check_writable, write_whole
 from app.commands.measure import measured
-from app.settings import ILLUMINANCE, Settings, make_solver, open_scene
+from app.settings import ILLUMINANCE, make_solver, open_scene
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -28,13 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    a = arguments
-    say(report(settings_of(a), a.out, a.json, a.error / 100))
-    return Exit.OK
-
-
-def report(settings: Settings, out: Path, numbers: Path | None = None, error: float = 0.01) -> list[str]:
-    """Write a report, and its numbers as JSON; return the paths. Raises SceneError, UsageError, OSError.
+    """Write a report, and its numbers as JSON; print the paths.
 
     Pictures have the light of photons and no gathered light, so that equal inputs give equal bytes.
     """
@@ -43,7 +37,8 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
     from app.session import report as written
     from gi_core.lights.power import power_of
 
-    files = [("--out", out, ".html")] + ([] if numbers is None else [("--json", numbers, ".json")])
+    settings, numbers, error = settings_of(arguments), arguments.json, arguments.error / 100
+    files = [("--out", arguments.out, ".html")] + ([] if numbers is None else [("--json", numbers, ".json")])
     for option, file, suffix in files:
         check_writable(option, file, suffix)
     with opened(settings, open_scene) as (bar, scene):
@@ -62,7 +57,8 @@ def report(settings: Settings, out: Path, numbers: Path | None = None, error: fl
         content = written.Content(
             solver.model, settings, solver.levels, level, lights, watts, pictures, version(), error
         )
-    write_whole(out, written.page(content))
+    write_whole(arguments.out, written.page(content))
     if numbers is not None:
         write_whole(numbers, written.numbers(content))
-    return [*held, *(str(file) for _, file, _ in files)]
+    say([*held, *(str(file) for _, file, _ in files)])
+    return Exit.OK
