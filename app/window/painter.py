@@ -18,34 +18,6 @@ from app.window.method_marks import RayCells
 from app.window.viewport import Viewport
 
 
-class Preview:
-    """Draws looks of one scene with the window's renderer."""
-
-    def __init__(self) -> None:
-        self._uploaded: FirstLook | None = None
-        self._drawn: tuple | None = None  # size of the last draw
-
-    def draw(self, renderer: Renderer, look: FirstLook, settings: Settings) -> None:
-        """Draw a look into the current window, which it fills."""
-        if self._uploaded is not look:
-            if self._uploaded is None:
-                renderer.set_scene(look.meshes)
-            for o, mesh in enumerate(look.meshes):
-                light = weights(mesh, look.drawn.weights)
-                renderer.set_colours(o, *colours(mesh, look.drawn.irradiance, with_reflectance=True), light)
-            self._uploaded, self._drawn = look, None
-        space = imgui.get_content_region_avail()
-        width, height = max(space.x, 1.0), max(space.y, 1.0)
-        scale = imgui.get_io().display_framebuffer_scale
-        renderer.resize(round(width * scale.x), round(height * scale.y))
-        if renderer.size != self._drawn:
-            view = look.camera.projection(width / height) @ look.camera.relative_to(look.origin).view()
-            gains = look.gains if settings.white_balance else NEUTRAL
-            renderer.draw(Look(view, look.models, look.exposure, settings.tone_map, settings.cull, gains=gains))
-            self._drawn = renderer.size
-        imgui.image(imgui.ImTextureRef(renderer.texture), (width, height), (0, 1), (1, 0))
-
-
 class Painter:
     """`open` with the window, `adopt` with each session, `draw` once per frame."""
 
@@ -53,7 +25,8 @@ class Painter:
         self.ctx: moderngl.Context | None = None  # of the window
         self.renderer: Renderer | None = None  # None before the first scene or look
         self.software = False
-        self.preview = Preview()
+        self.look: FirstLook | None = None  # in the colour buffers, before the first scene
+        self._look_size: tuple | None = None  # of its last picture
         self.ray_cells = RayCells()  # over the picture
         self.uploaded = 0  # session.version in the colour buffers
         self._quiet = 0  # frames since the last change
@@ -69,8 +42,25 @@ class Painter:
         self.uploaded = 0
 
     def draw_look(self, look: FirstLook, settings: Settings) -> None:
-        """Draw a first look at a scene that opens."""
-        self.preview.draw(self._prepared(), look, settings)
+        """Draw a first look at a scene that opens into the current window, which it fills."""
+        renderer = self._prepared()
+        if self.look is not look:
+            if self.look is None:
+                renderer.set_scene(look.meshes)
+            for o, mesh in enumerate(look.meshes):
+                light = weights(mesh, look.drawn.weights)
+                renderer.set_colours(o, *colours(mesh, look.drawn.irradiance, with_reflectance=True), light)
+            self.look, self._look_size = look, None
+        space = imgui.get_content_region_avail()
+        width, height = max(space.x, 1.0), max(space.y, 1.0)
+        scale = imgui.get_io().display_framebuffer_scale
+        renderer.resize(round(width * scale.x), round(height * scale.y))
+        if renderer.size != self._look_size:
+            view = look.camera.projection(width / height) @ look.camera.relative_to(look.origin).view()
+            gains = look.gains if settings.white_balance else NEUTRAL
+            renderer.draw(Look(view, look.models, look.exposure, settings.tone_map, settings.cull, gains=gains))
+            self._look_size = renderer.size
+        imgui.image(imgui.ImTextureRef(renderer.texture), (width, height), (0, 1), (1, 0))
 
     def _prepared(self) -> Renderer:
         if self.renderer is None:

@@ -23,7 +23,7 @@ def test_the_window_shows_looks_until_the_scene_is_open(play):
         assert len(some) == 3
         for look in some:
             opening.look = look
-            hand.wait(lambda look=look: viewer.painter.preview._uploaded is look)
+            hand.wait(lambda look=look: viewer.painter.look is look)
             hand.ctx.yield_(2)
             pictures.append(hand.pixels().astype(float))
         may_open.set()
