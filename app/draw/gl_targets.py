@@ -21,7 +21,6 @@ class Programs:
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
         self.made: dict[tuple[str, ...], moderngl.Program] = {}  # by vertex shader, fragment shader and macros
-        self._screens: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def of(self, vertex: str, fragment: str, *defines: str) -> moderngl.Program:
         key = vertex, fragment, *defines
@@ -34,9 +33,7 @@ class Programs:
 
     def cover(self, program: moderngl.Program) -> None:
         """Draw a program of screen.vert over the whole framebuffer."""
-        if program not in self._screens:
-            self._screens[program] = self._ctx.vertex_array(program, [])
-        self._screens[program].render(moderngl.TRIANGLES, vertices=3)
+        self._ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
 
 
 def put(program: moderngl.Program, **values) -> None:
