@@ -124,7 +124,6 @@ class Viewer:
         self._ready = False
         self._news = ""  # for the log: how the scene on show came
         self._waits_for_save = False
-        self._press = 0  # number of the press under way, or of the next one
 
     # HelloImGui's callbacks -------------------------------------------------------------------------
 
@@ -138,8 +137,8 @@ class Viewer:
     def _begin_frame(self) -> None:
         has_input = bool(len(imgui.get_current_context().input_events_trail)) or imgui.is_any_item_active()
         seconds = self.clock.begin(has_input)
-        self._press += not self.holds_field
-        self.session.history.press = self._press
+        if not self.holds_field:
+            self.session.history.press = self.clock.frames
         # ImGui takes one event of the mouse per frame: press, release and press need three
         io = imgui.get_io()
         io.mouse_double_click_time = max(DOUBLE_CLICK, 3 * seconds)

@@ -10,7 +10,7 @@ from app import settings
 from app.draw import fine_mesh
 from app.measure import atlas
 from app.measure.atlas import row
-from app.measure.chart import settings as chart_settings
+from app.measure.chart import measure as chart_measure
 from gi_core.display.fine_points import fine_points
 from gi_core.photons import pilot
 from tests.support.mesh_writers import write_scene
@@ -45,12 +45,12 @@ def small_room(folder: Path, name: str = "room.toml") -> Path:
 def small_charts(patch: pytest.MonkeyPatch) -> None:
     """Make every part of `chart` small; without --quick too."""
     less = {"photons": (4096, 8192), "limit_photons": 32_768, "truth": 0.1}
-    quick = chart_settings.QUICK._replace(gathered_seconds=0.3, **less)
-    full = chart_settings.FULL._replace(
+    quick = chart_measure.QUICK._replace(gathered_seconds=0.3, **less)
+    full = chart_measure.FULL._replace(
         radii=(1.0, 2.0), paths=(1, 4), frames=3, points=60, poses=2, gathered_noise=0.05, gathered_seconds=0.1, **less
     )
-    patch.setattr(chart_settings, "QUICK", quick)
-    patch.setattr(chart_settings, "FULL", full)
+    patch.setattr(chart_measure, "QUICK", quick)
+    patch.setattr(chart_measure, "FULL", full)
 
 
 def one_row() -> Iterator[row.AtlasRow]:
@@ -63,7 +63,7 @@ def small_work(patch: pytest.MonkeyPatch) -> None:
     small_charts(patch)
     least = {"limit_photons": 8192, "truth": 0.5, "gathered_seconds": 0.0, "radii": (1.0,), "photons": (4096,)}
     for name in ("QUICK", "FULL"):  # they run, and their numbers are not read
-        patch.setattr(chart_settings, name, getattr(chart_settings, name)._replace(**least))
+        patch.setattr(chart_measure, name, getattr(chart_measure, name)._replace(**least))
     patch.setattr(pilot, "PHOTONS", 1024)
     patch.setattr(fine_mesh, "fine_points", partial(fine_points, most=100))
     k = list(settings.Settings.__dataclass_fields__).index("size")

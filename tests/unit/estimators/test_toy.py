@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.chart import settings as chart_settings
+from app.measure.chart import measure as chart_measure
 from app.settings import Settings, make_solver, open_scene
 from gi_core.discs.search import Search
 from gi_core.discs.stale_receivers import ControlFacts
@@ -126,8 +126,8 @@ def test_info_render_and_bench_accept_a_new_estimator(tmp_path, capsys):
 def test_the_chart_draws_its_curve(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))
-    less = chart_settings.QUICK._replace(photons=(4096,), limit_photons=32_768, truth=0.1)
-    monkeypatch.setattr(chart_settings, "QUICK", less)
+    less = chart_measure.QUICK._replace(photons=(4096,), limit_photons=32_768, truth=0.1)
+    monkeypatch.setattr(chart_measure, "QUICK", less)
     out = tmp_path / "chart"
     assert cli.main(["chart", *SCENE, "--quick", "--frames", "2", "--points", "60", "--out", str(out)]) == 0
     with open(out / "results.csv", newline="") as file:
