@@ -24,7 +24,7 @@ from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.held_light import Held
 from gi_core.frames.light_setting import FrameBudget
-from gi_core.gather.static import visual_shares
+from gi_core.gather.importance import importance
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -365,13 +365,9 @@ class Solver:
 
     @property
     def error(self) -> float:
-        """Relative l1 error of `irradiance` where `deviation` knows it; nan where it knows none.
-
-        Places brighter than the view count less, see visual_shares().
-        """
-        deviation, areas, E = self.deviation, self.model.object_receivers.areas, luminance(self.irradiance)
-        finite = np.isfinite(deviation)
-        return relative_noise(deviation, self.irradiance, areas * visual_shares(self.model, E, areas), finite)
+        """Relative l1 error of `irradiance` by importance, where `deviation` knows it; nan where it knows none."""
+        deviation, weights = self.deviation, importance(self.model, luminance(self.irradiance))
+        return relative_noise(deviation, self.irradiance, weights, np.isfinite(deviation))
 
     @property
     def static_irradiance(self) -> np.ndarray:

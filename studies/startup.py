@@ -78,9 +78,9 @@ def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> d
         pass
     if rest:
         job.keep()
-    static, b = made.frame_light.static, made.frame.background
-    shown = static.on_show(b)
-    facts = {"photons": made.frame.photons, "seconds": now, "stated": shown and shown.error_at(made.levels, b.weights)}
+    shown = made.frame_light.static.on_show(made.frame.background)
+    areas = made.model.object_receivers.areas[: made.surfaces.receiver_range(0).stop]
+    facts = {"photons": made.frame.photons, "seconds": now, "stated": shown and shown.error_at(made.levels, areas)}
     return passed | facts | {"error": None if truth is None else error_of(made, truth)}
 
 

@@ -1,9 +1,8 @@
 """Error of the current light, measured at rest: frame time, noise, reference.
 
 Results belong to the solver's irradiance and are dropped when it changes. A reference belongs to poses, to all or
-sampled receivers, and to levels of lamps; the last three are kept. At a place brighter than the view, errors are
-relative to its own light, else to that of the view (`gi_core.gather.static`). All light may be sunlight, beside which
-a mottled room would count as done.
+sampled receivers, and to levels of lamps; the last three are kept. Errors count by importance
+(`gi_core.gather.importance`).
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from app.rest.reference_store import ReferenceStore
 from app.rest.results import MeasuredPoint, ReferencePicture, Report
 from app.settings import Settings
 from app.worker import Task
+from gi_core.gather.importance import areas_in_reach, visual_shares
 from gi_core.gather.reference_sample import draw_by_area
-from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import (
     CLOUD_REACH,
     bias_left,
@@ -89,16 +88,16 @@ class ReferenceJob:
     """The reference of some receivers; only the solver's thread uses it."""
 
     def __init__(
-        self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, shares: np.ndarray,
+        self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, need: np.ndarray, weights: np.ndarray,
         even: bool = False,
     ) -> None:  # fmt: skip
-        """`weights` (n,) of receivers: area, or number of draws. Errors and noise count them times `shares` (n,).
+        """Errors and noise count receivers rows (n,) by `weights` (n,).
 
-        `even`: equal path counts per receiver, for a picture; else counts that minimise the total error by `weights`.
+        `even`: equal path counts per receiver, for a picture; else counts that minimise the total error by `need` (n,).
         """
-        self.rows, self.weights = rows, weights * shares  # (n,) receivers, and their weights in errors
+        self.rows, self.weights = rows, weights
         self.picture: ReferencePicture | None = None  # None before the first step
-        self._store = ReferenceStore(solver.model, poses, rows, weights=weights, levels=solver.levels)
+        self._store = ReferenceStore(solver.model, poses, rows, weights=need, levels=solver.levels)
         self._is_kept = dict(poses) == solver.model.start_poses() and bool((solver.levels == 1).all())
         self._gathered = self._store.rounds(even, self._is_kept)
         self._saved = self.rounds
@@ -221,12 +220,15 @@ class LiveError(Job):
         solver, key = self._solver, self._reference_key(self._solver.poses, everywhere)
         reference = self._references.pop(key, None)
         if reference is None:
-            rows = np.flatnonzero(self._areas > 0)
-            rows, weights = (
-                (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
-            )
-            shares = visual_shares(solver.model, luminance(self.light), self._areas)[rows]
-            reference = ReferenceJob(solver, solver.poses, rows, weights, shares, even=everywhere and not self._few)
+            counted = areas_in_reach(solver.model)
+            if key[1]:
+                rows = np.flatnonzero(self._areas > 0)
+                need, weights = self._areas[rows], counted[rows]
+            else:
+                rows, need = draw_by_area(np.flatnonzero(counted > 0), counted, SAMPLED_RECEIVERS, 0)
+                weights = need
+            weights = weights * visual_shares(solver.model, luminance(self.light), self._areas)[rows]
+            reference = ReferenceJob(solver, solver.poses, rows, need, weights, even=everywhere and not self._few)
         self._references = dict([*self._references.items(), (key, reference)][-3:])
         before = reference.look
         reference.step()

@@ -35,7 +35,7 @@ from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene import Pose
 
-FORMAT = "gi-viewer reference 5"  # raise the number when paths change: old files are then ignored
+FORMAT = "gi-viewer reference 6"  # raise the number when paths change: old files are then ignored
 KEY_NAME = "key"  # name of the array that holds a file's key
 MOST_BYTES = 2 << 30  # of all files of static light; those of references stay
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"

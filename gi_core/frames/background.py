@@ -79,11 +79,6 @@ class Background:
         other._irradiance = SubsetStore(self._irradiance[0]), SubsetStore(self._irradiance[1])
         return other
 
-    @property
-    def weights(self) -> np.ndarray:
-        """Areas (n,) [m2] of static receivers."""
-        return self.model.object_receivers.areas[self.model.surfaces.receiver_range(0)]
-
     def irradiance(self, photons: int, levels: np.ndarray | None = None, direct: bool = True) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, of a photon subset; cached.
 

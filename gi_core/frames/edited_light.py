@@ -31,8 +31,9 @@ from gi_core.frames.unchanged_paths import StaticPart, edited_faces
 from gi_core.gather.denoise import smoothed_by_subset
 from gi_core.gather.direct_light import DirectLight
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
+from gi_core.gather.importance import importance
 from gi_core.gather.radiosity import Bounces, relit
-from gi_core.gather.static import denoised, visual_shares
+from gi_core.gather.static import denoised
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.emission import Emitters, unchanged_lamps
@@ -79,17 +80,13 @@ class EditedLight:
         self._changes = np.flatnonzero(np.repeat((self._lamps < 0) | (not stays), 3))  # columns of light per lamp
         self._unreached = before.unreached if edited is not None else np.zeros(0, np.int64)  # by the same geometry
         self._model, self._threads = model, model.threads
-        self._weigh(self._at_receivers(before.estimate.light))
+        # Light compares as it counts in the picture; else a sunlit outside counts alone.
+        self._weights = importance(model, luminance(sum_of_lamps(self._at_receivers(before.estimate.light))))
         self._last: tuple[Background, int, Estimate] | None = None  # of the photons of a background
         bounces = before.bounces
         can_be_relit = bounces is not None and bounces.hits and bounces.rays_key == model.static_rays_key
         self._bounces = bounces if can_be_relit and len(self._changes) else None  # to be lit, None: not, or done
         self._relit: Estimate | None = None
-
-    def _weigh(self, light: np.ndarray) -> None:
-        """Compare light as it counts in the picture, by light (n, 3 G) [W/m2]; else a sunlit outside counts alone."""
-        areas = self._model.object_receivers.areas[: len(self._rows)]
-        self._weights = areas * visual_shares(self._model, luminance(sum_of_lamps(light)), areas)
 
     @property
     def paths(self) -> int:
@@ -123,7 +120,7 @@ class EditedLight:
         kept = self._lamps >= 0
         V[:, kept] = self._at_receivers(of.variance)[:, self._lamps[kept]]
         E[:, columns], V[:, columns[::3] // 3] = lit, variance
-        self._weigh(E)
+        self._weights = importance(model, luminance(sum_of_lamps(E)))
         noise = relative_noise(np.sqrt(V.sum(axis=1)), sum_of_lamps(E), self._weights)
         error = math.hypot(share.max(initial=0.0) * of.error, max(math.hypot(left * r.noise, 0.01), noise))
         self._relit, self._bounces = Estimate(Source.EDITED, E, V, noise, error), None

@@ -34,19 +34,20 @@ from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
 from gi_core.lights.lamps import mix, sum_of_lamps
 from gi_core.model import Model
 
+CLOUDY = 2.0  # errors of photons are clouds: per error, a tenth of the view has 1.7 to 2.1 times the local deviation
 NEAR = 2.0  # disc radii: 4 serve few photons better, and half a million worse
 UNRESOLVED = 0.2  # points bring 0.96 to 1.02 of the light of photons, and half of it where lamps touch surfaces
 
 
 def smooth_photons(
-    b: Background, around: Neighbours, per_lamp: bool = False, direct: np.ndarray | None = None
+    b: Background, around: Neighbours, weights: np.ndarray, per_lamp: bool = False, direct: np.ndarray | None = None
 ) -> Estimate:
-    """Smooth the light of all photons of a background; around: receivers near each.
+    """Smooth the light of all photons of a background; around: receivers near each; weights (n,): of noise.
 
     per_lamp: keep lamps apart; each takes the averages of their sum. direct (n, 3 G) [W/m2]: light in place of that
     which photons bring straight from lamps, None: theirs. Photons too few to measure their noise stay.
     """
-    photons, fewer, weights = b.estimate.photons, subset_to_compare(b.estimate.subsets), b.weights
+    photons, fewer = b.estimate.photons, subset_to_compare(b.estimate.subsets)
 
     def light_of(count: int, per_lamp: bool) -> np.ndarray:
         E = b.irradiance_per_lamp(count, direct is None)
@@ -68,14 +69,14 @@ def smooth_photons(
     return Estimate(Source.PHOTONS, light, variance, noise, noise)
 
 
-def _as_measured(b: Background) -> Estimate | None:
-    """Return the light of all photons as it is; None without photons."""
+def _as_measured(b: Background, weights: np.ndarray) -> Estimate | None:
+    """Return the light of all photons as it is; None without photons. weights (n,): of noise."""
     if not (photons := b.estimate.photons):
         return None
     fewer, light = subset_to_compare(b.estimate.subsets), b.irradiance_per_lamp(photons)
     noise = math.inf
     if fewer is not None:
-        noise = noise_from_subset(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
+        noise = noise_from_subset(b.irradiance(photons), b.irradiance(fewer), photons, fewer, weights)
     return Estimate(Source.PHOTONS, light, np.zeros((len(light), light.shape[1] // 3)), noise, noise)
 
 
@@ -93,8 +94,8 @@ class StaticLight:
         self._before: LightBefore | None = None  # the light before the last edit
         self._edited: EditedLight | None = None  # until gathered light has less error
         self._straight: tuple[Background, int, np.ndarray | None] | None = None  # of the photons of a background
-        # Of the last background, per lamp or not, with the direct light in it.
-        self._photons: dict[bool, tuple[Background, int, np.ndarray | None, Estimate]] = {}
+        # Of the last background, per lamp or not, with the direct light in it, and weights.
+        self._photons: dict[bool, tuple[Background, int, np.ndarray | None, np.ndarray, Estimate]] = {}
         # Light per lamp, levels, and their light: on show, and direct.
         self._mixed: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._error: tuple[Estimate, np.ndarray, float] | None = None  # of an estimate at levels
@@ -137,13 +138,19 @@ class StaticLight:
 
     def of_photons(self, b: Background, per_lamp: bool = False) -> Estimate:
         """Return the light of all photons of a background, smoothed once; see smooth_photons()."""
-        kept, direct = self._photons.get(per_lamp), self.direct_for(b)
-        if kept is None or kept[0] is not b or kept[1] != b.estimate.photons or kept[2] is not direct:
+        kept, direct, weights = self._photons.get(per_lamp), self.direct_for(b), self._weights
+        same = kept is not None and kept[0] is b and kept[1] == b.estimate.photons
+        if not same or kept[2] is not direct or kept[3] is not weights:
             around = self.around(NEAR * b.setting.radius)
             pause()
-            kept = b, b.estimate.photons, direct, smooth_photons(b, around, per_lamp, direct)
+            kept = b, b.estimate.photons, direct, weights, smooth_photons(b, around, weights, per_lamp, direct)
             self._photons = self._photons | {per_lamp: kept}
-        return kept[3]
+        return kept[-1]
+
+    @property
+    def _weights(self) -> np.ndarray:
+        """Weights (n,) of receivers in errors."""
+        return self._areas if self.gathered is None else self.gathered.weights
 
     def direct_for(self, b: Background) -> np.ndarray | None:
         """Return direct light (n, 3 G) [W/m2] in place of that of a background's photons; None where they bring it.
@@ -157,8 +164,8 @@ class StaticLight:
         if self._straight is None or self._straight[:2] != (b, photons):
             every, bounced = (b.irradiance_per_lamp(photons, direct) for direct in (True, False))
             theirs, points = every - bounced, self.direct.per_lamp
-            total = b.weights @ theirs.sum(axis=1)
-            agree = abs(b.weights @ points.sum(axis=1) - total) <= UNRESOLVED * total
+            total = self._areas @ theirs.sum(axis=1)
+            agree = abs(self._areas @ points.sum(axis=1) - total) <= UNRESOLVED * total
             far = self.direct.resolves()
             self._straight = b, photons, np.where(far[:, None], points, theirs) if agree else None
         return self._straight[2]
@@ -182,7 +189,7 @@ class StaticLight:
         """Compare the errors of all estimates; return whether another one than that of photons is the best.
 
         An error is the larger of an estimate's own and that which whole paths find, so it includes the blur of discs.
-        Photons also have the error that they had before an edit, while its light is on show.
+        Photons also have the error that they had before an edit, while its light is on show. Theirs counts CLOUDY times.
         """
         if shown is None or not shown.estimate.photons:
             return self.best is not None
@@ -198,7 +205,7 @@ class StaticLight:
         theirs = self.of_photons(shown)
         before = self._edited.before.of_photons if self._edited is not None else 0.0
         early = chosen is not edited and not self.gathered.is_measured  # the blur of photons is unknown too
-        worse = early or chosen.error < max(theirs.noise, self._error_of(theirs), before)
+        worse = early or chosen.error < CLOUDY * max(theirs.noise, self._error_of(theirs), before)
         self.best = chosen if worse else None
         return worse
 
@@ -234,16 +241,15 @@ class StaticLight:
         if self.gathered is None:
             self.gathered = StaticGather(self._model, self._seed)
         new()
-        self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b), new, early)
+        self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b, self._weights), new, early)
 
     def error(self, levels: np.ndarray) -> float:
         """Return the relative l1 error at levels of the lamps of the light that is no photons'; inf before any."""
-        g = self.gathered
-        light = self.best or (None if g is None else g.estimate)
+        light = self.best or (None if self.gathered is None else self.gathered.estimate)
         if light is None:
             return math.inf
         if self._error is None or self._error[0] is not light or not np.array_equal(self._error[1], levels):
-            self._error = light, levels, light.error_at(levels, self._areas if g is None else g.weights)
+            self._error = light, levels, light.error_at(levels, self._weights)
         return self._error[2]
 
     def on_show(self, b: Background | None) -> Estimate | None:

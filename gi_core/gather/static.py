@@ -4,10 +4,7 @@ Phase 1 is radiosity by kept bounces (`radiosity.py`). Its noise is low within s
 interpolated. Whole paths at a sample of receivers measure its error. Phase 2 traces whole paths at all receivers in
 rounds (`reference.py`), without bias. It begins when phase 1 has more bias than noise, or little noise, and its light
 is used once it has less noise than phase 1 has error. Both are denoised in proportion to their noise (`denoise.py`).
-
-The sun outside a house may be a thousand times brighter than a room. Noise relative to all light would be that outside,
-and a room would stay mottled while its scene counts as done. So noise is relative to the light of each place that is
-brighter than the median in view. Places that are white in the picture count less.
+Errors count by importance (`importance.py`), and paths are distributed by area.
 """
 
 from __future__ import annotations
@@ -21,115 +18,15 @@ import numpy as np
 
 from gi_core.base.pause import Progress, pause
 from gi_core.base.random_numbers import Stream, seed_of
-from gi_core.files.completion.camera_view import picture_rays, unit
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
+from gi_core.gather.importance import areas_in_reach, visual_shares
 from gi_core.gather.radiosity import Bounces, Radiosity
 from gi_core.gather.reference import ReferenceRounds, ReferenceState, may_be_light
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.lights.lamps import sum_of_lamps
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, LIFT
-
-BACKS = 4  # of one-sided faces, which the camera sees through
-WHITE = 8.0  # times the median in view, which is drawn mid-grey
-
-
-def visual_shares(model: Model, E: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """Return shares (n,) by which noise of receivers of luminance E (n,) [W/m2] counts: 1 up to the level, less above.
-
-    n: all receivers, or those of the static part, which come first. areas (n,) [m2]: find a level without a camera.
-    """
-    level = _median_in_view(model, E)
-    if not level > 0.0:
-        lit = E > 0.0
-        level = _median(E[lit], areas[lit])
-    if not level > 0.0:
-        return np.ones(len(E))
-    return (level / np.maximum(E, level)) * (WHITE * level / np.maximum(E, WHITE * level))
-
-
-def _median_in_view(model: Model, E: np.ndarray) -> float:
-    """Return the median luminance [W/m2] of static faces in the view of the scene's camera; 0: nothing is seen."""
-    seen = _in_view(model, (32, 20))
-    return float(np.median(E[seen.corners].mean(axis=1))) if len(seen.corners) else 0.0
-
-
-class Met(NamedTuple):
-    """Points where n rays meet the static part."""
-
-    corners: np.ndarray  # (n, 3) int32, receivers at the corners of the face, on the side that is met
-    place: np.ndarray  # (n, 3) float64 [m], off the surface
-    normal: np.ndarray  # (n, 3) float64 unit, of that side
-    area: np.ndarray  # (n,) float64, that each stands for
-
-    def receivers(self, count: int) -> np.ndarray:
-        """Return the areas (count,) of the receivers that were met."""
-        return np.bincount(self.corners.reshape(-1), np.repeat(self.area / 3, 3), count)
-
-
-def _in_view(model: Model, pixels: tuple[int, int]) -> Met:
-    """Return what pixels of the scene's camera show, past backs of one-sided faces; nothing without a camera."""
-    camera, far = model.scene.camera, FAR * model.world.size
-    if camera is None:
-        return Met(np.zeros((0, 3), np.int32), *np.zeros((2, 0, 3)), np.zeros(0))
-    eye, parts = np.array(camera.position, np.float64), []
-    way = picture_rays([camera], model.scene.up, *pixels)[0]
-    rays = np.repeat(eye[None], len(way), axis=0), way, np.ones(len(way))
-    for _ in range(BACKS):
-        met, rays = _meet(model, *rays, far + float(np.linalg.norm(eye)))
-        parts.append(met)
-    seen = Met(*map(np.concatenate, zip(*parts, strict=True)))
-    to_eye = eye - seen.place
-    d2 = (to_eye * to_eye).sum(axis=1)
-    slope = (to_eye * seen.normal).sum(axis=1) / np.sqrt(d2)
-    return seen._replace(area=seen.area * d2 / np.maximum(slope, 0.1))  # 0.1: no pixel stands for ten times its area
-
-
-Rays = tuple[np.ndarray, np.ndarray, np.ndarray]  # origin (n, 3) [m], unit direction (n, 3), area (n,) as of Met
-
-
-def _meet(model: Model, origin: np.ndarray, way: np.ndarray, area: np.ndarray, far: float) -> tuple[Met, Rays]:
-    """Return what Rays meet up to `far` [m], and those that go on past backs of one-sided faces."""
-    s, reach = model.surfaces, model.world.reach
-    limits = np.full(len(way), far, np.float32)
-    distance, face = model.accelerator.opaque.nearest(0, origin.astype(np.float32), way.astype(np.float32), limits)
-    hit = face >= 0
-    origin, way, area, distance, face = origin[hit], way[hit], area[hit], distance[hit], face[hit]
-    lift = LIFT * np.maximum(reach[face], np.abs(origin).max(axis=1, initial=0.0))
-    front = (s.normals[face] * way).sum(axis=1) < 0
-    on = front | s.two_sided[face]
-    normal = np.where(front[:, None], 1.0, -1.0) * s.normals[face]
-    corners = np.where(front[:, None], s.corner_front[face], s.corner_back[face])
-    place = origin + distance[:, None] * way
-    met = Met(corners[on], (place + lift[:, None] * normal)[on], normal[on], area[on])
-    return met, ((place + lift[:, None] * way)[~on], way[~on], area[~on])
-
-
-def area_in_reach(model: Model, seed: int) -> np.ndarray:
-    """Return the areas (n,) of static receivers that the view, and bounces from there, meet; 0 without a camera.
-
-    Bounces meet all of an open room by area, and little in gaps, such as that below a tile, which no one sees.
-    """
-    met, rng = _in_view(model, (64, 40)), np.random.default_rng(seed)
-    count = model.surfaces.receiver_range(0).stop
-    out = met.receivers(count)
-    for _ in range(4):
-        z, turn = 2.0 * rng.random(len(met.area)) - 1.0, 2.0 * np.pi * rng.random(len(met.area))
-        r = np.sqrt(1.0 - z * z)
-        way = unit(met.normal + np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1))  # by the cosine
-        met, _ = _meet(model, met.place, way, met.area, FAR * model.world.size)
-        out += met.receivers(count)
-    return out
-
-
-def _median(values: np.ndarray, weights: np.ndarray) -> float:
-    """Return the weighted median; 0 of nothing."""
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])]) if len(order) and total[-1] > 0 else 0.0
-
 
 STAGE = "gathering"
 ALL_PATHS = 1 << 30  # paths per receiver of phase 1: as many as there are, before phase 2
@@ -164,7 +61,7 @@ class Kept(NamedTuple):
     estimate: Estimate | None
     state: ReferenceState | None
     sample: ErrorSample | None
-    weights: np.ndarray  # (n,) float64
+    shares: np.ndarray  # (n,) float64, by which places count for their light; (0,): not known
     numbers: np.ndarray  # (4,) float64: noise; first phase, fraction, done; least noise of whole paths
 
 
@@ -201,8 +98,8 @@ class StaticGather:
         self._model, self._seed, self._channels = model, seed, model.emitters.lamps.channels
         self._points = points[rows], normals[rows]
         self._radiosity = Radiosity(model, seed, *self._points, self._areas)
-        self._weigh(self._areas)
-        self._is_weighed = False
+        self._in_reach = areas_in_reach(model)[rows]
+        self._weigh(np.zeros(0))
         self._sample: ErrorSample | None = None
         self._sampled: ReferenceRounds | None = None  # that change its state
         self._near = model.adjacency
@@ -213,20 +110,20 @@ class StaticGather:
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # least noise of whole paths at a complete round
 
-    def _weigh(self, weights: np.ndarray) -> None:
-        """Compare light by weights (n,) from now on."""
-        self.weights, self._paid = weights, weights.copy()
+    def _weigh(self, shares: np.ndarray) -> None:
+        """Count places by shares (n,) from now on, see visual_shares(); (0,): all alike."""
+        self._shares, shares = shares, shares if len(shares) else np.ones(len(self._areas))
+        self.weights = self._radiosity.weights = shares * self._in_reach
+        self._paid = shares * self._areas
         # Probes have no area but need light: they get the mean weight.
-        self._paid[self._model.first_probe :] = weights.mean() if len(weights) else 0.0
-        self._radiosity.weights = self._paid
+        self._paid[self._model.first_probe :] = self._paid.mean() if len(shares) else 0.0
 
     def _weigh_by(self, photons: Callable[[], Estimate | None]) -> None:
         """Weigh receivers once, by photons; arguments as for gather()."""
-        if self._is_weighed or (theirs := photons()) is None:
+        if len(self._shares) or (theirs := photons()) is None:
             return
         E = self._pooled(luminance(theirs.irradiance)[:, None])[:, 0]
-        self._weigh(self._areas * visual_shares(self._model, E, self._areas))
-        self._is_weighed = True
+        self._weigh(visual_shares(self._model, E, self._areas))
 
     def copied(self, model: Model | None) -> StaticGather:
         """Return a copy that goes on from here; model: with the same `static_key`, None: to be kept without one."""
@@ -240,8 +137,7 @@ class StaticGather:
     def kept(self, shown: Estimate | None = None) -> Kept:
         """Return the state that gathering goes on from. shown: the light on show, kept if it has less error."""
         numbers = np.array([self.noise, self._first_phase, self._fraction, self._left])
-        weights = self.weights if self._is_weighed else np.zeros(0)
-        return Kept(better(self.estimate, shown), self.state, self._sample, weights, numbers)
+        return Kept(better(self.estimate, shown), self.state, self._sample, self._shares, numbers)
 
     def empty(self) -> Kept:
         """Return arrays of the shapes and dtypes of kept(), or of more rows, that take no memory."""
@@ -260,8 +156,8 @@ class StaticGather:
 
     def go_on_from(self, kept: Kept) -> bool:
         """Go on from another session's state; return False, and change nothing, if it is of other receivers."""
-        n, c, (light, state, sample, weights, numbers) = len(self._areas), self._channels, kept
-        sound = weights.shape in ((0,), (n,)) and may_be_light(weights)
+        n, c, (light, state, sample, shares, numbers) = len(self._areas), self._channels, kept
+        sound = shares.shape in ((0,), (n,)) and may_be_light(shares)
         sound &= numbers.shape == (4,) and bool((numbers >= 0).all())
         if light is not None:
             sound &= (light.light.shape, light.variance.shape) == ((n, c), (n, c // 3))
@@ -276,9 +172,8 @@ class StaticGather:
             return False
         self.estimate, self.state, self._sample = light, state, sample
         self.noise, self._first_phase, self._fraction, self._left = numbers.tolist()
-        if len(weights):
-            self._weigh(weights)
-            self._is_weighed = True
+        if len(shares):
+            self._weigh(shares)
         return True
 
     @property
@@ -373,10 +268,7 @@ class StaticGather:
     def _measure(self, E: np.ndarray, noise: float) -> float:
         """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample."""
         if self._sample is None:
-            reached = area_in_reach(self._model, seed_of(Stream.ERROR_SAMPLE, self._seed))
-            shares = np.divide(self._paid, self._areas, out=np.zeros_like(self._paid), where=self._areas > 0)
-            counted = reached * shares if reached.any() else self._paid
-            rows, times = draw_by_area(np.flatnonzero(counted > 0), counted, SAMPLE, self._seed)
+            rows, times = draw_by_area(np.flatnonzero(self.weights > 0), self.weights, SAMPLE, self._seed)
             self._sample = ErrorSample(rows, times, ReferenceState.empty(len(rows)))
         s = self._sample
         if self._sampled is None:

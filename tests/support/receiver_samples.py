@@ -5,6 +5,11 @@ import numpy as np
 SAME_PLACE = 1e-5  # of the scene size: tolerance of a sight line at its end; a tile on a floor is thicker
 
 
+def static_areas(solver) -> np.ndarray:
+    """Return the areas (n,) [m2] of the static part's receivers."""
+    return solver.model.object_receivers.areas[solver.surfaces.receiver_range(0)]
+
+
 def in_view(solver) -> np.ndarray:
     """Return the rows of receivers with an area that the first view shows, ascending; mobiles hide nothing.
 

@@ -23,8 +23,8 @@ from app.window import view_content
 from app.worker import Task
 from gi_core.base.pause import Interrupted, breaking_off
 from gi_core.gather.estimate import Source
+from gi_core.gather.importance import visual_shares
 from gi_core.gather.reference import reference_irradiance
-from gi_core.gather.static import visual_shares
 from gi_core.geometry.error import error_less_noise, luminance, relative_error
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.scene import Mesh, Pose, Scene

@@ -16,6 +16,7 @@ from gi_core.scene.types import Pose, Scene
 from gi_core.solver import Solver
 from tests.physics.test_edits import room
 from tests.support.lit_from_outside import l_room
+from tests.support.receiver_samples import static_areas
 from tests.support.scene_builders import box, merge, solve
 
 GIVEN = {"photons": 16_384, "radius": 0.12, "seed": 5, "light": "best"}
@@ -112,7 +113,7 @@ def test_kept_bounces_light_an_edited_scene_again(with_bounces, edits):
     for _ in fresh.gather_steps():
         if fresh.frame_light.static.gathered.bounces.paths >= 112 and fresh.frame_light.static.gathered.noise < 0.03:
             break
-    truth, areas = fresh.frame_light.static.gathered._radiosity.mean, fresh.frame.background.weights
+    truth, areas = fresh.frame_light.static.gathered._radiosity.mean, static_areas(fresh)
     mine = relative_error(static.best.irradiance, truth, areas).l1
     photons = relative_error(fresh.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
     assert mine < min(0.5 * photons, 2 * static.best.error + 0.02), (mine, photons, static.best.error)
@@ -136,7 +137,7 @@ def test_light_of_a_sunlit_patch_counts_once():
                 break
         assert len(gathered._radiosity._on_faces.bright.face)
         results = solver.keep_results()
-    kept, fresh = (solver.frame.background.weights @ E for E in (*totals, gathered._radiosity.mean))
+    kept, fresh = (static_areas(solver) @ E for E in (*totals, gathered._radiosity.mean))
     assert kept == pytest.approx(fresh, rel=0.03)  # 1.36 times, counted twice
 
 
@@ -157,7 +158,7 @@ def test_a_walls_colour_changes_the_light_with_little_noise(before):
     edits = Finish("wall", (("reflectance", (0.9, 0.7, 0.5)),)), Finish("crate", RED)
     solver = after(before, *edits)
     many = solved(edited(room(), edits), photons=400_000, light="photons")
-    truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
+    truth, areas = many.frame.background.irradiance(400_000), static_areas(many)
     mine = relative_error(solver.static_irradiance, truth, areas).l1
     photons = relative_error(solver.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
     unchanged = relative_error(before.frame_light.static.best.irradiance, truth, areas).l1
@@ -192,7 +193,7 @@ def test_lamps_that_stay_keep_their_light(before):
     assert np.array_equal(light["lamp"], per_lamp["lamp"]) and np.array_equal(light["spot"], per_lamp["spot"])
     assert moved.frame_light.is_gathered and np.array_equal(moved.irradiance, moved.from_scratch())
     many = solved(moved.scene, photons=400_000, light="photons")
-    truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
+    truth, areas = many.frame.background.irradiance(400_000), static_areas(many)
     mine = relative_error(moved.static_irradiance, truth, areas).l1
     photons = relative_error(moved.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
     assert mine < 0.5 * photons, (mine, photons)

@@ -16,6 +16,7 @@ from gi_core.lights.lamps import mix, sum_of_lamps
 from gi_core.photons.flux_sums import LOWEST
 from gi_core.scene import PointLight, Pose
 from gi_core.solver import Solver
+from tests.support.receiver_samples import static_areas
 from tests.support.scene_builders import box_mobile, coloured_room, solve
 
 BULBS = PointLight("left", (0.2, 0.8, 0.4), (1.0, 0.6, 0.3)), PointLight("right", (0.8, 0.2, 0.8), (0.3, 0.6, 1.0))
@@ -55,14 +56,14 @@ def test_smoothed_light_has_less_error(solver, truth):
     raw, found = solver.frame.background.irradiance(PHOTONS), smoothed(solver)
     assert error(solver, truth, raw) > 0.06
     assert error(solver, truth, found.irradiance) < 0.75 * error(solver, truth, raw)
-    w = solver.frame.background.weights
+    w = static_areas(solver)
     assert w @ found.irradiance == pytest.approx(w @ raw, rel=0.01), "light is moved, not made"
 
 
 def test_points_bring_direct_light_of_less_error(solver, truth):
     """Photons blur its borders. Pictures have fine points in this light, but not in that of photons alone."""
     b, around = solver.frame.background, solver.frame_light.static.around(NEAR * 0.06)
-    blurred = smooth_photons(b, around).irradiance
+    blurred = smooth_photons(b, around, static_areas(solver)).irradiance
     assert error(solver, truth, smoothed(solver).irradiance) < 0.75 * error(solver, truth, blurred)
     assert takes_fine_points(solver)
     alone = solved()
@@ -73,7 +74,7 @@ def test_points_bring_direct_light_of_less_error(solver, truth):
 
 def test_stated_noise_is_that_between_seeds(solver):
     others = [smoothed(solved(seed=seed)).irradiance for seed in range(1, 7)]
-    mean, w = sum(others) / len(others), solver.frame.background.weights
+    mean, w = sum(others) / len(others), static_areas(solver)
     spread = [float((w * np.abs((E - mean).mean(axis=1))).sum() / (w @ mean.mean(axis=1))) for E in others]
     assert smoothed(solver).noise == pytest.approx(np.mean(spread) * math.sqrt(6 / 5), rel=0.35)
 
@@ -128,7 +129,11 @@ def test_few_photons_have_no_known_noise():
 
 def test_receivers_that_light_cannot_reach_stay_dark_and_darken_none(solver):
     b = solver.frame.background
-    around, n, rng = solver.frame_light.static.around(NEAR * b.setting.radius), len(b.weights), np.random.default_rng(1)
+    around, n, rng = (
+        solver.frame_light.static.around(NEAR * b.setting.radius),
+        len(static_areas(solver)),
+        np.random.default_rng(1),
+    )
     reached = rng.random(n) > 0.1
     E = np.ones((n, 3)) * reached[:, None]
     fewer = E * rng.uniform(0.0, 2.0, (n, 1))  # so much noise that edges are smoothed too

@@ -8,7 +8,8 @@ import pytest
 from gi_core.base.pause import steps
 from gi_core.gather import static
 from gi_core.gather.estimate import Estimate, Source
-from gi_core.gather.static import BACKS, WHITE, StaticGather, area_in_reach, visual_shares
+from gi_core.gather.importance import BACKS, WHITE, areas_in_reach, visual_shares
+from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.origin import translated
@@ -72,13 +73,14 @@ def test_errors_count_by_area_in_the_open_and_little_in_gaps():
     model = Model(scene, 1)
     rows = model.surfaces.receiver_range(0)
     (points, normals), areas = (a[rows] for a in model.evaluation_points), model.object_receivers.areas[rows]
-    reached = area_in_reach(model, 1)
+    reached = areas_in_reach(model)[rows]
     below = (points[:, 2] < 0.002) & ((normals[:, 2] < 0) | (points[:, 2] < 0.0005))
     walls = [(abs(normals[:, k]) > 0.9) & (points[:, k] * normals[:, k] <= 0) for k in (0, 1)]
     share = [reached[at].sum() / areas[at].sum() for at in (below, *walls)]
     assert areas[below].sum() > 1.5 and share[0] < 0.2 * min(share[1:])
     assert max(share[1:]) < 2 * min(share[1:])
-    assert not area_in_reach(Model(replace(scene, camera=None), 1), 1).any()
+    without = Model(replace(scene, camera=None), 1)
+    assert np.array_equal(areas_in_reach(without), without.object_receivers.areas)
     gather = StaticGather(model, 1)
     gather._measure(np.ones((len(areas), 3)), 1.0)
     of, times = gather._sample.rows, gather._sample.times
@@ -128,6 +130,5 @@ def test_light_of_an_earlier_run_keeps_its_weights():
     again = StaticGather(solver.model, 1)
     assert again.go_on_from(first.kept())
     next(steps(lambda: again.gather(lambda: None)))
-    areas = solver.model.object_receivers.areas[: len(again.weights)]
-    assert (again.weights < 0.9 * areas).mean() > 0.1
+    assert (again.weights < 0.9 * areas_in_reach(solver.model)[: len(again.weights)]).mean() > 0.1
     assert np.array_equal(again.weights, first.weights)
