@@ -76,7 +76,7 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
     from gi_core.gather.static import StaticGather
 
     g = StaticGather(solver.model, solver.seed)
-    for progress in steps(lambda: g.gather(lambda: None, lambda: pause(g.progress(picture=True)))):  # whole paths alone
+    for progress in steps(lambda: g._whole_paths(lambda: pause(g.progress(picture=True)))):
         if progress.picture and g.state.sets.min() >= rounds:
             break
     return g.state.mean.copy(), g.estimate.irradiance, g.noise

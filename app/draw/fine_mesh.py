@@ -16,12 +16,10 @@ from gi_core.solver import Solver
 def takes_fine_points(solver: Solver) -> bool:
     """Return whether the static part's light is sharp along borders of direct light.
 
-    That of photons is, where points on lamps bring direct light, and so are whole paths, and radiosity of EARLY_PATHS.
+    Whole paths are, and radiosity of EARLY_PATHS.
     """
-    light, b = solver.frame_light, solver.frame.background
-    if not light.is_gathered:
-        return b is not None and light.knows_direct(b)
-    if light.static.is_early(EARLY_PATHS):
+    light = solver.frame_light
+    if not light.is_gathered or light.static.is_early(EARLY_PATHS):
         return False
     return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
 

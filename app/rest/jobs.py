@@ -131,13 +131,12 @@ class StaticJob(Job):
     def keep(self) -> None:
         """Save the light on show and its paths if the file has others."""
         solver = self._solver
-        b, g = solver.frame.background, solver.frame_light.static.gathered
-        photons = 0 if b is None else b.estimate.photons
-        now = photons, g and g.noise, g and g.state and int(g.state.sets.sum())
-        store = StaticStore(solver.model, solver.seed)
-        if solver.light != "best" or now == self._saved or not (g or (photons and not store.path.exists())):
+        static, store = solver.frame_light.static, StaticStore(solver.model, solver.seed)
+        g, best = static.gathered, static.best
+        now = best and best.error, g and g.noise, g and g.state and int(g.state.sets.sum())
+        if solver.light != "best" or now == self._saved or not (g or (best and not store.path.exists())):
             return  # a file that was not read may have less error
-        store.keep_light(solver.frame_light.static, b)
+        store.keep_light(static)
         self._saved_at, self._saved = self._clock(), now
 
 

@@ -26,7 +26,6 @@ import platformdirs
 from app.cli.writable import remove_parts, replacing
 from gi_core.base.results import digest
 from gi_core.files.formats.boundary import at_once
-from gi_core.frames.background import Background
 from gi_core.frames.static_light import StaticLight
 from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
@@ -140,10 +139,10 @@ class StaticStore(RecordFile):
         kept = self.read(gathered.empty())
         return gathered if kept is not None and gathered.go_on_from(kept) else None
 
-    def keep_light(self, static: StaticLight, shown: Background | None) -> None:
+    def keep_light(self, static: StaticLight) -> None:
         """Save the light on show and the state of its gathering; the oldest files beyond MOST_BYTES go."""
         gathered = static.gathered or StaticGather(self._model, self._seed)
-        self.keep(gathered.kept(static.on_show(shown)))
+        self.keep(gathered.kept(static.best))
         with contextlib.suppress(OSError):
             files = sorted(self.path.parent.glob("static-*.npz"), key=lambda file: -file.stat().st_mtime)
             for file, bytes_so_far in zip(files, itertools.accumulate(f.stat().st_size for f in files), strict=True):

@@ -1,7 +1,7 @@
 """Frames: which light is on this wall now, and how wrong is it?
 
-1. Without mobiles: `StaticLight.best`, or `of_photons()` while that is None. Both are an `Estimate`: light per lamp,
-   variance, source (photons, radiosity, whole paths, before an edit) and error. `compare()` chooses by error.
+1. Without mobiles: `StaticLight.best`, or the background's photons while that is None. It is an `Estimate`: light per
+   lamp, variance, source (radiosity, whole paths, before an edit) and error. `compare()` chooses by error.
 2. With mobiles, in motion (`Frame.own`): `frame_irradiance()` changes 1. as the frame's photons differ from the same
    photons without mobiles, less the direct light that mobiles block. Paths that end in this light without bias
    (`ControlledLight.unbiased`) light mobiles.

@@ -47,7 +47,6 @@ class LightBefore(NamedTuple):
 
     places: np.ndarray  # (n, 6) float32, positions [m] and normals
     estimate: Estimate
-    of_photons: float  # relative l1 error of all photons, blur of discs included; 0: not measured
     setting: Setting
     emitters: Emitters
     static: StaticPart
@@ -56,14 +55,12 @@ class LightBefore(NamedTuple):
     bounces: Bounces | None  # None: none are kept
 
 
-def light_before(
-    b: Background, estimate: Estimate, of_photons: float, unreached: np.ndarray, bounces: Bounces | None
-) -> LightBefore:
+def light_before(b: Background, estimate: Estimate, unreached: np.ndarray, bounces: Bounces | None) -> LightBefore:
     """Return light of a background's static part, to be changed by edits; arguments as in LightBefore."""
     by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.subsets}
     m = b.model
     return LightBefore(
-        _places(m), estimate, of_photons, b.setting, m.emitters, StaticPart(m.surfaces, m.scene), unreached, by_photons,
+        _places(m), estimate, b.setting, m.emitters, StaticPart(m.surfaces, m.scene), unreached, by_photons,
         bounces,
     )  # fmt: skip
 

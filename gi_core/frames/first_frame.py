@@ -148,8 +148,6 @@ class FirstFrame:
         if direct:
             pause(Progress("measuring direct light", fraction, False))
             self._light.measure_direct()
-        pause(Progress("smoothing", fraction, False))
-        self._light.smooth(b)
         if self._compare(b) or b.added == wanted > 0:  # few photons leave gaps in their own light
             pause(Progress("looking for unreached receivers", fraction, False))
             self.find_unreached(b)
@@ -175,7 +173,7 @@ class FirstFrame:
         paths = EARLY_PATHS if b.added < DRAGGED else ALL_PATHS
         if self._light.setting.takes_gathered and static.is_early(paths):
             pause(Progress("gathering", b.added / wanted, False))
-            static.gather(lambda: b, take, paths)
+            static.gather(take, paths)
         if not is_shown:
             self.show(b, wanted, show)
 

@@ -301,15 +301,10 @@ class FrameLight:
         """Whether static_irradiance() is that of the frame's own photons: nothing is a better source."""
         return not self.setting.takes_gathered and (self.setting.subset_only or photons == b.estimate.photons)
 
-    def smooth(self, b: Background) -> None:
-        """Smooth the light of all photons of a background, where frames take it."""
-        if self.setting.takes_gathered and b.estimate.photons:
-            self.static.of_photons(b)
-
     def gather(self, shown: Callable[[], Background | None], refresh: Callable[[], None]) -> None:
         """Gather static light, and the directions of each result.
 
-        shown: as for StaticLight; refresh: computes the frame on show again, after each result that frames take.
+        shown: returns the background on show; refresh: computes its frame again, after each result that frames take.
         """
 
         def take() -> None:
@@ -323,7 +318,7 @@ class FrameLight:
                 E = self.static.irradiance(b, self.setting.levels)
                 self.gloss.gather(b, static, E, np.arange(len(E)), self.setting, refresh)
 
-        self.static.gather(shown, take)
+        self.static.gather(take)
 
     # -- direct light -----------------------------------------------------------------------------
 
@@ -404,7 +399,7 @@ class FrameLight:
         if not self.setting.takes_gathered:
             return out
         if of_frame is None:
-            static = self.static.deviation(b, self.setting.levels)
+            static = self.static.deviation(self.setting.levels)
             out[: len(static)] = static
         else:
             out = self.own_deviation(b, of_frame)
@@ -420,12 +415,12 @@ class FrameLight:
         out, n = np.full(len(now[0]), np.nan), self._model.surfaces.receiver_range(0).stop
         levels, kept = self.setting.levels, self._kept(b, now[0])
         if since is None:
-            static, changes = kept * self.static.deviation(b, levels), [now[1]]
+            static, changes = kept * self.static.deviation(levels), [now[1]]
         else:
             earlier, before = since
             dimmed, kept_before = np.abs(levels - earlier.setting.levels), earlier._kept(b, before[0])
-            static = kept * self.static.deviation(b, dimmed)
-            static += np.abs(kept - kept_before) * self.static.deviation(b, earlier.setting.levels)
+            static = kept * self.static.deviation(dimmed)
+            static += np.abs(kept - kept_before) * self.static.deviation(earlier.setting.levels)
             changes = [now[1], before[1]]
         if all(change is not None for change in changes):
             out[:n] = np.sqrt(static**2 + np.square(changes).sum(axis=0))

@@ -1,16 +1,10 @@
 """Light of the static part without mobiles: the best of several estimates (`gi_core.gather.estimate`).
 
-Photons, smoothed in proportion to their noise, light the first pictures. Gathered light (`gi_core.gather.static`) takes
-their place once it has less error. After an edit they are replaced by the light before it, changed by the difference
-of the photons before and after (`edited_light.py`).
+Gathered light (`gi_core.gather.static`) has less error than photons, as soon as there is some, unless faces are coarse.
+After an edit the light before it is changed by the difference of the photons before and after (`edited_light.py`).
 
 Where points on lamps resolve them, they bring direct light, and photons bounced light alone (Jensen 1996). Borders of
-direct light then stay sharp, and pictures may have fine points.
-
-Photons are smoothed by the kernel that averages changes by mobiles (`control_variate.py`). Discs of neighbouring
-receivers overlap, but share no photons two radii apart. Each receiver is averaged with some within NEAR radii. A
-difference of REACH standard deviations has no weight, so edges of shadows stay. Noise falls with more photons, and
-smoothing with it. A photon subset measures the variance; averaged alike, it measures the noise that is left.
+direct light then stay sharp.
 """
 
 from __future__ import annotations
@@ -20,64 +14,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gi_core.base.pause import pause, undivided
+from gi_core.base.pause import undivided
 from gi_core.frames.background import Background
-from gi_core.frames.control_variate import AROUND, REACH, noise_field
+from gi_core.frames.control_variate import AROUND, noise_field
 from gi_core.frames.edited_light import EditedLight, LightBefore, light_before
-from gi_core.gather.denoise import averaged, smoothed_by_subset
+from gi_core.gather.denoise import averaged
 from gi_core.gather.direct_light import DirectLight
-from gi_core.gather.estimate import Estimate, Source, better, variance_per_lamp
+from gi_core.gather.estimate import Estimate, better
 from gi_core.gather.radiosity import Bounces
 from gi_core.gather.static import StaticGather
-from gi_core.geometry.error import luminance, noise_from_subset, relative_noise, subset_to_compare
+from gi_core.geometry.error import noise_from_subset, subset_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, scattered_neighbours
 from gi_core.lights.lamps import mix, sum_of_lamps
 from gi_core.model import Model
 
 CLOUDY = 2.0  # errors of photons are clouds: per error, a tenth of the view has 1.7 to 2.1 times the local deviation
-NEAR = 2.0  # disc radii: 4 serve few photons better, and half a million worse
 UNRESOLVED = 0.2  # points bring 0.96 to 1.02 of the light of photons, and half of it where lamps touch surfaces
-
-
-def smooth_photons(
-    b: Background, around: Neighbours, weights: np.ndarray, per_lamp: bool = False, direct: np.ndarray | None = None
-) -> Estimate:
-    """Smooth the light of all photons of a background; around: receivers near each; weights (n,): of noise.
-
-    per_lamp: keep lamps apart; each takes the averages of their sum. direct (n, 3 G) [W/m2]: light in place of that
-    which photons bring straight from lamps, None: theirs. Photons too few to measure their noise stay.
-    """
-    photons, fewer = b.estimate.photons, subset_to_compare(b.estimate.subsets)
-
-    def light_of(count: int, per_lamp: bool) -> np.ndarray:
-        E = b.irradiance_per_lamp(count, direct is None)
-        return E if per_lamp else sum_of_lamps(E)
-
-    E = light_of(photons, per_lamp)
-    straight = np.zeros_like(E) if direct is None else direct if per_lamp else sum_of_lamps(direct)
-    lamps = E.shape[1] // 3
-    if fewer is None:
-        return Estimate(Source.PHOTONS, E + straight, np.zeros((len(E), lamps)), math.inf, math.inf)
-    whole, part = (light_of(n, per_lamp=False) for n in (photons, fewer))
-    reached = b.estimate.background(photons)[1] > 0
-    light, deviation = smoothed_by_subset(
-        whole, part, photons / fewer, REACH, around, reached, weights, b.model.threads, E if per_lamp else None
-    )
-    light = light + straight
-    noise = relative_noise(deviation, sum_of_lamps(light), weights)
-    variance = variance_per_lamp(deviation, luminance(light.reshape(len(light), lamps, 3)))
-    return Estimate(Source.PHOTONS, light, variance, noise, noise)
-
-
-def _as_measured(b: Background, weights: np.ndarray) -> Estimate | None:
-    """Return the light of all photons as it is; None without photons. weights (n,): of noise."""
-    if not (photons := b.estimate.photons):
-        return None
-    fewer, light = subset_to_compare(b.estimate.subsets), b.irradiance_per_lamp(photons)
-    noise = math.inf
-    if fewer is not None:
-        noise = noise_from_subset(b.irradiance(photons), b.irradiance(fewer), photons, fewer, weights)
-    return Estimate(Source.PHOTONS, light, np.zeros((len(light), light.shape[1] // 3)), noise, noise)
 
 
 class StaticLight:
@@ -94,13 +46,13 @@ class StaticLight:
         self._before: LightBefore | None = None  # the light before the last edit
         self._edited: EditedLight | None = None  # until gathered light has less error
         self._straight: tuple[Background, int, np.ndarray | None] | None = None  # of the photons of a background
-        # Of the last background, per lamp or not, with the direct light in it, and weights.
-        self._photons: dict[bool, tuple[Background, int, np.ndarray | None, np.ndarray, Estimate]] = {}
+        # Of a background, its direct light, levels, and all its light.
+        self._photons: tuple[Background, int, np.ndarray | None, np.ndarray, np.ndarray] | None = None
         # Light per lamp, levels, and their light: on show, and direct.
         self._mixed: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._error: tuple[Estimate, np.ndarray, float] | None = None  # of an estimate at levels
         self._field: tuple[tuple[Background, int, bool], np.ndarray] | None = None
-        self._around: dict[float, Neighbours] = {}  # static receivers within a distance, of changes and of photons
+        self._around: dict[float, Neighbours] = {}  # static receivers within a distance
 
     def is_early(self, paths: int) -> bool:
         """Whether there is no light but that of photons and of fewer than so many paths per receiver."""
@@ -112,45 +64,23 @@ class StaticLight:
 
         b: whose photons light the static part before there is better light.
         """
-        return self.mixed("shown", *self._light_for(b, levels))
-
-    def _light_for(self, b: Background, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return light per lamp and levels that belong together."""
         if self.best is not None:
-            return self.best.light, levels
-        of, at = self._photons_for(b, levels)
-        return of.light, at
-
-    def _photons_for(self, b: Background, levels: np.ndarray) -> tuple[Estimate, np.ndarray]:
-        """Return the light of photons, and levels for it: lamps are apart where their levels differ."""
-        if (levels == levels[0]).all():  # one factor for all, exactly
-            return self.of_photons(b), levels[:1]
-        return self.of_photons(b, per_lamp=True), levels
-
-    def deviation(self, b: Background | None, levels: np.ndarray) -> np.ndarray:
-        """Return the standard error (n,) [W/m2] of the luminance of irradiance(); (0,) before any light."""
-        if self.best is not None:
-            return self.best.deviation_at(levels)
-        if b is None or not b.estimate.photons:
-            return np.zeros(0)
-        of, at = self._photons_for(b, levels)
-        return of.deviation_at(at)
-
-    def of_photons(self, b: Background, per_lamp: bool = False) -> Estimate:
-        """Return the light of all photons of a background, smoothed once; see smooth_photons()."""
-        kept, direct, weights = self._photons.get(per_lamp), self.direct_for(b), self._weights
-        same = kept is not None and kept[0] is b and kept[1] == b.estimate.photons
-        if not same or kept[2] is not direct or kept[3] is not weights:
-            around = self.around(NEAR * b.setting.radius)
-            pause()
-            kept = b, b.estimate.photons, direct, weights, smooth_photons(b, around, weights, per_lamp, direct)
-            self._photons = self._photons | {per_lamp: kept}
+            return self.mixed("shown", self.best.light, levels)
+        photons, direct, kept = b.estimate.photons, self.direct_for(b), self._photons
+        same = kept is not None and kept[0] is b and kept[1] == photons and kept[2] is direct
+        if not same or not np.array_equal(kept[3], levels):
+            self._photons = kept = b, photons, direct, levels, self._of_photons(b, photons, levels)
         return kept[-1]
 
-    @property
-    def _weights(self) -> np.ndarray:
-        """Weights (n,) of receivers in errors."""
-        return self._areas if self.gathered is None else self.gathered.weights
+    def _of_photons(self, b: Background, photons: int, levels: np.ndarray) -> np.ndarray:
+        """Return the light (n, 3) [W/m2] of some photons, with direct light of points where these resolve it."""
+        direct = self.direct_for(b)
+        E = b.irradiance(photons, levels, direct is None)
+        return E if direct is None else E + self.mixed("straight", direct, levels)
+
+    def deviation(self, levels: np.ndarray) -> np.ndarray:
+        """Return the standard error (n,) [W/m2] of the luminance of irradiance(); nan for that of photons."""
+        return np.full(len(self._areas), np.nan) if self.best is None else self.best.deviation_at(levels)
 
     def direct_for(self, b: Background) -> np.ndarray | None:
         """Return direct light (n, 3 G) [W/m2] in place of that of a background's photons; None where they bring it.
@@ -188,30 +118,38 @@ class StaticLight:
     def compare(self, shown: Background | None) -> bool:
         """Compare the errors of all estimates; return whether another one than that of photons is the best.
 
-        An error is the larger of an estimate's own and that which whole paths find, so it includes the blur of discs.
-        Photons also have the error that they had before an edit, while its light is on show. Theirs counts CLOUDY times.
+        The errors of photons and of light before an edit are the larger of their own and that which whole paths find,
+        so the blur of discs counts. Errors of photons count CLOUDY times.
         """
         if shown is None or not shown.estimate.photons:
             return self.best is not None
         g, edited = self.gathered, None
         if self._edited is not None:
             edited = self._edited.estimate(shown, self.around(AROUND * shown.setting.radius))
-            edited = edited and edited._replace(error=max(edited.error, self._error_of(edited)))
+            edited = edited and edited._replace(error=max(edited.error, self._error_of(edited.irradiance)))
         chosen = better(None if g is None else g.estimate, edited)
         if chosen is None:
             return self.best is not None
         if chosen is not edited:
             self._edited = None
-        theirs = self.of_photons(shown)
-        before = self._edited.before.of_photons if self._edited is not None else 0.0
         early = chosen is not edited and not self.gathered.is_measured  # the blur of photons is unknown too
-        worse = early or chosen.error < CLOUDY * max(theirs.noise, self._error_of(theirs), before)
-        self.best = chosen if worse else None
-        return worse
+        better_yet = early or chosen.error < CLOUDY * self._error_of_photons(shown)
+        self.best = chosen if better_yet else None
+        return better_yet
 
-    def _error_of(self, light: Estimate) -> float:
-        """Return the relative l1 error that whole paths at some receivers find; 0 before there are any."""
-        return 0.0 if self.gathered is None else self.gathered.error_of(light.irradiance)
+    def _error_of(self, E: np.ndarray) -> float:
+        """Return the relative l1 error of E (n, 3) [W/m2] that whole paths at some receivers find; 0 before any."""
+        return 0.0 if self.gathered is None else self.gathered.error_of(E)
+
+    def _error_of_photons(self, b: Background) -> float:
+        """Return the relative l1 error of the light of all photons; inf before it is measured."""
+        photons, fewer = b.estimate.photons, subset_to_compare(b.estimate.subsets)
+        if fewer is None:
+            return math.inf
+        levels, g = self._model.emitters.lamps.full(), self.gathered
+        weights = self._areas if g is None else g.weights
+        E, part = (self._of_photons(b, n, levels) for n in (photons, fewer))
+        return max(noise_from_subset(E, part, photons, fewer, weights), self._error_of(E))
 
     def around(self, distance: float) -> Neighbours:
         """Return some of the static receivers within a distance [m] of each; the last two answers are kept."""
@@ -233,54 +171,35 @@ class StaticLight:
             self._field = key, noise_field(whole, part, near, threads)
         return self._field[1]
 
-    def gather(self, shown: Callable[[], Background | None], new: Callable[[], None], early: float = math.inf) -> None:
-        """Gather, or go on (StaticGather).
-
-        shown: returns the background on show; new: called at first and after each result; early: as for it.
-        """
+    def gather(self, new: Callable[[], None], early: float = math.inf) -> None:
+        """Gather, or go on (StaticGather). new: called at first and after each result; early: as for it."""
         if self.gathered is None:
             self.gathered = StaticGather(self._model, self._seed)
         new()
-        self.gathered.gather(lambda: None if (b := shown()) is None else _as_measured(b, self._weights), new, early)
+        self.gathered.gather(new, early)
 
     def error(self, levels: np.ndarray) -> float:
-        """Return the relative l1 error at levels of the lamps of the light that is no photons'; inf before any."""
-        light = self.best or (None if self.gathered is None else self.gathered.estimate)
+        """Return the relative l1 error at levels of the lamps of the best light; inf before any."""
+        g = self.gathered
+        light = self.best or (None if g is None else g.estimate)
         if light is None:
             return math.inf
         if self._error is None or self._error[0] is not light or not np.array_equal(self._error[1], levels):
-            self._error = light, levels, light.error_at(levels, self._weights)
+            self._error = light, levels, light.error_at(levels, self._areas if g is None else g.weights)
         return self._error[2]
-
-    def on_show(self, b: Background | None) -> Estimate | None:
-        """Return the light on show per lamp, with its error; None before there is some of known error."""
-        if self.best is not None:
-            return self.best
-        if b is None or not b.estimate.photons:
-            return None
-        photons = self.of_photons(b, per_lamp=self._model.emitters.lamps.count > 1)
-        return (
-            photons._replace(error=max(photons.error, self._error_of(photons)))
-            if math.isfinite(photons.noise)
-            else None
-        )
 
     # -- edits ------------------------------------------------------------------------------------
 
     def before_edit(self, shown: Background | None, unreached: np.ndarray) -> LightBefore | None:
-        """Return the light on show for the scene after an edit; None where there is none of known noise.
+        """Return the light on show for the scene after an edit; None where it is that of photons.
 
         unreached (k,): receivers that light cannot reach. Edits in a row begin with the light before the first.
         """
-        if shown is None or not shown.estimate.photons:
+        if shown is None or not shown.estimate.photons or self.best is None:
             return None
-        if self.best is not None and self._edited is not None:
+        if self._edited is not None:
             return self._edited.before
-        if self.best is not None:
-            return light_before(shown, self.best, self._error_of(self.of_photons(shown)), unreached, self._bounces())
-        if not math.isfinite(self.of_photons(shown).noise):
-            return None
-        return light_before(shown, self.of_photons(shown, per_lamp=True), 0.0, unreached, self._bounces())
+        return light_before(shown, self.best, unreached, self._bounces())
 
     def _bounces(self) -> Bounces | None:
         """Return the bounces of this light, or those before an edit while they are more."""

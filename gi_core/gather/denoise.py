@@ -5,10 +5,6 @@ in units of its standard deviation, so noise is averaged and edges of shadows ar
 that the first leaves; Dammertz et al. 2010 and Schied et al. 2017 filter pixels in this way. Noise falls with more
 paths, and smoothing with it, so the limit is unbiased.
 
-Weights from noisy light keep its outliers and make edges of its noise. A guide is other light of the same receivers
-with less noise, such as that of photons. Weights are then those of its differences (cross-bilateral filtering, Eisemann
-and Durand 2004).
-
 Several reaches are tried, including none. Stein's unbiased risk estimate (1981), by the Monte Carlo method of Ramani et
 al. 2008, gives the expected squared error of each without the truth. Each receiver takes the reach that has the lowest
 in its surroundings: noise and detail differ from surface to surface.
@@ -47,24 +43,19 @@ class Denoised(NamedTuple):
 
 def denoise(
     mean: np.ndarray, standard_error: np.ndarray, near: Neighbours, seed: int, threads: int,
-    per_lamp: np.ndarray | None = None, alike: np.ndarray | None = None, guide: np.ndarray | None = None,
+    per_lamp: np.ndarray | None = None, alike: np.ndarray | None = None,
 ) -> Denoised:  # fmt: skip
     """Denoise irradiance `mean` (n, 3) with its standard error (n, 3).
 
     alike (n,): areas, to take one reach for all: standard errors of few paths are too rough to choose by place.
     per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
-    stay black and have no weight for neighbours. guide (n, 3): light of less and independent noise; None: `mean` itself
-    decides.
+    stay black and have no weight for neighbours.
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
-    # Where the weight of a difference is 0: in standard deviations; in luminances of a guide, at 20, 40, 80 % of it.
-    reaches = (2.0, 4.0, 8.0) if guide is None else (0.14, 0.28, 0.56)
-    if guide is None:
-        variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
-    else:
-        variance = luminance(guide) ** 2
-    variance = np.where(lit, variance, NO_WEIGHT)
+    reaches = 2.0, 4.0, 8.0  # standard deviations, where the weight of a difference is 0
+    # A single variance of few rounds is too rough.
+    variance = np.where(lit, averaged(near, squares, lit, threads), NO_WEIGHT)
     sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(mean))  # Hutchinson 1990: the least variance
     more = mean + LITTLE * sign[:, None] * standard_error
     saved = np.zeros((len(mean), 1 + len(reaches)))  # squared error less than without smoothing, by reach
@@ -72,7 +63,7 @@ def denoise(
     pause()
 
     def at_reach(E: np.ndarray, carried: np.ndarray, reach: float) -> np.ndarray:
-        return smoothed(E if guide is None else guide, carried, variance, reach, near, threads)[:, VARIANCE + 1 :]
+        return smoothed(E, carried, variance, reach, near, threads)[:, VARIANCE + 1 :]
 
     for k, reach in enumerate(reaches, 1):
         lights.append(at_reach(mean, lights[0], reach))

@@ -17,7 +17,7 @@ from gi_core.lights.lamps import mix, sum_of_lamps
 class Source(enum.Enum):
     """Source of an estimate."""
 
-    PHOTONS = "photons, smoothed in proportion to their noise"
+    PHOTONS = "photons alone"
     RADIOSITY = "bounces that are kept, in light that is iterated"
     WHOLE_PATHS = "whole paths, without bias"
     EDITED = "the best light before an edit, changed as photons say"

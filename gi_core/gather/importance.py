@@ -21,7 +21,6 @@ from gi_core.rays.accelerator import FAR, LIFT
 
 BACKS = 4  # of one-sided faces, which the camera sees through
 WHITE = 8.0  # times the median in view, which is drawn mid-grey
-BOUNCES = 4  # from the view
 
 
 def importance(model: Model, E: np.ndarray) -> np.ndarray:
@@ -42,7 +41,7 @@ def areas_in_reach(model: Model) -> np.ndarray:
     out, static = model.object_receivers.areas.astype(np.float64), model.surfaces.receiver_range(0)
     met, rng = _in_view(model), np.random.default_rng(0)
     reached = met.receivers(static.stop)
-    for _ in range(BOUNCES):
+    for _ in range(4):  # bounces
         z, turn = 2.0 * rng.random(len(met.area)) - 1.0, 2.0 * np.pi * rng.random(len(met.area))
         r = np.sqrt(1.0 - z * z)
         way = unit(met.normal + np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1))  # by the cosine

@@ -67,16 +67,16 @@ class Kept(NamedTuple):
 
 def denoised(
     model: Model, seed: int, weights: np.ndarray, per_lamp: np.ndarray, standard_error: np.ndarray,
-    lamp_error: np.ndarray, guide: np.ndarray | None = None, exact: np.ndarray | None = None,
+    lamp_error: np.ndarray, exact: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
     """Return denoised light (n, 3 G), its variance (n, G) as of Estimate, and the share of its noise that is left.
 
     Arguments as of StaticGather._take_over; weights (n,): of the share.
     """
     if exact is not None:
-        per_lamp, guide = per_lamp - exact, None if guide is None else guide - sum_of_lamps(exact)
+        per_lamp = per_lamp - exact
     several = per_lamp if per_lamp.shape[1] > 3 else None
-    result = denoise(sum_of_lamps(per_lamp), standard_error, model.adjacency, seed, model.threads, several, guide=guide)
+    result = denoise(sum_of_lamps(per_lamp), standard_error, model.adjacency, seed, model.threads, several)
     light = result.irradiance.copy()
     light += 0.0 if exact is None else exact
     of_lamps = standard_error if several is None else lamp_error
@@ -118,12 +118,11 @@ class StaticGather:
         # Probes have no area but need light: they get the mean weight.
         self._paid[self._model.first_probe :] = self._paid.mean() if len(shares) else 0.0
 
-    def _weigh_by(self, photons: Callable[[], Estimate | None]) -> None:
-        """Weigh receivers once, by photons; arguments as for gather()."""
-        if len(self._shares) or (theirs := photons()) is None:
-            return
-        E = self._pooled(luminance(theirs.irradiance)[:, None])[:, 0]
-        self._weigh(visual_shares(self._model, E, self._areas))
+    def _weigh_by(self, light: np.ndarray) -> None:
+        """Count places by their light (n, 3) [W/m2], once."""
+        if not len(self._shares):
+            E = self._pooled(luminance(light)[:, None])[:, 0]
+            self._weigh(visual_shares(self._model, E, self._areas))
 
     def copied(self, model: Model | None) -> StaticGather:
         """Return a copy that goes on from here; model: with the same `static_key`, None: to be kept without one."""
@@ -146,7 +145,7 @@ class StaticGather:
         def zeros(*shape: int) -> np.ndarray:
             return np.broadcast_to(np.zeros(()), shape)
 
-        estimate = Estimate(Source.PHOTONS, zeros(n, c), zeros(n, c // 3), 0.0, 0.0)
+        estimate = Estimate(Source.RADIOSITY, zeros(n, c), zeros(n, c // 3), 0.0, 0.0)
         sample = ErrorSample(np.zeros(k, np.int64), np.zeros(k), ReferenceState.empty(k))
         return Kept(estimate, ReferenceState.empty(n, self._path_channels), sample, zeros(n), zeros(4))
 
@@ -217,41 +216,36 @@ class StaticGather:
         """Return the progress of gathering."""
         return Progress(STAGE, self.fraction, picture)
 
-    def gather(
-        self, photons: Callable[[], Estimate | None], new: Callable[[], None] = lambda: None, early: float = math.inf
-    ) -> None:
+    def gather(self, new: Callable[[], None] = lambda: None, early: float = math.inf) -> None:
         """Gather until it is enough, with a pause every 10 ms; may be broken off and begun again, with the same result.
 
-        photons() returns the photons' current light, or None. new: called where `estimate` is new.
+        new: called where `estimate` is new.
         early: ends once phase 1 has so many paths per receiver, before whole paths; ALL_PATHS: at its end.
         """
         if not self.enough:
-            self._weigh_by(photons)
-            self._iterate_bounces(photons, new, early)
+            self._iterate_bounces(new, early)
             if early == math.inf:
                 self._whole_paths(new)
 
-    def _iterate_bounces(self, photons: Callable[[], Estimate | None], new: Callable[[], None], early: float) -> None:
+    def _iterate_bounces(self, new: Callable[[], None], early: float) -> None:
         f = self._radiosity
         noise_of_paths = np.inf if self.state is None else self._noise_of_paths(self.state)
-        if self._first_phase == 1.0 or photons() is None:
+        if self._first_phase == 1.0:
             return
 
         biased = not noise_of_paths > LOW * ENOUGH
         while not biased and f.noise > LOW * ENOUGH and not f.is_complete and f.paths < early:
-            theirs = photons()
             f.add_pair()
+            self._weigh_by(f.mean)
             done = min((LOW * ENOUGH / f.noise) ** 2, 1.0) if f.noise > 0 else 1.0
             self._first_phase = max(self._first_phase, done)
             pause(self.progress() if early == math.inf else None)
             if f.noise < self.noise:
-                # Photons know best where edges of light are, until they have more noise.
-                guide = theirs.irradiance if theirs.noise < f.noise else None
                 light = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 pause()
                 # A picture comes before its measured error.
                 at_once = self._supposed if early < math.inf else self._measure
-                self._take_over(new, Source.RADIOSITY, *light, at_once, guide, f.by_delta)
+                self._take_over(new, Source.RADIOSITY, *light, at_once, f.by_delta)
                 due = early < math.inf and (f.paths >= 100 or f.noise <= LOW * ENOUGH)
                 if due and (shown := self.estimate).source is Source.RADIOSITY:
                     self.estimate = shown._replace(error=self._measure(shown.irradiance, shown.noise))
@@ -336,20 +330,20 @@ class StaticGather:
     def _take_over(
         self, new: Callable[[], None], source: Source, per_lamp: np.ndarray, standard_error: np.ndarray,
         lamp_error: np.ndarray, noise: float, error: Callable[[np.ndarray, float], float] = lambda _, noise: noise,
-        guide: np.ndarray | None = None, exact: np.ndarray | None = None,
+        exact: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         """Denoise this light and store it; the arrays must not change meanwhile.
 
         per_lamp (n, 3 G); standard_error (n, 3) of its sum; lamp_error (n, 3 G), or empty for one lamp. error(E,
-        noise): returns the error of denoised light (n, 3) with so much noise left. guide: for denoise(). exact
-        (n, 3 G): the part without noise, such as sunlight, whose borders stay sharp; None: none.
+        noise): returns the error of denoised light (n, 3) with so much noise left. exact (n, 3 G): the part without
+        noise, such as sunlight, whose borders stay sharp; None: none.
         """
         light, variance, share = denoised(
-            self._model, self._seed, self.weights, per_lamp, standard_error, lamp_error, guide, exact
+            self._model, self._seed, self.weights, per_lamp, standard_error, lamp_error, exact
         )
         left = error(sum_of_lamps(light), share * noise)
         earlier, self.noise = self.estimate, noise
-        if earlier is not None and earlier.source in (Source.PHOTONS, Source.EDITED) and earlier.error <= left:
+        if earlier is not None and earlier.source is Source.EDITED and earlier.error <= left:
             return  # light that another session has shown
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
         self.estimate = Estimate(source, light, variance, share * noise, left)

@@ -261,6 +261,15 @@ def complete(solver: Solver) -> Solver:
     return solver
 
 
+def gathered(solver: Solver) -> Solver:
+    """Return a solver, once its frames take gathered light of the static part."""
+    for _ in solver.gather_steps():
+        if solver.frame_light.is_gathered:
+            solver.move_all({})
+            return solver
+    raise AssertionError("photons have less error")
+
+
 def solve(scene: Scene, *arguments, **settings) -> Solver:
     """Return a solver whose light is complete."""
     return complete(Solver(scene, *arguments, **settings))

@@ -14,7 +14,6 @@ from app.session.opening import Opened, Opening
 from app.session.session import Session
 from app.settings import LampLevel, Settings
 from gi_core.gather import static
-from gi_core.gather.estimate import better
 from gi_core.lights.lamps import mix
 from gi_core.scene import Pose
 from gi_core.solver import Solver
@@ -172,7 +171,6 @@ def test_work_at_rest_is_stored_at_quit(monkeypatch):
 
 
 STAGES = {
-    "photons": lambda s: not s.refining,
     "single bounces": lambda s: (g := s.light._solver.frame_light.static.gathered) and g.estimate,
     "whole paths": lambda s: gathered(s).fraction > 0.5,  # two rounds
     "complete": lambda s: is_finished(s),
@@ -181,7 +179,7 @@ STAGES = {
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_the_light_last_on_show_is_in_the_first_picture(stage, monkeypatch):
-    """Single bounces and photons were lost, and so were whole paths before the second round at every receiver."""
+    """Single bounces were lost, and so were whole paths before the second round at every receiver."""
     monkeypatch.setattr(static, "ENOUGH", 0.1 if stage == "complete" else 0.02)
     first = opened(photons=100_000)
     rest_until(first, lambda: STAGES[stage](first))
@@ -189,7 +187,7 @@ def test_the_light_last_on_show_is_in_the_first_picture(stage, monkeypatch):
     solver = first.light._solver
     before = solver.frame_light.static
     g = before.gathered
-    shown, paths = better(g and g.estimate, before.on_show(solver.frame.background)), g and g.state
+    shown, paths = before.best, g and g.state
     for lamps in ((), (LampLevel(solver.lamps.names[0], 0.3),)):
         again = Opening(replace(first.settings, lamps=lamps), load=lambda settings: SCENE)
         again._thread.join()

@@ -17,7 +17,7 @@ from gi_core.solver import Solver
 from tests.physics.test_edits import room
 from tests.support.lit_from_outside import l_room
 from tests.support.receiver_samples import static_areas
-from tests.support.scene_builders import box, merge, solve
+from tests.support.scene_builders import box, gathered, merge, solve
 
 GIVEN = {"photons": 16_384, "radius": 0.12, "seed": 5, "light": "best"}
 RED = (("reflectance", (0.7, 0.2, 0.1)),)
@@ -52,23 +52,6 @@ def test_a_mobiles_colour_leaves_the_static_light_as_it_was(before):
     solver = after(before, Finish("ball", RED))
     assert np.array_equal(solver.frame_light.static.best.light, before.frame_light.static.best.light)
     assert solver.frame_light.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
-
-
-def test_photons_that_were_worse_before_an_edit_do_not_replace_its_light(before, monkeypatch):
-    """Though their noise alone is less than the error of that light: their discs blur."""
-    frames, blur = before.frame_light.static, 0.05
-    monkeypatch.setattr(StaticGather, "error_of", lambda self, E: blur if self is frames.gathered else 0.0)
-    monkeypatch.setattr(frames, "best", frames.best._replace(error=0.04))
-    for measured, stays in ((0.05, True), (0.0, False)):
-        blur = measured
-        assert light_before(before).of_photons == measured
-        solver = after(before, Finish("wall", (("reflectance", (0.78, 0.8, 0.8)),)))
-        static, b = solver.frame_light.static, solver.frame.background
-        of = static.of_photons
-        monkeypatch.setattr(static, "of_photons", lambda *b, of=of, **lamps: of(*b, **lamps)._replace(noise=0.02))
-        assert static.compare(b) is stays
-        again = after(solver, Finish("ball", RED)).frame_light.static
-        assert not stays or again._edited.before is static._edited.before
 
 
 def test_unreached_receivers_are_filled_from_the_first_picture_on(before, monkeypatch):
@@ -225,7 +208,7 @@ def test_a_moved_light_leaves_unreached_receivers_dark():
     """Smoothing lit those in the ceiling a little, so that they were not filled: a lamp's side turned black."""
     plain = room()
     hung = merge(plain.static, box((0.2, 0.2, 0.8), (0.8, 0.8, 1.05), 3, 3))  # its upper corners in the ceiling
-    before = solved(replace(plain, static=hung), photons=65_536)
+    before = gathered(solved(replace(plain, static=hung), photons=65_536))
     unreached = before.frame_light.unreached.static.rows
     moved = after(before, Light("bulb", (("position", (0.1, 0.5, 0.85)),)))
     assert len(unreached) > 8 and (moved.static_irradiance[unreached] == 0).all()
@@ -233,16 +216,8 @@ def test_a_moved_light_leaves_unreached_receivers_dark():
     assert np.array_equal(moved.irradiance, moved.from_scratch())
 
 
-def test_without_gathered_light_all_photons_stand_in():
-    solver = solved(room())
-    light = light_before(solver)
-    b, static = solver.frame.background, solver.frame_light.static
-    assert light.estimate is static.of_photons(b, per_lamp=True)
-    assert np.allclose(light.estimate.irradiance, static.irradiance(b, solver.levels), rtol=1e-9)
-    assert 0.01 < light.estimate.error < 1
-    assert light_before(solved(room(), light="photons")) is None
-    solver.move("ball", Pose((0.3, 0.6, 0.4)))
-    assert np.array_equal(light_before(solver).estimate.light, light.estimate.light), "without mobiles"
+def test_without_gathered_light_there_is_none_before_an_edit():
+    assert light_before(solved(room())) is None and light_before(solved(room(), light="photons")) is None
 
 
 def test_another_radius_is_not_compared(before):

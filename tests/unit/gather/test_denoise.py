@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gi_core.gather.denoise import denoise, smooth
+from gi_core.gather.denoise import denoise, smooth, smoothed_by_subset
 from gi_core.geometry.mesh_neighbours import neighbours
 from tests.support.scene_builders import quad
 
@@ -97,32 +97,6 @@ def test_the_same_bits_with_any_number_of_threads():
     assert np.array_equal(one.irradiance, two.irradiance) and one.share(np.ones(len(E))) == two.share(np.ones(len(E)))
 
 
-@pytest.mark.parametrize(("spread", "gain", "honest"), [(0.4, 0.95, 0.2), (0.6, 0.85, 0.5)])
-def test_a_guide_knows_edges_better_than_noisy_light(spread, gain, honest):
-    """Noise has outliers (lognormal), which unguided smoothing keeps; the guide blurs the step and has 3 % noise."""
-    where = P[:, 0] - 0.5 - 0.1 * np.sin(9 * P[:, 1])
-    light, blurred = np.where(where < 0, 1.0, 0.5), 0.75 - 0.25 * np.clip(where * (N - 1) / 2, -1, 1)
-    found = np.random.default_rng(3).lognormal(-spread * spread / 2, spread, len(P))
-    E, sigma = (np.repeat(a[:, None], 3, axis=1) for a in (light * found, light * np.sqrt(np.expm1(spread**2))))
-    guide, _ = grainy(blurred, 0.03, 2)
-    own, guided = denoise(E, sigma, NEAR, 0, 1), denoise(E, sigma, NEAR, 0, 1, guide=guide)
-    assert off(guided.irradiance, light) < gain * off(own.irradiance, light)
-    true = rms(guided.irradiance, light) / rms(E, light)
-    assert guided.share(WEIGHTS) == pytest.approx(true, rel=honest) and own.share(WEIGHTS) < true
-    several = denoise(E, sigma, NEAR, 0, 2, np.concatenate([0.25 * E, 0.75 * E], axis=1), guide=guide).irradiance
-    assert np.allclose(several[:, :3] + several[:, 3:], guided.irradiance, rtol=1e-12)
-
-
-@pytest.mark.parametrize("of", ["even light", "nothing"])
-def test_a_guide_that_knows_no_edge_does_no_harm(of):
-    """Even light would average over the step, so the light beside it stays; without light nothing is averaged."""
-    light = np.where(P[:, 0] < 0.5, 1.0, 0.3)
-    E, sigma = grainy(light, 0.02)
-    s = denoise(E, sigma, NEAR, 0, 1, guide=np.full_like(E, 1.0 if of == "even light" else 0.0))
-    assert off(s.irradiance, light) <= 1.02 * off(E, light)
-    assert of == "even light" or np.array_equal(s.irradiance, E)
-
-
 def test_each_place_takes_its_own_reach():
     """One half has detail of the size of its noise, the other is even: one reach for both would harm one of them."""
     detailed = P[:, 0] < 0.5
@@ -152,3 +126,14 @@ def test_a_small_change_is_carried_as_the_derivative():
     expected = (moved[0] - moved[1]) / (2 * step)
     off_carried, off_fixed = (np.sqrt(np.mean((light[:, 4] - expected) ** 2)) for light in (carried, fixed))
     assert np.array_equal(carried[:, :4], fixed[:, :4]) and off_carried < 0.2 * off_fixed
+
+
+def test_receivers_that_light_cannot_reach_stay_dark_and_darken_none():
+    rng = np.random.default_rng(1)
+    reached = rng.random(len(P)) > 0.1
+    E = np.ones((len(P), 3)) * reached[:, None]
+    fewer = E * rng.uniform(0.0, 2.0, (len(P), 1))  # so much noise that edges are smoothed too
+    light, _ = smoothed_by_subset(E, fewer, 2.0, 4.0, NEAR, reached, WEIGHTS, 2)
+    assert np.allclose(light, E)
+    light, _ = smoothed_by_subset(E, fewer, 2.0, 4.0, NEAR, np.ones(len(P), bool), WEIGHTS, 2)
+    assert light[reached].min() < 0.9 and light[~reached].max() > 0.1

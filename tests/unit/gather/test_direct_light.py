@@ -13,7 +13,7 @@ from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
 from tests.support.lit_from_outside import sky_room
 from tests.support.photometry import luminaire
-from tests.support.scene_builders import BLACK, box, floor, lamp, merge, quad, solve
+from tests.support.scene_builders import BLACK, box, floor, gathered, lamp, merge, quad, solve
 
 LIGHTS = {
     "lamp": (),
@@ -138,7 +138,7 @@ def test_nothing_is_measured_for_very_many_delta_lights():
 
 def test_a_shadow_of_few_photons_has_no_noise():
     """Photons of a frame measure bounced light alone, and black surfaces have none."""
-    solver = solve(scene("lamp", "bulb"), photons=1 << 15, light="best", radius=0.1, seed=2)
+    solver = gathered(solve(scene("lamp", "bulb"), photons=1 << 15, light="best", radius=0.1, seed=2))
     solver.move_all(POSES, photons=4096, paths=8)
     few = solver.irradiance[: solver.surfaces.receiver_range(0).stop].copy()
     solver.move_all({name: Pose((0.0, 0.0, 5.0)) for name in POSES})

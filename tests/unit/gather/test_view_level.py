@@ -7,14 +7,13 @@ import pytest
 
 from gi_core.base.pause import steps
 from gi_core.gather import static
-from gi_core.gather.estimate import Estimate, Source
 from gi_core.gather.importance import BACKS, WHITE, areas_in_reach, visual_shares
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene.origin import translated
 from gi_core.scene.types import Camera
-from tests.support.scene_builders import box, grey, merge, quad, solve, sunny_house, sunny_room
+from tests.support.scene_builders import box, grey, merge, quad, sunny_house, sunny_room
 
 
 def test_even_light_and_dim_places_count_by_area():
@@ -93,15 +92,10 @@ def test_darkness_counts_by_area():
     assert (visual_shares(model, np.zeros(len(areas)), areas) == 1.0).all()
 
 
-def of_photons(light: np.ndarray) -> Estimate:
-    return Estimate(Source.PHOTONS, light, np.zeros((len(light), 1)), 0.2, 0.2)
-
-
 def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
     """Weighted by area, it has several times as much: nearly all light is outside."""
     monkeypatch.setattr(static, "ENOUGH", 0.03)
-    solver = solve(sunny_house(), photons=1 << 16, radius=0.6, seed=3)
-    model, photons = solver.model, solver.frame.background.irradiance_per_lamp(1 << 16)
+    model = Model(sunny_house(), 1)
     rows = model.surfaces.receiver_range(0)
     areas, inside = model.object_receivers.areas[rows], model.evaluation_points[0][rows][:, 0] < 6.0
 
@@ -109,7 +103,7 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
         light = []
         for seed in (1, 2):
             g = StaticGather(model, seed)
-            g.gather(lambda: of_photons(photons))
+            g.gather()
             light.append(g.estimate.irradiance)
         assert areas[inside] @ light[0][inside, 0] < 0.05 * (areas @ light[0][:, 0])
         return relative_error(*light, areas * inside / np.maximum(light[1][:, 1], 0.3)).l1 / np.sqrt(2)
@@ -120,15 +114,14 @@ def test_a_room_has_little_noise_when_its_scene_counts_as_gathered(monkeypatch):
 
 
 def test_light_of_an_earlier_run_keeps_its_weights():
-    """It is shown before there are photons to weigh it."""
-    solver = solve(sunny_house(), photons=1 << 14, radius=0.6, seed=3)
-    photons = solver.frame.background.irradiance_per_lamp(1 << 14)
-    first = StaticGather(solver.model, 1)
-    for _ in steps(lambda: first.gather(lambda: of_photons(photons))):
+    """It is shown before there is radiosity to weigh it."""
+    model = Model(sunny_house(), 1)
+    first = StaticGather(model, 1)
+    for _ in steps(lambda: first.gather()):
         if first.state is not None and first.state.rounds > 1:
             break
-    again = StaticGather(solver.model, 1)
+    again = StaticGather(model, 1)
     assert again.go_on_from(first.kept())
-    next(steps(lambda: again.gather(lambda: None)))
-    assert (again.weights < 0.9 * areas_in_reach(solver.model)[: len(again.weights)]).mean() > 0.1
+    next(steps(lambda: again.gather()))
+    assert (again.weights < 0.9 * areas_in_reach(model)[: len(again.weights)]).mean() > 0.1
     assert np.array_equal(again.weights, first.weights)

@@ -122,10 +122,10 @@ DAMAGES = {
     "2^31 sets": lambda k: k._replace(state=k.state._replace(sets=put(k.state.sets, 2**31 - 1))),
     "2^100 paths": lambda k: k._replace(state=k.state._replace(log2_set=put(k.state.log2_set, 100))),
     "sample": lambda k: k._replace(sample=k.sample._replace(rows=put(k.sample.rows, 10**9))),
-    "weights": lambda k: k._replace(weights=k.weights[1:]),
+    "shares": lambda k: k._replace(shares=k.shares[1:]),
     "numbers": lambda k: k._replace(numbers=put(k.numbers, -1.0)),
     "a receiver less": lambda k: k._replace(estimate=k.estimate._replace(light=k.estimate.light[1:])),
-    "float32": lambda k: k._replace(weights=k.weights.astype(np.float32)),
+    "float32": lambda k: k._replace(shares=k.shares.astype(np.float32)),
 }
 
 
@@ -165,11 +165,11 @@ def test_the_oldest_static_light_goes(kept, folder, monkeypatch):
     static = StaticLight(kept[0], 0, DirectLight(kept[0], 0))
     static.gathered = StaticStore(kept[0], 0).load()
     for seed in range(3):
-        StaticStore(kept[0], seed).keep_light(static, None)
+        StaticStore(kept[0], seed).keep_light(static)
         os.utime(StaticStore(kept[0], seed).path, (seed, seed))
     size = StaticStore(kept[0], 0).path.stat().st_size
     monkeypatch.setattr(reference_store, "MOST_BYTES", 2 * size)
-    StaticStore(kept[0], 3).keep_light(static, None)
+    StaticStore(kept[0], 3).keep_light(static)
     assert {p.name for p in folder.iterdir()} == {StaticStore(kept[0], seed).path.name for seed in (2, 3)}
 
 
