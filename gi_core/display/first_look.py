@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.display.dilation import Dilation, Drawn, dilated
-from gi_core.gather.denoise import denoise
+from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_noise
 from gi_core.geometry.surfaces import evaluation_points
@@ -34,7 +34,13 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, size: float, see
     dilation, static = Dilation(model, size), model.surfaces.receiver_range(0).stop
     for total in (1 << 18, 1 << 20):  # paths in all: one and four seconds of a core
         paths = min(max(total // max(len(points), 1), 4), 64)
-        E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
+        light = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
+        missed = ~light[0].any(
+            axis=1
+        )  # by all paths: they take the mean of their neighbours, else they are black flecks
+        for values in light:
+            values[missed] = averaged(model.adjacency, values, np.ones(len(values), bool), model.threads)[missed]
+        E, error = light
         denoised = denoise(E, error, model.adjacency, seed, model.threads, alike=areas)
         noise, E = denoised.share(areas) * relative_noise(luminance(error), E, areas), denoised.irradiance
         yield LookLight(dilated(E, dilation.find_static(E[:static]), dilation.find_moved(E, at)), noise)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gi_core.display import first_look
 from gi_core.display.first_look import first_looks
 from gi_core.frames.frame import probe_irradiance
 from gi_core.gather.reference import reference_irradiance
@@ -35,6 +36,21 @@ def test_light_of_a_first_look_is_close_to_the_reference():
     ]
     assert max(errors) < 0.08
     assert all(0.3 < look.noise / error < 1.5 for look, error in zip(looks, errors, strict=True))
+
+
+def test_receivers_that_no_path_lights_are_no_black_flecks(monkeypatch):
+    """In a kitchen lit by its windows, one receiver in thirty was black in light of four paths."""
+    scene = room()
+    model = Model(scene)
+    n = len(model.object_receivers.areas)
+    missed = (np.random.default_rng(1).random(n) < 0.2) & (np.diff(model.adjacency.first) > 2)
+
+    def light(*of, **options) -> tuple[np.ndarray, np.ndarray]:
+        return tuple(np.where(missed[:, None], 0.0, level) * np.ones(3) for level in (1.0, 0.3))
+
+    monkeypatch.setattr(first_look, "reference_irradiance", light)
+    drawn = next(first_looks(scene, model, np.ones((1, 3)), 1.0, 0)).drawn
+    assert missed.sum() > 10 and (drawn.irradiance[missed] > 0.4).all()
 
 
 TURNED = np.array([(0.36, 0.48, -0.8), (-0.8, 0.6, 0.0), (0.48, 0.64, 0.6)]).T
