@@ -18,6 +18,7 @@ from app.rest.results import GatherProgress, RestResults
 from app.settings import Settings
 from app.worker import Task
 from gi_core.base.pause import Interrupted
+from gi_core.frames.first_frame import EARLY_PATHS
 from gi_core.solver import Solver
 
 NO_ERRORS = Settings(measure_errors=False)
@@ -61,14 +62,25 @@ class RestWork:
 
     @property
     def _first(self) -> tuple[Job, ...]:
-        """Jobs before all others: levels change all light at rest. An asked pin and the change since light A take a
-        second, and the user waits. Fine points take 2 s once, and sunlight has teeth without them.
-        """
-        return self.hold, self.asked, self.change, self.fine
+        """Jobs before all others. Fine points take 2 to 8 s once, and sunlight has teeth without them."""
+        return *self._asked, self.fine
+
+    @property
+    def _asked(self) -> tuple[Job, ...]:
+        """Jobs that the user waits for, a second each: levels change all light at rest, a pin, the change since A."""
+        return self.hold, self.asked, self.change
 
     def next_urgent(self, settings: Settings) -> Task | None:
-        """Return the next task that need not wait for all photons; None where none is due."""
-        return first_task((*self._first, self.surfaces), settings, self.given_up)
+        """Return the next task that need not wait for all photons; None where none is due.
+
+        Surfaces wait for light that is no longer early, which they held up by 15 s in classroom. Then they and fine
+        points take turns.
+        """
+        light = self._solver.frame_light
+        early = light.setting.takes_gathered and light.static.is_early(EARLY_PATHS)
+        self._turn += 1
+        turns = self._first if early or self._turn % 2 else (*self._asked, self.surfaces, self.fine)
+        return first_task(turns, settings, self.given_up)
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""

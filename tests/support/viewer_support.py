@@ -226,8 +226,14 @@ class CountingSolver:
         self.levels = self.frame.levels
         self.light = "photons"
         static = SimpleNamespace(gathered=None, error=lambda levels: math.inf)
+        setting = SimpleNamespace(takes_gathered=False)
         self.frame_light = SimpleNamespace(
-            static=static, is_gathered=False, gathered_at=lambda at: None, source=Source.PHOTONS, held=None
+            setting=setting,
+            static=static,
+            is_gathered=False,
+            gathered_at=lambda at: None,
+            source=Source.PHOTONS,
+            held=None,
         )
         self.deviation, self.error = np.zeros(len(self.irradiance)), math.nan
         self.paths_at_rest, self.scene_size = 0, 1.0
