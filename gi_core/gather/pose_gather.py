@@ -3,11 +3,11 @@
 Frames know the change from photons that mobiles cut, and the light of mobiles from single bounces. At rest, paths
 replace both.
 
-A path from a mobile ends in the static part's light, at its first hit beyond the length of the face hit. Nearer hits
-lie in the mobile's own shadow, which the corners of the face do not resolve: there and on mobiles it goes on.
+A path ends in the static part's light, at its first hit beyond the length of the face hit. Nearer hits lie in the
+mobile's own shadow, which the corners of the face do not resolve: there and on mobiles it goes on.
 
 Each path from a static receiver is traced twice with the same random numbers, with mobiles and without. Its difference
-is 0 unless it meets a mobile. Irradiance then has two unbiased estimates:
+is 0 unless it meets a mobile, or light that mobiles change. Irradiance then has two estimates:
 
     W        the mean with mobiles; good in their shadow
     G + D    static light without mobiles, plus the mean difference; good where they change little
@@ -43,10 +43,10 @@ from gi_core.rays.accelerator import LIFT, Transforms
 from gi_core.scene.pose import to_world_at
 
 STAGE = "gathering at these poses"
-COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
 LAST_ROUND = 47  # rounds until the last result: twice those that noise is sized for
-CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
-# good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
+# Times the noise of paths: difference from the frame's light, which contains both errors. At sqrt(2) both are as good.
+# Small sets understate their noise by up to 1.8: a room lit by the sky went from 3.9 to 12 % at first.
+AS_GOOD, CLEARLY = math.sqrt(2.0), 2.0
 
 Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, error (n,) of its luminance [W/m2]
 
@@ -71,7 +71,7 @@ class PoseGather:
         self._own = irradiance[self.rows]
         self._paths = PosePaths(points, at, lights, self.rows, disc_area)
         self._static, self._change = static, irradiance[: points.static] - static
-        self._paths.end_in(irradiance[: points.static])
+        self._paths.end_in(irradiance[: points.static], static)
         mobile = self._paths.mobile
         self._classes = [of for of in (mobile, ~mobile) if of.any()]
         areas = points.model.object_receivers.areas[self.rows]
@@ -82,11 +82,10 @@ class PoseGather:
         light = luminance(self._own)
         dark = max(DARK * light.sum() / max(len(light), 1), 1e-300)
         # Paths are distributed by relative error, as feet are dark, and to each vertex of a mobile alike.
-        cost = np.where(mobile, 1.0, COST)
-        relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
+        relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights) / np.maximum(light, dark)
         state, smoothed = ReferenceState.empty(len(self.rows), channels=6), self._paths.smoothed
         rounds, least = static_gather.STATIC_ROUNDS, least_set(lights.delta)
-        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, rounds, smoothed, cost, least, smaller=4)
+        self._rounds = Rounds(self._paths.traced, _steadier, relative, state, rounds, smoothed, least, smaller=4)
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left, self._seen = float("inf"), 0.0  # rounds of the last result
         self._least = float("inf")  # of `left` so far: with more paths, less is smoothed and noise may rise again
@@ -122,10 +121,10 @@ class PoseGather:
                 pause(Progress(STAGE, self.fraction, False))
 
     def _know(self, static: Static | None) -> None:
-        """Let the next paths from mobiles end in this light of the static part, changed by mobiles as at first."""
+        """Let the next paths end in this light of the static part, changed by mobiles as at first."""
         if static is not None and static[0] is not self._static:
             self._static = static[0]
-            self._paths.end_in(np.maximum(self._static + self._change, 0.0))
+            self._paths.end_in(np.maximum(self._static + self._change, 0.0), self._static)
 
     def _result(self, static: Static | None) -> None:
         p, s, near = self._points, self._rounds.state, self._paths.near
@@ -134,19 +133,15 @@ class PoseGather:
         mean, error, kept = combined(
             s.mean, s.standard_error, self._paths.mobile, self.rows, static, near, p.model.threads
         )
-        used, most = self.used.copy(), 0.0
+        used, most, least = self.used.copy(), 0.0, CLEARLY if self._rounds.smaller else AS_GOOD
         denoised = denoise(mean, error, near, p.seed, p.model.threads)
-        deviation = np.hypot(denoised.left * luminance(error) / small_sample_bias(s.sets), kept)
-        off = np.abs(luminance(self._own - denoised.irradiance))
+        noise = denoised.left * luminance(error) / small_sample_bias(s.sets)
+        deviation = np.hypot(noise, kept)
         for of in self._classes:
-            left = relative_noise(deviation, mean, self._weights, of)
             own = relative_error(self._own, denoised.irradiance, self._weights, of).l1
-            # In gallery the mean of the mobile is good, but five vertices at feet are 16 to 24 % off. For them the
-            # class is taken once it is as good: earlier, a partition went from 1.1 to 2.3 %.
-            far_off = off > np.maximum(0.15 * luminance(denoised.irradiance), 5.0 * deviation)
-            least = math.sqrt(2.0) if (far_off & of & self._paths.mobile).any() else CLEARLY
-            used |= of & (own > least * left)
-            most = max(most, left)
+            # Both have the error of static light.
+            used |= of & (own > least * relative_noise(noise, mean, self._weights, of))
+            most = max(most, relative_noise(deviation, mean, self._weights, of))
         self.mean, self.deviation, self.used, self.left = denoised.irradiance, deviation, used, most
         self._least = min(self._least, most)
 
@@ -158,12 +153,14 @@ class PosePaths:
         """lights: of one lamp; rows (n,): receivers; disc_area [m2]: paths do not end on larger faces."""
         self._points, self._at, self._lights, self._rows = points, at, lights, rows
         self.mobile, self.near = rows >= points.static, points.near_rows(rows)
-        self._disc_area, self._ending = disc_area, WHOLE
+        self._disc_area, self._ending, self._ending_without = disc_area, WHOLE, WHOLE
 
-    def end_in(self, static: np.ndarray) -> None:
-        """Let paths from mobiles end in this irradiance (n, 3) [W/m2] of the static part, mobiles in place."""
-        model = self._points.model
-        self._ending = in_known_light(model, model.static, static, self._disc_area, self._points.face_lengths)
+    def end_in(self, static: np.ndarray, without: np.ndarray) -> None:
+        """Let paths end in irradiance (n, 3) [W/m2] of the static part: with mobiles in place, and without."""
+        model, lengths = self._points.model, self._points.face_lengths
+        self._ending, self._ending_without = (
+            in_known_light(model, model.static, E, self._disc_area, lengths) for E in (static, without)
+        )
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
@@ -173,16 +170,15 @@ class PosePaths:
         still, lift = receivers < p.static, LIFT * np.abs(positions).max(axis=1, initial=0.0)
         lift[still] = p.model.lifts[receivers[still]]
 
-        def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight = WHOLE) -> np.ndarray:
+        def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight) -> np.ndarray:
             point, normal, off = (np.repeat(a[of], count, axis=0) for a in (positions, normals, lift))
             seed, numbers = seed_of(stream, p.seed), path[of].reshape(-1)
             E = gather(p.model, at, self._lights, seed, numbers, point, normal, m=m, ending=ending, lift=off)
             return E.reshape(-1, count, 3)
 
-        out, mobile = np.zeros((len(rows), count, 6)), self.mobile[rows]
-        out[mobile, :, :3] = irradiance(mobile, self._at, self._ending)
-        out[~mobile, :, :3] = irradiance(~mobile, self._at)
-        out[~mobile, :, 3:] = out[~mobile, :, :3] - irradiance(~mobile, p.model.static)
+        out = np.zeros((len(rows), count, 6))
+        out[..., :3] = irradiance(np.ones(len(rows), bool), self._at, self._ending)
+        out[still, :, 3:] = out[still, :, :3] - irradiance(still, p.model.static, self._ending_without)
         return out
 
     def smoothed(self, pilot: np.ndarray) -> np.ndarray:

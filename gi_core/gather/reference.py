@@ -214,19 +214,18 @@ class Rounds:
     def __init__(
         self, paths: Callable[..., np.ndarray], pilot: Callable[[np.ndarray], np.ndarray], weights: np.ndarray | None,
         state: ReferenceState, rounds: int = ROUNDS, smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
-        cost: np.ndarray | None = None, least: int = 0, smaller: int = 0,
+        least: int = 0, smaller: int = 0,
     ):  # fmt: skip
         """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
 
         pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
-        that distribute them; weights, rounds: see ReferenceRounds; cost (n,): relative time of a path; None: equal.
+        that distribute them; weights, rounds: see ReferenceRounds.
         least: log2 of the paths of a set, at least. smaller: log2 of how much smaller sets are at first, until
         enlarge().
         """
         self.paths, self._pilot, self._smoothed = paths, pilot, smoothed
         self._weights, self._rounds, self.state = weights, rounds, state
         self._least, self.smaller = least, smaller
-        self._cost = np.ones(len(state.sets)) if cost is None else cost
         self._pace = Pace(1e-5, 1 << 6, PATHS_AT_ONCE)
         self._parts: list[np.ndarray] = []  # estimates of the first paths of a set that takes several steps
 
@@ -239,7 +238,7 @@ class Rounds:
             return
         began = time.perf_counter()
         rows, count = self._trace(self._pace.fit(STEP) if paths is None else paths, end)
-        self._pace.took(float(self._cost[rows].sum()) * count, time.perf_counter() - began)
+        self._pace.took(len(rows) * count, time.perf_counter() - began)
 
     @property
     def done(self) -> float:
@@ -255,11 +254,11 @@ class Rounds:
             a[:] = 0
 
     def _trace(self, paths: int, end: int | None) -> tuple[np.ndarray, int]:
-        """Trace paths of total cost `paths`, or of one point; return the rows and the paths of each."""
+        """Trace so many paths, at least one; return the rows and the paths of each."""
         s = self.state
         if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
             pilot = min(max(PILOT // len(s.sets), FEWEST_PILOT), MOST_PILOT)
-            rows = self._affordable(rows, paths / pilot)
+            rows = rows[: max(1, paths // pilot)]
             light = self._pilot(self.paths(rows, 0, pilot, 0, Stream.PILOT))
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
             return rows, pilot
@@ -275,18 +274,14 @@ class Rounds:
         if self._parts:
             sets, rows = 1, rows[:1]  # the one point whose set is begun
         whole = sets << m
-        rows = self._affordable(rows, paths / whole)
+        rows = rows[: max(1, paths // whole)]
         first = sum(part.shape[1] for part in self._parts)
-        count = min(max(1, int(paths / self._cost[rows].max())), whole - first)
+        count = min(max(1, paths), whole - first)
         self._parts.append(self.paths(rows, (now << m) + first, count, m, 0))
         if first + count >= whole:
             take_in(np.concatenate(self._parts, axis=1), 1 << m, rows, s.sets, s.mean, s.squares)
             self._parts = []
         return rows, count
-
-    def _affordable(self, rows: np.ndarray, cost: float) -> np.ndarray:
-        """Return the first of some points (n,) whose paths, one each, cost so much together; at least one."""
-        return rows[: max(1, np.searchsorted(self._cost[rows].cumsum(), cost, side="right"))]
 
 
 class ReferenceRounds(Rounds):

@@ -24,7 +24,7 @@ def before() -> Solver:
     """A solver whose poses have light by paths."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(static, "ENOUGH", 0.03)
-        patch.setattr(pose_gather, "CLEARLY", 0.1)
+        patch.setattr(pose_gather, "AS_GOOD", 0.1)
         solver = solve(room(), **GIVEN)
         list(solver.gather_pose_steps())
     assert replaced(solver) > 0.5
@@ -62,7 +62,7 @@ def test_it_changes_as_photons_say(before, monkeypatch):
     solver, many = after(before, DARK), Solver(edited(before.scene, [DARK]), **GIVEN)
     many.solve()
     monkeypatch.setattr(static, "ENOUGH", 0.02)
-    monkeypatch.setattr(pose_gather, "CLEARLY", 0.1)
+    monkeypatch.setattr(pose_gather, "AS_GOOD", 0.1)
     list(many.gather_pose_steps())
     rows = many.frame_light.gathered_at(many.model.transforms(many.poses)).rows
     truth, areas = many.irradiance[rows], before.model.object_receivers.areas[rows]

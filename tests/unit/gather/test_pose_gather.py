@@ -231,8 +231,23 @@ def room_of_indirect_light() -> Scene:
     return Scene(merge(walls, uplight), (grey(0.6), lamp(10.0)), (thing,), up=(0.0, 0.0, 1.0), name="indirect")
 
 
-def test_no_vertex_is_far_off_in_the_first_light_of_a_pose():
+def test_differences_have_the_light_that_mobiles_change_elsewhere():
+    """Paths end in the static part's light with mobiles, and without: those from the floor do not meet the box."""
+    solver = solve(room_of_indirect_light(), photons=100_000, radius=0.06, light="best", threads=2)
+    list(solver.gather_steps())
+    solver.move("box", Pose((0.2, 0.2, 0.7)))  # between the lamp and the ceiling
+    light, n = gather_pose(solver), solver.surfaces.receiver_range(0).stop
+    floor = np.flatnonzero((solver.receivers.positions[light.rows, 2] < 1e-6) & (light.rows < n))[::4]
+    truth = reference(solver, light.rows[floor], 4000)[0]
+    solver.move("box", Pose((5.0, 5.0, 5.0)))
+    change = luminance(truth - reference(solver, light.rows[floor], 4000)[0])
+    assert change.mean() < -0.1 * luminance(truth).mean()
+    assert luminance(light._rounds.state.mean[floor, 3:]).mean() == pytest.approx(change.mean(), rel=0.1)
+
+
+def test_no_vertex_is_far_off_in_the_first_light_of_a_pose(monkeypatch):
     """Whole paths to a lamp that mobiles do not see took five times as long to light them."""
+    monkeypatch.setattr(static, "ENOUGH", 0.015)
     solver = solve(room_of_indirect_light(), photons=100_000, radius=0.06, light="best", threads=2)
     first = solver.surfaces.receiver_range(0).stop
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
