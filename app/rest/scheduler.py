@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -43,22 +44,18 @@ class RestWork:
         self.hold, self.asked, self.change = HoldJob(solver), AskedJob(solver), ChangeJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
-        self._turn = 0
+        self._taken: defaultdict[str, float] = defaultdict(float)  # s, by kind of task
 
     def next_task(self, settings: Settings) -> Task | None:
-        """Return a task of a kind not given up, None at the end: gathering and measurements take turns.
+        """Return a task of a kind not given up, None at the end. The kind that has taken the least time is next.
 
-        Until gathering has a first result it has most turns: a better picture matters more than its error.
+        Turns by count gave light at poses a tenth of the time.
         """
-        self._settings, static = settings, self.gathering
-        unknown = math.isinf(static.progress.error) and static.name not in self.given_up
-        # Static light has three turns per turn of measuring errors, until it has a first result.
-        gathering: tuple[Job, ...] = (static,) * 3 if unknown else (static, self.at_poses)
-        # Surfaces have two turns: the user waits for their numbers.
-        jobs = *gathering, self.surfaces, self.live_error, self.surfaces
-        self._turn += 1
-        turn = self._turn % len(jobs)
-        return first_task((*self._first, *jobs[turn:], *jobs[:turn]), settings, self.given_up)
+        self._settings = settings
+        first = first_task(self._first, settings, self.given_up)
+        jobs = self.gathering, self.at_poses, self.surfaces, self.live_error
+        due = [first_task((job,), settings, self.given_up) for job in jobs]
+        return first or min(filter(None, due), key=lambda task: self._taken[task.name], default=None)
 
     @property
     def _first(self) -> tuple[Job, ...]:
@@ -78,13 +75,12 @@ class RestWork:
         """
         light = self._solver.frame_light
         early = light.setting.takes_gathered and light.static.is_early(EARLY_PATHS)
-        self._turn += 1
-        turns = self._first if early or self._turn % 2 else (*self._asked, self.surfaces, self.fine)
-        return first_task(turns, settings, self.given_up)
+        both = sorted((self.fine, self.surfaces), key=lambda job: self._taken[job.name])
+        return first_task(self._first if early else (*self._asked, *both), settings, self.given_up)
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""
-        end = TaskEnd("", False)
+        end, began = TaskEnd("", False), time.perf_counter()
         if task is not None:
             try:
                 end = TaskEnd(task.name, task.run())
@@ -93,6 +89,7 @@ class RestWork:
             except Exception as problem:
                 self.given_up.add(task.name)
                 end = TaskEnd(task.name, False, problem)
+            self._taken[task.name] += time.perf_counter() - began
         if self._stated[0] is not (E := self._solver.irradiance):  # not in motion, where no work is run
             self._stated = E, self._solver.error
         return end
@@ -149,6 +146,7 @@ def gather(
             if task is None:
                 break
             bar(f"gathering light{time_left(left)}", 1 - left / seconds)
-            task.run()
+            if (problem := work.run(task).problem) is not None:
+                raise problem
     finally:
         work.gathering.keep()
