@@ -136,14 +136,14 @@ def row(name: str, seconds: float, points: int, paths: int):
     truth, deviation = reference_irradiance(solver.scene, above + model.origins[0], normals, paths, 3, model=model)
     truth, noise = luminance(truth), np.sqrt(2 / np.pi) * luminance(deviation)
     others = distance_to_others(model, above, normals)
-    mesh, at, levels = meshes_of(model)[0], model.transforms(solver.poses), solver.levels
-    *_, fine = fine_points(model, solver.seed, at, mesh.triangles[:, :, None])
+    meshes, at, levels = meshes_of(model), model.transforms(solver.poses), solver.levels
+    *_, fine = fine_points(model, solver.seed, at, [mesh.triangles for mesh in meshes])
     drawn = solver.drawn(solver.irradiance)
     lights = (
         interpolated(solver, place, face, normals),
         of_fine(fine, model, fine.at(at, levels).of(drawn), place, face, normals),
     )
-    names = f"{name}, {len(mesh.triangles):,} triangles", f"{name}, {len(fine.source):,}"
+    names = f"{name}, {len(meshes[0].triangles):,} triangles", f"{name}, {len(fine.source):,}"
     for label, light in zip(names, lights, strict=True):
         error, cells = np.abs(light - truth), []
         for some in (others >= 0, others < NEAR * model.world.size, others < BESIDE * model.world.size):

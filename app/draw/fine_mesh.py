@@ -1,8 +1,8 @@
-"""The static part's draw mesh with fine points (`gi_core.display.fine_points`) as further draw vertices."""
+"""Draw meshes with fine points (`gi_core.display.fine_points`) as further draw vertices."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -24,24 +24,35 @@ def takes_fine_points(solver: Solver) -> bool:
     return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
 
 
-def fine_points_of(solver: Solver, mesh: DrawMesh) -> Iterator[FinePoints]:
+def fine_points_of(solver: Solver, meshes: Sequence[DrawMesh]) -> Iterator[FinePoints]:
     """Yield the fine points of a solver's poses, more each time; none where its light or its lamps suit none.
 
-    mesh: of the static part, whose draw vertices are further ids.
+    Draw vertices of the meshes are further ids.
     """
     model = solver.model
     if not takes_fine_points(solver):
         return iter(())
-    return fine_points(model, solver.seed, model.transforms(solver.poses), mesh.triangles[:, :, None])
+    return fine_points(model, solver.seed, model.transforms(solver.poses), [mesh.triangles for mesh in meshes])
 
 
-def fine_mesh(mesh: DrawMesh, points: FinePoints) -> DrawMesh:
-    """Return a mesh with each face in the pieces that fine points cut it into.
+def fine_meshes(meshes: Sequence[DrawMesh], points: FinePoints) -> tuple[DrawMesh, ...]:
+    """Return the meshes of all objects with each face in the pieces that fine points cut it into."""
+    first = np.cumsum([0, *(len(mesh.triangles) for mesh in meshes)])
+    return tuple(_fine_mesh(mesh, points, o, first[o]) for o, mesh in enumerate(meshes))
 
-    The first further ids of the points are draw vertices. A new vertex takes values between its two ends, and the
-    directions of light of the first one.
+
+def _fine_mesh(mesh: DrawMesh, points: FinePoints, o: int, first: int) -> DrawMesh:
+    """Return the mesh of object o, whose first face is `first`.
+
+    Its further ids are draw vertices. A new vertex takes values between its two ends, and the directions of light of
+    the first one.
     """
-    pairs, ids, source = points.pairs[0], points.ids[..., 2], points.source
+    pairs = points.pairs[o]
+    if not len(pairs.shares):
+        return mesh
+    rows = np.flatnonzero((points.source >= first) & (points.source < first + len(mesh.triangles)))
+    corners, source = points.ids[rows], points.source[rows] - first
+    ids = corners[..., 2 + o]
     count, corner = len(mesh.positions) + len(pairs.shares), mesh.triangles[source, 0]
 
     def between(values: np.ndarray | None) -> np.ndarray | None:
@@ -61,7 +72,7 @@ def fine_mesh(mesh: DrawMesh, points: FinePoints) -> DrawMesh:
 
     def at_corners(k: int) -> np.ndarray:
         out = np.empty(count, np.int32)
-        out[ids] = points.ids[..., k]
+        out[ids] = corners[..., k]
         return out
 
     gloss = mesh.gloss

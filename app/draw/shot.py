@@ -14,7 +14,7 @@ from app.draw.bare_lights import light_faces
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.draw_mesh import along_light, dimmed, meshes_of
 from app.draw.false_colour import Display, Scale, automatic_scale, fixed_scale
-from app.draw.fine_mesh import fine_mesh, fine_points_of
+from app.draw.fine_mesh import fine_meshes, fine_points_of
 from app.draw.legend import of_scale, with_legend
 from app.draw.lit_scene import LitScene, metered
 from app.draw.reflected import sharp_gloss
@@ -49,14 +49,14 @@ class Shot:
             self.exposure = solver.scene.defaults.exposure
 
     def refine(self) -> None:
-        """Draw the static part with the fine points of the present poses, where its direct light is known."""
+        """Draw with the fine points of the present poses, where its direct light is known."""
         self.expose()
         self.scale = self.scale or self.fitted_scale()
         if self.paths is not None and not any(mesh.reflectors for mesh in self._meshes):
             return  # but reflections show light at vertices
-        *_, self._fine = None, *fine_points_of(self.solver, self._meshes[0])
+        *_, self._fine = None, *fine_points_of(self.solver, self._meshes)
         if self._fine is not None:
-            self._pictured = fine_mesh(self._meshes[0], self._fine), *self._meshes[1:]
+            self._pictured = fine_meshes(self._meshes, self._fine)
 
     @property
     def lit(self) -> LitScene:

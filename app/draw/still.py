@@ -22,10 +22,10 @@ from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
 from gi_core.display.fine_points import FinePoints
 from gi_core.display.pixel_light import LOG2_SET, TILE, PixelLight, Sites, alike, around, group, spans, start_rays
+from gi_core.gather.direct_light import Places
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.geometry.error import luminance
 from gi_core.model import Model
-from gi_core.rays.accelerator import LIFT
 from gi_core.solver import Solver
 
 SAMPLES = len(PIXEL_OFFSETS)
@@ -102,12 +102,7 @@ def _without_direct(solver: Solver, lit: LitScene, light: PixelLight, fine: Fine
     """Return drawn light of receivers and fine points without direct light."""
     sets, rays = 4, 32  # of points on lights per vertex, and to each of them
     model, drawn = solver.model, solver.drawn(solver.irradiance)
-    places, normals = (a.copy() for a in model.evaluation_points)
-    for o in range(model.surfaces.objects):
-        rows, R = model.surfaces.receiver_range(o), lit.at.rotation[o]
-        places[rows], normals[rows] = places[rows] @ R.T + lit.at.position[o], normals[rows] @ R.T
-    lift = LIFT * np.abs(places).max(axis=1, initial=0.0)
-    lift[: len(model.lifts)] = model.lifts
+    places, normals, lift = Places.at_poses(model, lit.at)
     every = np.arange(len(places))
     sites = Sites(places + lift[:, None] * normals, every, np.ones_like(every), normals, every)
     E, near = drawn.irradiance.copy(), np.zeros(len(places), bool)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, meshes_of
-from app.draw.fine_mesh import fine_mesh, fine_points_of, takes_fine_points
+from app.draw.fine_mesh import fine_meshes, fine_points_of, takes_fine_points
 from app.rest.calculation_surface import SurfaceLight, all_steps, maintained_levels, surfaces_of
 from app.rest.hold import HeldResult, Inputs, Measured, inputs_of, measured_steps, result_of
 from app.rest.reference_store import SAVE_SECONDS, StaticStore
@@ -168,19 +168,19 @@ class FineJob(Job):
 
     def __init__(self, solver: Solver) -> None:
         super().__init__(solver)
-        self._found: list[tuple[FinePoints, DrawMesh]] = []  # the last ones
+        self._found: list[tuple[FinePoints, tuple[DrawMesh, ...]]] = []  # the last ones
         self._lit: tuple[tuple, FinePicture | None] = (), None  # points, poses, levels, and light there
 
     @property
     def light(self) -> FinePicture | None:
-        """The light of fine points in the frame on show, and the mesh that has them; None: the picture has none."""
+        """The light of fine points in the frame on show, and the meshes that have them; None: the picture has none."""
         s = self._solver
         if not self._found:
             return None
-        points, mesh = self._found[-1]
+        points, meshes = self._found[-1]
         key = id(points), state_of(s)
         if self._lit[0] != key:
-            self._lit = key, FinePicture(points.at(s.model.transforms(s.poses), s.levels), mesh)
+            self._lit = key, FinePicture(points.at(s.model.transforms(s.poses), s.levels), meshes)
         return self._lit[1]
 
     def key(self, settings: Settings) -> tuple | None:
@@ -195,15 +195,15 @@ class FineJob(Job):
         self._found, self._lit = [], ((), None)
 
 
-def _refine(solver: Solver, out: list[tuple[FinePoints, DrawMesh]]) -> None:
-    """Write the fine points of a solver's poses, and the mesh that has them, in place of earlier ones.
+def _refine(solver: Solver, out: list[tuple[FinePoints, tuple[DrawMesh, ...]]]) -> None:
+    """Write the fine points of a solver's poses, and the meshes that have them, in place of earlier ones.
 
     The first ones show round after round; those of further poses once they are complete.
     """
-    mesh = meshes_of(solver.model)[0]
-    rounds = fine_points_of(solver, mesh)
+    meshes = meshes_of(solver.model)
+    rounds = fine_points_of(solver, meshes)
     for points in deque(rounds, maxlen=1) if out else rounds:
-        out[:] = [(points, fine_mesh(mesh, points))]
+        out[:] = [(points, fine_meshes(meshes, points))]
         pause(Progress("refining the picture", 1.0, True))
 
 

@@ -80,7 +80,7 @@ class FinePicture(NamedTuple):
     """Fine points of the picture."""
 
     light: FineLight  # of the frame
-    mesh: DrawMesh  # of the static part, with these points
+    meshes: tuple[DrawMesh, ...]  # of all objects, with these points
 
 
 class Asked(NamedTuple):

@@ -72,7 +72,7 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     An estimator with discs counts the latter.
     """
     model, background, at = solver.model, solver.frame.background, changed.at
-    o = int(np.searchsorted(model.surfaces.first_receiver[1:], receiver, side="right"))
+    o = int(model.surfaces.object_of(receiver))
     R, shift = at.rotation[o], at.position[o]
     position, normal = (R @ a[receiver] for a in (model.object_receivers.positions, model.object_receivers.normals))
     radius = background.setting.radius  # the solver's may be that of a frame to come
@@ -165,7 +165,7 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
     face = int(np.flatnonzero(faces & ~np.isnan(s.lobe[:, 4]))[0])
     if reflected := bool(is_sharp(s)[face]):
         cells[:, :3] = 0.0
-    o, normal = int(np.searchsorted(s.first_receiver[1:], receiver, "right")), model.object_receivers.normals[receiver]
+    o, normal = int(s.object_of(receiver)), model.object_receivers.normals[receiver]
     at = model.transforms(solver.frame.poses)
     ax, ay, az, bx, by, bz = basis(*normal)
     axes = np.array([[ax, ay, az], [bx, by, bz], normal])  # in the object's space

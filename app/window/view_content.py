@@ -82,7 +82,7 @@ class Shown(NamedTuple):
     errors: Errors | Change | None  # of an error map, or of a map of changes; None: light
     named: bool  # the picture needs a label
     recomputed: np.ndarray | None = None  # (R,) uint8, drawn as colours; None: not asked for, or unknown
-    mesh: DrawMesh | None = None  # of the static part, with fine points; None: the session's
+    meshes: tuple[DrawMesh, ...] | None = None  # with fine points; None: the session's
 
 
 def shown(session: Session) -> Shown:
@@ -112,15 +112,15 @@ def shown(session: Session) -> Shown:
         errors,
         s.reference or errors is not None,
         recomputed,
-        None if fine is None else fine.mesh,
+        None if fine is None else fine.meshes,
     )
 
 
 def lit(session: Session, shown: Shown) -> LitScene:
     """Return the lit scene of the picture."""
     lit, meshes, side = session.lit, session.meshes, shown.side
-    if shown.mesh is not None:
-        meshes = *dimmed((shown.mesh,), lit.levels), *meshes[1:]
+    if shown.meshes is not None:
+        meshes = dimmed(shown.meshes, lit.levels)
     return replace(lit, meshes=meshes, drawn=side.drawn, deviation=side.deviation)
 
 

@@ -1,23 +1,25 @@
-"""Fine points: drawn points between receivers, where direct light bends along the static part.
+"""Fine points: drawn points between receivers, where direct light bends along faces.
 
 A picture interpolates light between receivers, which blurs contact shadows and draws teeth along borders of sunlight.
 Edges of flat faces are cut where direct light differs most from the line between their ends, so that pieces follow
 the borders of shadows. All faces at an edge are cut, so no picture has a gap. Light at a fine point is the interpolated
 light of receivers without their direct light, plus direct light at the point itself (section 4.1 of the report). Light
-of the sky is interpolated: it bends little, and has many points. Receivers and their light do not change.
+of the sky is interpolated: it bends little, and has many points. Receivers and their light do not change. Points on a
+mobile that has moved take interpolated light.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.base.vectors import dot, length
+from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
 from gi_core.gather.direct_light import DirectLight, Places, joined
+from gi_core.gather.hit_cache import pose_bits
 from gi_core.geometry.error import luminance
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.tessellation import Faces, edge_ends, heights, join_faces, split_edges
@@ -58,11 +60,12 @@ class FinePoints(NamedTuple):
     """n points, numbered after the R receivers."""
 
     parents: Cuts  # between receivers or earlier points
-    pairs: tuple[Cuts, ...]  # per further id of corners
-    source: np.ndarray  # (f,) int64, the face of the static part that each drawn face is a piece of
-    ids: np.ndarray  # (f, 3, 2 + k) int64, of corners: point on the front, on the back (-1: none), further ids
+    pairs: tuple[Cuts, ...]  # of further ids, per object
+    source: np.ndarray  # (f,) int64, the face that each drawn face is a piece of
+    ids: np.ndarray  # (f, 3, 2 + objects) int64, of corners: point on the front, on the back (-1: none), further ids
     weights: np.ndarray  # (f, 3, 3) float64, of the source's corners, per corner
-    direct: tuple[DirectLight, DirectLight]  # of static receivers, and of the points; without that of the sky
+    direct: tuple[DirectLight, DirectLight]  # of receivers, and of the points; without that of the sky
+    objects: np.ndarray  # (R + n,) int64, of receivers and points
     poses: Transforms  # that the points suit
 
     def between(self, drawn: Drawn) -> Drawn:
@@ -83,33 +86,32 @@ class FinePoints(NamedTuple):
         """
         of_receivers, of_points = self.direct
         receivers = of_receivers.at(at, levels)
-        if all(map(np.array_equal, at, self.poses)):
+        moved = [o for o in range(len(at.position)) if pose_bits(at, o) != pose_bits(self.poses, o)]
+        if not moved:
             return FineLight(self, receivers, of_points.at(at, levels))
-        own, first = (
-            mix(of_points.per_lamp, levels),
-            int(self.ids[..., :2].max(initial=-1)) + 1 - len(of_points.per_lamp),
-        )
-        full, share = np.zeros(first + len(own)), np.ones(first + len(own))
-        full[: len(receivers)], full[first:] = luminance(mix(of_receivers.per_lamp, levels)), luminance(own)
-        lit = full[: len(receivers)] > 0
-        share[: len(receivers)][lit] = luminance(receivers[lit]) / full[: len(receivers)][lit]
+        full = luminance(mix(np.concatenate([of_receivers.per_lamp, of_points.per_lamp]), levels))
+        share, first = np.ones(len(full)), len(receivers)
+        lit = full[:first] > 0
+        share[:first][lit] = luminance(receivers[lit]) / full[:first][lit]
         _visible_shares(*self.parents, first, full, share)
-        return FineLight(self, receivers, own * share[first:, None])
+        stay = ~np.isin(self.objects, moved)[:, None]
+        own = mix(of_points.per_lamp, levels) * share[first:, None]
+        return FineLight(self, receivers * stay[:first], own * stay[first:])
 
 
 class FineLight(NamedTuple):
     """Direct light by the same points on lights, past mobiles."""
 
     points: FinePoints
-    receivers: np.ndarray  # (s, 3) [W/m2], of static receivers
+    receivers: np.ndarray  # (R, 3) [W/m2]
     own: np.ndarray  # (n, 3) [W/m2], of fine points
 
     def of(self, drawn: Drawn) -> Drawn:
         """Return light for pictures of receivers and fine points (R + n, 3) [W/m2], and its weights."""
-        E, s = drawn.irradiance, len(self.receivers)
-        light, weights = self.points.between(drawn._replace(irradiance=np.concatenate([E[:s] - self.receivers, E[s:]])))
-        light[:s] = E[:s]
-        np.maximum(light[len(E) :] + self.own, 0.0, out=light[len(E) :])
+        E, n = drawn.irradiance, len(self.receivers)
+        light, weights = self.points.between(drawn._replace(irradiance=E - self.receivers))
+        light[:n] = E
+        np.maximum(light[n:] + self.own, 0.0, out=light[n:])
         return Drawn(light, weights)
 
 
@@ -154,16 +156,16 @@ def _inherit(ends, first, values):
 
 
 def fine_points(
-    model: Model, seed: int, at: Transforms, corners: np.ndarray, most: int = 40_000
+    model: Model, seed: int, at: Transforms, corners: Sequence[np.ndarray], most: int = 40_000
 ) -> Iterator[FinePoints]:
-    """Yield the fine points of the static part at poses, of lamps at full level, after each round of cuts.
+    """Yield the fine points at poses, of lamps at full level, after each round of cuts.
 
     None come where lights have no points.
 
-    corners (F, 3, k) int: further ids of corners, such as draw vertices; most: points. 60,000 leave
+    corners: (F, 3) int of each object, further ids of corners, such as draw vertices; most: points. 60,000 leave
     direct light 3.5 for 4.8 % off in the classroom, 1.5 for 1.6 in the office, with 40,000 more faces to draw.
     """
-    direct = DirectLight(model, seed, (FACE, DELTA)).measured_at(Places.of_receivers(model))
+    direct = DirectLight(model, seed, (FACE, DELTA)).measured_at(Places.at_poses(model, at))
     if not direct.is_known:
         return
     cutting, cut = _Cutting(model, direct, at, corners), True
@@ -191,32 +193,35 @@ class _Bends(NamedTuple):
 class _Cutting:
     """Rounds of cuts. Edges of a piece that are new belong to pieces of the same round alone."""
 
-    def __init__(self, model: Model, direct: DirectLight, at: Transforms, corners: np.ndarray):
+    def __init__(self, model: Model, direct: DirectLight, at: Transforms, corners: Sequence[np.ndarray]):
         surfaces, receivers = model.surfaces, len(model.object_receivers.areas)
-        of, n = surfaces.face_range(0), surfaces.receiver_range(0).stop
+        n = surfaces.receiver_range(0).stop
         self._direct, self._at, self._levels = direct, at, model.emitters.lamps.full()
         self._own = [direct.measured_at(Places(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)))]  # of points, by round
         self._shortest = SHORTEST_EDGE * model.world.size
         self._receivers = receivers
-        self._places = _padded(Places.of_receivers(model), receivers)
-        self._light = np.zeros(receivers)  # luminance of direct light at receivers and points
-        self._light[:n] = self._luminance(direct)
+        self._places = Places.at_poses(model, at)
+        self._objects = surfaces.object_of(np.arange(receivers))
+        self._light = self._luminance(direct)  # of direct light at receivers and points
         self._resolved = direct.resolves(self._places.positions)
         areas = model.object_receivers.areas[:n]
         self._floor = 0.5 * float((areas * self._light[:n]).sum() / areas.sum())
-        place, front = weld(surfaces.vertices[0]), surfaces.corner_front[of]
-        self._vertices = surfaces.vertices[0][np.unique(place, return_index=True)[1]]
-        ids = np.concatenate([np.stack([front, surfaces.corner_back[of]], axis=2), corners], axis=2).astype(np.int64)
-        whole = np.broadcast_to(np.eye(3), (len(front), 3, 3))
-        self._faces = Faces(np.arange(len(front)), place[surfaces.faces[0]], None, whole, ids)
+        front, objects = surfaces.corner_front, len(corners)
+        ids = np.full((len(front), 3, 2 + objects), -1, np.int64)
+        ids[..., 0], ids[..., 1] = front, surfaces.corner_back
+        vertices, faces = np.zeros((0, 3)), []
+        for o in range(objects):
+            place = weld(surfaces.vertices[o])
+            faces.append(place[surfaces.faces[o]] + len(vertices))
+            own = surfaces.vertices[o][np.unique(place, return_index=True)[1]]
+            vertices = np.concatenate([vertices, own])  # in object space, for lengths
+            ids[surfaces.face_range(o), :, 2 + o] = corners[o]
+        self._vertices, whole = vertices, np.broadcast_to(np.eye(3), (len(front), 3, 3))
+        self._faces = Faces(np.arange(len(front)), np.concatenate(faces), None, whole, ids)
         self._done: list[Faces] = []
-        normals = self._places.normals[front]
-        # Light on curved faces bends with their normals: by 1e-3 of 1 - cosine at least, none of them is cut.
-        # Cut, they leave 7.1 for 6.7 % beside things in the showroom.
-        curved = dot(normals, np.roll(normals, 1, axis=1)).min(axis=1) < 1 - 1e-3
-        self._asked = np.unique(self._edges()[curved])  # edges that are not to be asked about, or have been
+        self._asked = np.zeros(0, np.int64)  # edges that are not to be asked about, or have been
         self._parents: list[Cuts] = []
-        self._pairs: list[list[Cuts]] = [[] for _ in range(corners.shape[2])]
+        self._pairs: list[list[Cuts]] = [[] for _ in corners]
         self._next = [receivers, receivers, *(ids[..., 2:].max(axis=(0, 1), initial=-1) + 1).tolist()]
 
     @property
@@ -230,7 +235,9 @@ class _Cutting:
         self._own = [joined(self._own)]
         direct = self._direct, self._own[0]
         parents = _concatenated(self._parents)
-        return FinePoints(parents, tuple(pairs), faces.source, faces.ids, faces.weights, direct, self._at)
+        of = np.concatenate([self._objects, np.empty(len(parents.shares), np.int64)])[:, None]
+        parents.fill(len(self._objects), of)
+        return FinePoints(parents, tuple(pairs), faces.source, faces.ids, faces.weights, direct, of[:, 0], self._at)
 
     def go_on(self, most: int) -> bool:
         """Cut edges once; return whether any was cut."""
@@ -347,11 +354,6 @@ def _is_in(keys: np.ndarray, ascending: np.ndarray) -> np.ndarray:
 
 def _concatenated(parts: list[Cuts]) -> Cuts:
     return Cuts(*map(np.concatenate, zip((np.zeros((0, 2), np.int64), np.zeros(0)), *parts, strict=True)))
-
-
-def _padded(places: Places, n: int) -> Places:
-    """Return places with rows of zeros up to n."""
-    return Places(*(np.concatenate([a, np.zeros((n - len(a), *a.shape[1:]))]) for a in places))
 
 
 def _between(places: Places, ends: np.ndarray, shares: np.ndarray) -> Places:

@@ -212,7 +212,7 @@ class PhotonMap:
         """Return positions and normals (n, 3) float32 of some receivers in the world."""
         r, s = self.model.object_receivers, self.model.surfaces
         index = np.arange(len(r.areas))[rows]
-        o = np.searchsorted(s.first_receiver, index, side="right") - 1
+        o = s.object_of(index)
         o = np.minimum(o, len(at.position) - 1)
         points = to_world_at(at.rotation[o], at.position[o], r.positions[index])
         normals = to_world_at(at.rotation[o], np.zeros((len(o), 3)), r.normals[index])

@@ -38,9 +38,10 @@ from gi_core.lights.next_event import (
     way_to,
 )
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, GAP, Transforms
+from gi_core.rays.accelerator import FAR, GAP, LIFT, Transforms
 from gi_core.rays.panes import transmitted
 from gi_core.rays.structures import new_ray
+from gi_core.scene.pose import to_world_at
 
 GROUP = 16  # receivers: the strengths of a point fill a line of the cache
 SEE_AT_ONCE = 16  # groups: their strengths before those of 0 are left out
@@ -85,7 +86,7 @@ class Blocked(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where direct light is measured on the static part."""
+    """Where direct light is measured."""
 
     positions: np.ndarray  # (n, 3) float64 [m]
     normals: np.ndarray  # (n, 3) float64 unit
@@ -96,6 +97,16 @@ class Places(NamedTuple):
         """Return the evaluation points of static receivers."""
         static = model.surfaces.receiver_range(0)
         return cls(*(a[static] for a in model.evaluation_points), model.lifts)
+
+    @classmethod
+    def at_poses(cls, model: Model, at: Transforms) -> Places:
+        """Return the evaluation points of all receivers, mobiles at their poses."""
+        o = model.surfaces.object_of(np.arange(len(model.object_receivers.areas)))
+        R, p = at.rotation[o], at.position[o]
+        positions, normals = (to_world_at(R, to, a) for to, a in zip((p, 0 * p), model.evaluation_points, strict=True))
+        lifts = LIFT * np.abs(positions).max(axis=1, initial=0.0)
+        lifts[: len(model.lifts)] = model.lifts
+        return cls(positions, normals, lifts)
 
 
 class DirectLight:

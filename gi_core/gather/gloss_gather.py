@@ -54,7 +54,7 @@ class GlossGather:
         # Light of the static part without mobiles is then averaged over discs, that on mobiles is not.
         self.most = 4 if len(at.position) == 1 else ROUNDS_AT_POSES
         self._pace = Pace(5e-4, 8, 1 << 10)
-        self._object = np.searchsorted(model.surfaces.first_receiver[1:], rows, side="right")
+        self._object = model.surfaces.object_of(rows)
         self._normals = receivers.normals[rows]
         points, normals = (a[rows] for a in model.evaluation_points)
         R, p = at.rotation[self._object], at.position[self._object]

@@ -127,7 +127,7 @@ class MobileGather:
         self._directions: dict[int, np.ndarray] = {}  # by number of bounces
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by number of paths
         glossy = glossy_receivers(s, besides=is_sharp(s))
-        self._glossy = np.unique(np.searchsorted(s.first_receiver, glossy[glossy >= self.first], side="right") - 1)
+        self._glossy = np.unique(s.object_of(glossy[glossy >= self.first]))
         self._shares = self._bounce_shares()
         self.path_light: PathLight | None = None  # of the last call, until the next; None without glossy mobiles
 

@@ -126,7 +126,7 @@ def in_known_light(
     s, objects = model.surfaces, len(at.position)
     faces, receivers = slice(0, int(s.first_face[objects])), slice(0, int(s.first_receiver[objects]))
     points, front, back = model.object_receivers.positions[receivers], s.corner_front[faces], s.corner_back[faces]
-    of = np.searchsorted(s.first_receiver[1:], np.arange(len(points)), side="right")
+    of = s.object_of(np.arange(len(points)))
     black = ~(irradiance[receivers] > 0).any(axis=1)
     unresolved = black[front].any(axis=1) | (s.two_sided[faces] & black[back].any(axis=1))
     unresolved |= s.areas[faces] > disc_area

@@ -30,6 +30,7 @@ from gi_core.base.random_numbers import Stream, seed_of
 from gi_core.base.results import KEPT
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
+from gi_core.gather.direct_light import Places
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.gather.path_tracer import gather
 from gi_core.gather.reference import PATHS_PER_POINT, ReferenceState, Rounds
@@ -39,8 +40,7 @@ from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
-from gi_core.rays.accelerator import LIFT, Transforms
-from gi_core.scene.pose import to_world_at
+from gi_core.rays.accelerator import Transforms
 
 STAGE = "gathering at these poses"
 LAST_ROUND = 47  # rounds until the last result: twice those that noise is sized for
@@ -153,6 +153,7 @@ class PosePaths:
         """lights: of one lamp; rows (n,): receivers; disc_area [m2]: paths do not end on larger faces."""
         self._points, self._at, self._lights, self._rows = points, at, lights, rows
         self.mobile, self.near = rows >= points.static, points.near_rows(rows)
+        self._places = Places(*(a[rows] for a in Places.at_poses(points.model, at)))
         self._disc_area, self._ending, self._ending_without = disc_area, WHOLE, WHOLE
 
     def end_in(self, static: np.ndarray, without: np.ndarray) -> None:
@@ -166,17 +167,14 @@ class PosePaths:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
         p, receivers = self._points, self._rows[rows]
         path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
-        positions, normals = p.at(receivers, self._at)
-        still, lift = receivers < p.static, LIFT * np.abs(positions).max(axis=1, initial=0.0)
-        lift[still] = p.model.lifts[receivers[still]]
 
         def irradiance(of: np.ndarray, at: Transforms, ending: InKnownLight) -> np.ndarray:
-            point, normal, off = (np.repeat(a[of], count, axis=0) for a in (positions, normals, lift))
+            point, normal, off = (np.repeat(a[rows[of]], count, axis=0) for a in self._places)
             seed, numbers = seed_of(stream, p.seed), path[of].reshape(-1)
             E = gather(p.model, at, self._lights, seed, numbers, point, normal, m=m, ending=ending, lift=off)
             return E.reshape(-1, count, 3)
 
-        out = np.zeros((len(rows), count, 6))
+        out, still = np.zeros((len(rows), count, 6)), receivers < p.static
         out[..., :3] = irradiance(np.ones(len(rows), bool), self._at, self._ending)
         out[still, :, 3:] = out[still, :, :3] - irradiance(still, p.model.static, self._ending_without)
         return out
@@ -230,11 +228,6 @@ class ReceiverPoints:
         self.static = model.surfaces.receiver_range(0).stop
 
     @cached_property
-    def _starts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [m] and normals (R, 3), in object space; normal 0: black."""
-        return self.model.evaluation_points
-
-    @cached_property
     def face_lengths(self) -> np.ndarray:
         """Longest edge (F,) of each static face [m]."""
         s = self.model.surfaces
@@ -244,13 +237,6 @@ class ReceiverPoints:
     @cached_property
     def _corners(self) -> np.ndarray:
         return np.concatenate([self.model.corners(o) for o in range(self.model.surfaces.objects)])
-
-    def at(self, rows: np.ndarray, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions [m] and normals (n, 3) of receivers in the world."""
-        points, normals = (a[rows] for a in self._starts)
-        o = np.searchsorted(self.model.surfaces.first_receiver[1:], rows, side="right")
-        R, p = at.rotation[o], at.position[o]
-        return to_world_at(R, p, points), to_world_at(R, 0 * p, normals)
 
     def changed(self, irradiance: np.ndarray, static: np.ndarray) -> np.ndarray:
         """Return receivers (n,) on mobiles, and those that mobiles change, with neighbours; see PoseGather.
@@ -263,11 +249,11 @@ class ReceiverPoints:
         due[: self.static] = np.abs(luminance(irradiance[: self.static]) - light) > least
         c = self._corners
         due[c[due[c].any(axis=1)]] = True
-        return np.flatnonzero(due & (self._starts[1] != 0).any(axis=1))
+        return np.flatnonzero(due & (self.model.evaluation_points[1] != 0).any(axis=1))
 
     def near_rows(self, rows: np.ndarray) -> Neighbours:
         """Return the adjacency of some receivers, numbered by their place in `rows`."""
-        place = np.full(len(self._starts[0]), -1)
+        place = np.full(len(self.model.evaluation_points[0]), -1)
         place[rows] = np.arange(len(rows))
         corners = place[self._corners]
         return neighbours(corners[(corners >= 0).all(axis=1)], len(rows))

@@ -53,6 +53,10 @@ class Surfaces(NamedTuple):
     def receiver_range(self, o: int) -> slice:
         return slice(int(self.first_receiver[o]), int(self.first_receiver[o + 1]))
 
+    def object_of(self, receivers: np.ndarray | int) -> np.ndarray:
+        """Return the object (n,) int64 of each receiver."""
+        return np.searchsorted(self.first_receiver[1:], receivers, side="right")
+
 
 def flatten(
     scene: Scene, with_receivers: bool = True, before: tuple[Scene, Surfaces] | None = None

@@ -27,7 +27,7 @@ def test_the_window_draws_fine_points_as_a_picture_file_does_and_shades_them(han
     session = viewer.session
     hand.wait(lambda: session.light.snapshot.rest.fine is not None and viewer._is_still)
     drawn, fine = hand.pixels(), session.light.snapshot.rest.fine
-    assert viewer.viewport.shown.mesh is fine.mesh and len(fine.mesh.triangles) > 2000
+    assert viewer.viewport.shown.meshes is fine.meshes and len(fine.meshes[0].triangles) > 2000
 
     def shot():
         width, height = viewer.painter.renderer.size

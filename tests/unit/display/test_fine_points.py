@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.draw.draw_mesh import meshes_of
-from app.draw.fine_mesh import fine_mesh
+from app.draw.fine_mesh import fine_meshes
 from gi_core.display.dilation import Drawn
 from gi_core.display.fine_points import SHORTEST_EDGE, FinePoints, fine_points
 from gi_core.gather.direct_light import Places
@@ -38,9 +38,13 @@ def model() -> Model:
 def found(model: Model, y: float = 5.0) -> tuple[FinePoints, tuple]:
     """Return fine points with the mobile at y, and transforms there."""
     at = model.transforms({"thing": Pose((0.5, y, 0.0))})
-    mesh = meshes_of(model)[0]
-    *_, points = fine_points(model, 3, at, mesh.triangles[:, :, None])
+    *_, points = fine_points(model, 3, at, [mesh.triangles for mesh in meshes_of(model)])
     return points, at
+
+
+def no_ids(model: Model) -> list[np.ndarray]:
+    """Return corners without further ids."""
+    return [np.full(faces.shape, -1) for faces in model.surfaces.faces]
 
 
 def places(model: Model, points: FinePoints) -> np.ndarray:
@@ -90,7 +94,7 @@ def test_a_thin_shadow_stays_whole_on_coarse_faces():
     floor, post = quad((0, 0, 0), (2, 0, 0), (0, 2, 0), (10, 10), 0), box((0.43, 1.75, 0.0), (0.49, 1.81, 1.2), 1, 0)
     sun = DirectionalLight("sun", (0.15, -0.6, -0.8), (50.0, 50.0, 50.0))
     model = Model(replace(scene(), static=merge(floor, post), mobiles=(), lights=(sun,)), threads=2)
-    *_, points = fine_points(model, 3, model.transforms({}), np.zeros((len(model.surfaces.faces[0]), 3, 0), int))
+    *_, points = fine_points(model, 3, model.transforms({}), no_ids(model))
     first, light = len(model.object_receivers.areas), points.at(model.transforms({}), model.emitters.lamps.full())
     p, E = points.direct[1]._places.positions, light.own[:, 0]
     p, E = np.concatenate([model.object_receivers.positions, p]), np.concatenate([light.receivers[:, 0], E])
@@ -115,14 +119,13 @@ def test_sunlight_by_a_window_takes_few_points(direction):
     """Where its border passes a corner of a face, each round cut slivers from slivers, up to 50,000 points."""
     room = replace(l_room(), mobiles=(), lights=(DirectionalLight("sun", direction, (1.0, 1.0, 1.0)),))
     model = Model(room)
-    corners = np.zeros((int(model.world.first_face[1]), 3, 0), int)
-    *_, points = fine_points(model, 0, model.transforms({}), corners)
+    *_, points = fine_points(model, 0, model.transforms({}), no_ids(model))
     assert 500 < len(points.parents.shares) < 3000  # 1,125, 2,117, 2,219; parallel light takes 129 to 632
 
 
 def test_each_round_adds_points(model):
-    at, corners = found(model)[1], np.zeros((len(model.surfaces.faces[0]), 3, 0), int)
-    rounds, full = list(fine_points(model, 3, at, corners)), model.emitters.lamps.full()
+    at = found(model)[1]
+    rounds, full = list(fine_points(model, 3, at, no_ids(model))), model.emitters.lamps.full()
     counts = [len(points.parents.shares) for points in rounds]
     assert len(rounds) > 2 and counts == sorted(counts) and counts[0] < counts[-1]
     last = rounds[-1].at(at, full).own
@@ -143,8 +146,7 @@ def test_bounced_light_is_interpolated_under_direct_light(model):
     """Light that is the direct light and a slope is the slope between receivers."""
     points, at = found(model)
     light = points.at(at, model.emitters.lamps.full())
-    E, slope = np.zeros((len(model.object_receivers.areas), 3)), places(model, points) @ (1.0, 2.0, 0.5) + 2.0
-    E[: len(light.receivers)] = light.receivers
+    E, slope = light.receivers, places(model, points) @ (1.0, 2.0, 0.5) + 2.0
     drawn = light.of(Drawn(E + slope[: len(E), None], None)).irradiance
     assert np.allclose(drawn[len(E) :], light.own + slope[len(E) :, None], rtol=1e-12, atol=1e-9)
 
@@ -172,14 +174,13 @@ def test_shadows_of_mobiles_are_interpolated_at_other_poses(model):
     """Whatever the poses: where no mobile stands in the light, light is that of no mobile."""
     points, at = found(model)
     elsewhere, full = model.transforms({"thing": Pose((0.5, 9.0, 0.0))}), model.emitters.lamps.full()
-    assert np.array_equal(points.at(elsewhere, full).own, points.at(at, full).own)
     light, n = points.at(elsewhere, full), len(model.object_receivers.areas)
+    static = points.objects[n:] == 0
+    assert np.array_equal(light.own[static], points.at(at, full).own[static])
 
     def drawn(share: float) -> np.ndarray:
         """Return the light of points where receivers have a share of their direct light."""
-        E = np.zeros((n, 3))
-        E[: len(light.receivers)] = share * light.receivers
-        return light.of(Drawn(E, None)).irradiance[n:]
+        return light.of(Drawn(share * light.receivers, None)).irradiance[n:]
 
     of_receivers = drawn(2.0) - light.own
     assert of_receivers.any() and np.allclose(drawn(0.25), np.maximum(light.own - 0.75 * of_receivers, 0.0))
@@ -190,9 +191,7 @@ def test_a_shadow_at_other_poses_takes_no_bounced_light(model):
     points, at = found(model)
     there, full = model.transforms({"thing": Pose((0.5, 0.2, 0.0))}), model.emitters.lamps.full()
     light, n = points.at(there, full), len(model.object_receivers.areas)
-    E = np.zeros((n, 3))
-    E[: len(light.receivers)] = light.receivers + 5.0
-    assert (light.of(Drawn(E, None)).irradiance > 5.0 - 1e-9)[n:].all()
+    assert (light.of(Drawn(light.receivers + 5.0, None)).irradiance > 5.0 - 1e-9)[n:].all()
     shaded = light.own < points.at(at, full).own - 1.0
     assert shaded.any() and (light.own >= 0).all()
 
@@ -202,17 +201,36 @@ def test_a_mobiles_shadow_has_points_along_it(model):
     assert shade[1] > shade[0] + 50
 
 
+def test_a_shadow_on_a_mobile_is_sharp_until_it_moves(model):
+    points, at = found(model, 0.45)
+    full, n = model.emitters.lamps.full(), len(model.object_receivers.areas)
+    light, on_box = points.at(at, full), points.objects[n:] == 1
+    p, normals, _ = points.direct[1]._places
+    top = on_box & (np.abs(p[:, 2] - 0.2) < 1e-3) & (normals[:, 2] > 0.5)
+    y, lit = p[top, 1], light.own[top, 0] > 0.5 * E_FLOOR
+    border = 0.6 - 0.2 * 0.6 / 0.8
+    assert np.array_equal(lit[np.abs(y - border) > 3e-3], y[np.abs(y - border) > 3e-3] < border)
+    assert y[~lit].min() - y[lit].max() < 2 * SHORTEST_EDGE * model.world.size
+    moved = points.at(model.transforms({"thing": Pose((0.5, 0.5, 0.0))}), full)
+    assert not moved.own[on_box].any() and moved.own[~on_box].any()
+    E = np.random.default_rng(1).uniform(20, 60, (n, 3))
+    between = points.between(Drawn(E, None)).irradiance[n:]
+    assert np.allclose(moved.of(Drawn(E, None)).irradiance[n:][on_box], between[on_box])
+
+
 @pytest.mark.parametrize("y", [5.0, 0.05])
 def test_pieces_cover_faces_without_gaps(model, y):
     points, _ = found(model, y)
-    before, mesh = meshes_of(model)[0], fine_mesh(meshes_of(model)[0], points)
+    meshes = meshes_of(model)
+    before, mesh = meshes[0], fine_meshes(meshes, points)[0]
     area = [np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1)
             for c in (m.positions[m.triangles].astype(float) for m in (before, mesh))]  # fmt: skip
     assert np.allclose(np.bincount(mesh.source, area[1]), area[0], rtol=1e-4)
-    corners, p = points.ids[..., 0], places(model, points)
+    static = points.ids[points.source < len(before.triangles)]
+    corners, p = static[..., 0], places(model, points)
     edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
     edges, count = np.unique(edges, axis=0, return_counts=True)
     rims = (0, 0), (0, 2), (1, 0), (1, 2), (0, -1), (0, 3), (1, 0.6), (1, 3.6)
     within = ~np.any([np.isclose(p[edges][..., k], at).all(axis=1) for k, at in rims], axis=0)
     assert (count[within] == 2).all(), "an edge within the floor has faces on both sides"
-    assert (mesh.front[mesh.triangles] == points.ids[..., 0]).all()
+    assert (mesh.front[mesh.triangles] == static[..., 0]).all()
