@@ -1,4 +1,4 @@
-"""Frames of few photons in rooms that are lit through a window."""
+"""Frames of few photons in rooms that are lit through a window, and where paths are long."""
 
 from dataclasses import replace
 from functools import partial
@@ -13,7 +13,7 @@ from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Scene
-from tests.support.lit_from_outside import l_room, sky_room
+from tests.support.lit_from_outside import bathroom, l_room, sky_room
 from tests.support.scene_builders import solve
 
 PLACES, PATHS = 100, 4096  # 2 % of noise
@@ -34,7 +34,7 @@ def error(E: np.ndarray, T: np.ndarray, times: np.ndarray) -> tuple[float, float
 
 @pytest.mark.parametrize(
     ("place", "most", "most_of_mean", "least_change"),
-    [(l_room, 0.06, 0.02, 0.3), (partial(sky_room, 0.3), 0.06, 0.01, 0.03)],
+    [(l_room, 0.06, 0.02, 0.3), (partial(sky_room, 0.3), 0.06, 0.01, 0.03), (partial(bathroom, 0.2), 0.05, 0.02, 0.02)],
 )
 def test_a_frame_of_a_budget_shows_the_light_at_its_pose(place, most, most_of_mean, least_change):
     """131,072 even photons are 17 % off in the L-shaped room; 64 directions 10 % under the sky."""

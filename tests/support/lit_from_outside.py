@@ -1,9 +1,9 @@
-"""Rooms lit by sky and sun through one window, with a box in their light."""
+"""Rooms lit by sky and sun through one window, with a box in their light, and one of bright tiles."""
 
 import numpy as np
 
 from gi_core.scene.types import DirectionalLight, Mesh, Mobile, Pose, Scene, SkyLight
-from tests.support.scene_builders import box, grey, merge, quad
+from tests.support.scene_builders import box, grey, lamp, merge, quad
 
 WALL, FLOOR, CEILING, DARK = range(4)
 MATERIALS = (grey(0.6), grey(0.3), grey(0.8), grey(0.15))
@@ -58,3 +58,17 @@ def sky_room(edge: float = 0.2) -> Scene:
     thing = Mobile("box", box((-0.3, -0.4, 0.0), (0.3, 0.4, 0.8), 5, WALL), Pose((2.6, 2.0, 0.01)))
     sky = SkyLight("sky", (3.0, 3.5, 4.5))
     return Scene(static, MATERIALS, (thing,), (sky,), up=(0.0, 0.0, 1.0), name="room under a sky")
+
+
+def bathroom(edge: float = 0.1) -> Scene:
+    """A room of 2.4 x 3 x 2.5 m, tiles of 0.85, with a bath, a lamp under its ceiling, one by a wall, a dark stool."""
+    outline = ((0, 0, 2.4, 3),), ((0, 0), (2.4, 0), (2.4, 3), (0, 3))
+    tiles = tuple(grey(0.85) for _ in range(3))
+    bath = box((0.0, 2.2, 0.0), (1.7, 3.0, 0.6), 8, WALL)
+    lamps = (
+        sheet((1.0, 1.2, 2.45), (0, 0.5, 0), (0.5, 0, 0), edge, 4),
+        sheet((0.05, 0.6, 1.9), (0, 0.6, 0), (0, 0, -0.1), edge, 4),
+    )
+    stool = Mobile("stool", box((-0.2, -0.2, 0.0), (0.2, 0.2, 0.45), 5, DARK), Pose((1.5, 1.0, 0.01)))
+    static = merge(prism(outline, 2.5, edge, -1, ()), bath, *lamps)
+    return Scene(static, (*tiles, grey(0.5), lamp(20.0)), (stool,), (), up=(0.0, 0.0, 1.0), name="bathroom")
