@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, GlossVertices, quads_of
-from gi_core.display.fine_points import FinePoints, fine_points
+from gi_core.display.fine_points import FineLight, FinePoints, fine_points
 from gi_core.frames.first_frame import EARLY_PATHS
 from gi_core.gather.estimate import Source
 from gi_core.solver import Solver
@@ -22,6 +22,17 @@ def takes_fine_points(solver: Solver) -> bool:
     if not light.is_gathered or light.static.is_early(EARLY_PATHS):
         return False
     return light.static.best.source in (Source.RADIOSITY, Source.WHOLE_PATHS)
+
+
+def fine_light(solver: Solver, points: FinePoints) -> FineLight:
+    """Return the light of points in a solver's frame.
+
+    Frames light mobiles by other points on lamps: until paths do, borders of both would differ by black teeth.
+    """
+    model, at = solver.model, solver.model.transforms(solver.poses)
+    by_paths = solver.frame_light.gathered_at(at)
+    sharp = () if by_paths is None else model.surfaces.object_of(by_paths.rows[by_paths.used])
+    return points.at(at, solver.levels, {*range(1, model.surfaces.objects)}.difference(sharp))
 
 
 def fine_points_of(solver: Solver, meshes: Sequence[DrawMesh]) -> Iterator[FinePoints]:

@@ -14,7 +14,7 @@ from app.draw.bare_lights import light_faces
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.draw_mesh import along_light, dimmed, meshes_of
 from app.draw.false_colour import Display, Scale, automatic_scale, fixed_scale
-from app.draw.fine_mesh import fine_meshes, fine_points_of
+from app.draw.fine_mesh import fine_light, fine_meshes, fine_points_of
 from app.draw.legend import of_scale, with_legend
 from app.draw.lit_scene import LitScene, metered
 from app.draw.reflected import sharp_gloss
@@ -64,7 +64,7 @@ class Shot:
         s, of_receivers = self.solver, self._of_receivers
         if self._fine is None:
             return of_receivers
-        drawn = self._fine.at(s.model.transforms(s.poses), s.levels).of(of_receivers.drawn)
+        drawn = fine_light(s, self._fine).of(of_receivers.drawn)
         return replace(of_receivers, meshes=dimmed(self._pictured, s.levels), drawn=drawn)
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, meshes_of
-from app.draw.fine_mesh import fine_meshes, fine_points_of, takes_fine_points
+from app.draw.fine_mesh import fine_light, fine_meshes, fine_points_of, takes_fine_points
 from app.rest.calculation_surface import SurfaceLight, all_steps, maintained_levels, surfaces_of
 from app.rest.hold import HeldResult, Inputs, Measured, inputs_of, measured_steps, result_of
 from app.rest.reference_store import SAVE_SECONDS, StaticStore
@@ -169,7 +169,7 @@ class FineJob(Job):
     def __init__(self, solver: Solver) -> None:
         super().__init__(solver)
         self._found: list[tuple[FinePoints, tuple[DrawMesh, ...]]] = []  # the last ones
-        self._lit: tuple[tuple, FinePicture | None] = (), None  # points, poses, levels, and light there
+        self._lit: tuple[FinePoints, np.ndarray, FinePicture] | None = None  # points, the frame's light, and theirs
 
     @property
     def light(self) -> FinePicture | None:
@@ -178,10 +178,9 @@ class FineJob(Job):
         if not self._found:
             return None
         points, meshes = self._found[-1]
-        key = id(points), state_of(s)
-        if self._lit[0] != key:
-            self._lit = key, FinePicture(points.at(s.model.transforms(s.poses), s.levels), meshes)
-        return self._lit[1]
+        if self._lit is None or self._lit[0] is not points or self._lit[1] is not s.irradiance:
+            self._lit = points, s.irradiance, FinePicture(fine_light(s, points), meshes)
+        return self._lit[2]
 
     def key(self, settings: Settings) -> tuple | None:
         s = self._solver
@@ -192,7 +191,7 @@ class FineJob(Job):
 
     def drop(self) -> None:
         super().drop()
-        self._found, self._lit = [], ((), None)
+        self._found, self._lit = [], None
 
 
 def _refine(solver: Solver, out: list[tuple[FinePoints, tuple[DrawMesh, ...]]]) -> None:

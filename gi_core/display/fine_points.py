@@ -10,7 +10,7 @@ mobile that has moved take interpolated light.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -78,23 +78,25 @@ class FinePoints(NamedTuple):
         _between_receivers(*self.parents, len(E), light, weights)
         return Drawn(light, weights)
 
-    def at(self, at: Transforms, levels: np.ndarray) -> FineLight:
+    def at(self, at: Transforms, levels: np.ndarray, interpolated: Collection[int] = ()) -> FineLight:
         """Return the light of points at poses, and levels (G, 3) of the lamps.
 
+        interpolated: objects whose receivers have other direct light; their points take interpolated light.
         At poses that the points do not suit, the share of direct light that mobiles leave is interpolated between
         receivers: 50,000 points in the light that mobiles may block take 5 to 20 ms.
         """
         of_receivers, of_points = self.direct
         receivers = of_receivers.at(at, levels)
-        moved = [o for o in range(len(at.position)) if pose_bits(at, o) != pose_bits(self.poses, o)]
+        moved = {o for o in range(len(at.position)) if pose_bits(at, o) != pose_bits(self.poses, o)}
+        stay = ~np.isin(self.objects, [*moved, *interpolated])[:, None]
+        first = len(receivers)
         if not moved:
-            return FineLight(self, receivers, of_points.at(at, levels))
+            return FineLight(self, receivers * stay[:first], of_points.at(at, levels) * stay[first:])
         full = luminance(mix(np.concatenate([of_receivers.per_lamp, of_points.per_lamp]), levels))
-        share, first = np.ones(len(full)), len(receivers)
+        share = np.ones(len(full))
         lit = full[:first] > 0
         share[:first][lit] = luminance(receivers[lit]) / full[:first][lit]
         _visible_shares(*self.parents, first, full, share)
-        stay = ~np.isin(self.objects, moved)[:, None]
         own = mix(of_points.per_lamp, levels) * share[first:, None]
         return FineLight(self, receivers * stay[:first], own * stay[first:])
 

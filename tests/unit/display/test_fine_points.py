@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from app.draw.draw_mesh import meshes_of
-from app.draw.fine_mesh import fine_meshes
+from app.draw.fine_mesh import fine_light, fine_meshes, fine_points_of
 from gi_core.display.dilation import Drawn
 from gi_core.display.fine_points import SHORTEST_EDGE, FinePoints, fine_points
+from gi_core.gather import static
 from gi_core.gather.direct_light import Places
 from gi_core.model import Model
 from gi_core.scene.types import SUN_DEGREES, DirectionalLight, Mobile, Pose, Scene
 from tests.support.lit_from_outside import l_room
-from tests.support.scene_builders import box, grey, merge, quad
+from tests.support.scene_builders import box, grey, merge, quad, solve
 
 SUN = np.array((0.0, -0.6, -0.8))
 E_FLOOR = 50.0 * 0.8
@@ -215,7 +216,22 @@ def test_a_shadow_on_a_mobile_is_sharp_until_it_moves(model):
     assert not moved.own[on_box].any() and moved.own[~on_box].any()
     E = np.random.default_rng(1).uniform(20, 60, (n, 3))
     between = points.between(Drawn(E, None)).irradiance[n:]
-    assert np.allclose(moved.of(Drawn(E, None)).irradiance[n:][on_box], between[on_box])
+    for interpolated in moved, points.at(at, full, {1}):
+        assert np.allclose(interpolated.of(Drawn(E, None)).irradiance[n:][on_box], between[on_box])
+    assert np.array_equal(points.at(at, full, {1}).own[~on_box], light.own[~on_box])
+
+
+def test_points_on_a_mobile_have_direct_light_once_paths_light_it(monkeypatch):
+    """Frames light it by other points on lamps: borders of both differ by black teeth."""
+    monkeypatch.setattr(static, "ENOUGH", 0.05)
+    solver = solve(scene(), photons=20_000, radius=0.2, light="best")
+    list(solver.gather_steps())
+    solver.move("thing", Pose((0.5, 0.45, 0.0)))
+    *_, points = fine_points_of(solver, meshes_of(solver.model))
+    on_box = points.objects[len(solver.irradiance) :] == 1
+    assert not fine_light(solver, points).own[on_box].any()
+    list(solver.gather_pose_steps())
+    assert fine_light(solver, points).own[on_box].any()
 
 
 @pytest.mark.parametrize("y", [5.0, 0.05])
