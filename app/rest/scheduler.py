@@ -44,14 +44,17 @@ class RestWork:
         self.hold, self.asked, self.change = HoldJob(solver), AskedJob(solver), ChangeJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
+        self._poses = solver.poses
         self._taken: defaultdict[str, float] = defaultdict(float)  # s, by kind of task
 
     def next_task(self, settings: Settings) -> Task | None:
         """Return a task of a kind not given up, None at the end. The kind that has taken the least time is next.
 
-        Turns by count gave light at poses a tenth of the time.
+        Turns by count gave light at poses a tenth of the time. It begins at 0 for new poses, where the user looks.
         """
         self._settings = settings
+        if self._poses != self._solver.poses:
+            self._poses, self._taken[self.at_poses.name] = self._solver.poses, 0.0
         first = first_task(self._first, settings, self.given_up)
         jobs = self.gathering, self.at_poses, self.surfaces, self.live_error
         due = [first_task((job,), settings, self.given_up) for job in jobs]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.rest import jobs, live_error
-from app.rest.jobs import ChangeJob, FineJob, Job, PoseJob, SurfacesJob, first_task
+from app.rest.jobs import ChangeJob, FineJob, Job, PoseJob, StaticJob, SurfacesJob, first_task
 from app.rest.reference_store import SAVE_SECONDS, StaticStore
 from app.rest.scheduler import RestWork
 from app.session.log import ERROR, Log
@@ -130,6 +130,7 @@ def test_surfaces_wait_until_light_is_no_longer_early():
         )
         seen.append(step.urgent.name)
     assert seen[:5] == [""] * 5
+    work.end()
 
 
 def test_levels_are_found_before_all_photons_are_there(monkeypatch):
@@ -258,3 +259,20 @@ def test_a_change_since_a_is_that_of_the_state_on_show():
     job.want(settings)
     job.step()
     assert job.result is not None and job.result.now is solver.irradiance
+
+
+def test_light_at_new_poses_comes_before_other_work():
+    """Static light and errors had two thirds of the time after each drag."""
+    solver = solve(SCENE, photons=3000, radius=0.06, light="best")
+    work, settings = RestWork(solver, support.Clock()), Settings(photons=3000, light="best", measure_errors=False)
+    work.run(work.next_task(settings))
+    work._taken.update({StaticJob.name: 20.0, PoseJob.name: 20.0})
+    name = solver.model.names[0]
+    solver.move(name, solver.poses[name]._replace(position=(0.5, 0.5, 0.7)))
+    names = []
+    while len(names) < 4:
+        task = work.next_task(settings)
+        names += [task.name] * (task.name != FineJob.name)  # first of all
+        work.run(task)
+    assert {*names} == {PoseJob.name}
+    work.end()
