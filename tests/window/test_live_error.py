@@ -21,7 +21,7 @@ from app.session.solver_jobs import Rest
 from app.settings import Settings
 from app.window import view_content
 from app.worker import Task
-from gi_core.base.pause import Interrupted, breaking_off
+from gi_core.base.pause import Interrupted, Pace, breaking_off
 from gi_core.gather.estimate import Source
 from gi_core.gather.importance import visual_shares
 from gi_core.gather.reference import reference_irradiance
@@ -53,6 +53,7 @@ def measured(solver, tmp_path_factory):
     folder = tmp_path_factory.mktemp("measured")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder / "references"))
+        patch.setattr(Pace, "fit", lambda *_: 1 << 14)  # paths per step, at any speed of the machine
         live_error = LiveError(solver, time.perf_counter)
         pieces = finish(live_error)
     stored = shutil.copytree(folder / "references", folder / "stored")  # before other tests go on
@@ -242,6 +243,7 @@ def test_map_and_reference_of_unknown_light_give_no_warning(monkeypatch):
 def test_reference_at_start_poses_is_loaded_again(solver, measured, monkeypatch):
     _, first, gathered, folder = measured
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder))
+    monkeypatch.setattr(Pace, "fit", lambda *_: 1 << 14)
     (file,) = folder.iterdir()
     again = LiveError(solver, time.perf_counter)
     assert finish(again) < gathered / 2

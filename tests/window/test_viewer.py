@@ -395,6 +395,8 @@ def test_no_frame_is_drawn_while_nothing_changes(hand, viewer, monkeypatch):
     viewer.clock.awake_until = 0.0  # of earlier input
     monkeypatch.setattr("app.window.window.wait_for_input", wait, raising=False)
     hand.wait_for_light()
+    # Each frame asks again for work at rest; it waits for the answer, not for its budget.
+    monkeypatch.setattr(viewer.clock, "budget", lambda moving: support.PATIENCE)
     hand.wait(lambda: viewer.session.light.all_done)
     hand.ctx.yield_(30)
     viewer.may_sleep = True
