@@ -20,6 +20,7 @@ from app.settings import Settings
 from app.worker import Task
 from gi_core.base.pause import Interrupted
 from gi_core.frames.first_frame import EARLY_PATHS
+from gi_core.scene import Pose
 from gi_core.solver import Solver
 
 NO_ERRORS = Settings(measure_errors=False)
@@ -44,7 +45,7 @@ class RestWork:
         self.hold, self.asked, self.change = HoldJob(solver), AskedJob(solver), ChangeJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._settings = Settings()
-        self._poses = solver.poses
+        self._poses: dict[str, Pose] = {}  # of `at_poses`
         self._taken: defaultdict[str, float] = defaultdict(float)  # s, by kind of task
 
     def next_task(self, settings: Settings) -> Task | None:

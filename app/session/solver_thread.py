@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from app.rest.jobs import HoldJob
+from app.rest.results import RestResults
 from app.rest.scheduler import RestWork, TaskEnd
 from app.session.log import WARNING, Log
 from app.session.method_view import MethodParts, MethodView
@@ -187,7 +188,7 @@ class SolverThread:
                 if snapshot is not None:
                     self._show(snapshot)
                 elif rest is not None:
-                    self.snapshot = self.snapshot._replace(rest=rest)
+                    self._take_rest(rest)
                 self.is_current |= snapshot is not None or progress is None
                 for kind, text in warnings.items():
                     if kind not in self._warned:
@@ -209,8 +210,7 @@ class SolverThread:
                 if snapshot is not None:
                     self._show(snapshot._replace(timings=self.snapshot.timings))
                 else:
-                    self.version += not rest.looks_like(self.snapshot.rest)
-                    self.snapshot = self.snapshot._replace(rest=rest)
+                    self._take_rest(rest)
             case bool(more):
                 self._timing.due = more
             case view:
@@ -236,6 +236,11 @@ class SolverThread:
             case Show(parts):
                 self.method = MethodView(parts, self.snapshot.irradiance)  # not again for this frame
         self.log.failure(job.name, problem)
+
+    def _take_rest(self, rest: RestResults) -> None:
+        """Take results that leave the light as it is; a map of some may look otherwise."""
+        self.version += not rest.looks_like(self.snapshot.rest)
+        self.snapshot = self.snapshot._replace(rest=rest)
 
     def _show(self, snapshot: Snapshot) -> None:
         """Let the window draw a snapshot."""

@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.rest.results import Change
+from app.rest.scheduler import TaskEnd
 from app.session.log import ERROR
 from app.session.session import STILL, Session
+from app.session.solver_jobs import Step
 from app.session.solver_thread import _timings
 from gi_core.frames.light_setting import IN_A_ROW, PATHS, TIMED, FrameBudget, FrameSize
 from gi_core.model import Model
@@ -48,6 +51,16 @@ def drag(s: Session, frames: int, first: int = 0) -> list[int]:
         shown.append(s.light.snapshot.photons)
         frame(s)
     return shown
+
+
+def test_a_change_found_beside_photons_is_a_new_picture():
+    """Else its map stays that of an earlier light."""
+    s = make()
+    light, version = s.light, s.version
+    rest = light.snapshot.rest._replace(change=Change(np.ones((1, 3)), np.ones((1, 3)), np.ones(1)))
+    for _ in range(2):  # the second is nothing new
+        light._take(Step(None, None, {}, TaskEnd("", False), rest), settles=False)
+        assert s.version == version + 1 and light.snapshot.rest is rest
 
 
 def test_drag_uses_one_subset_and_release_all_photons():
