@@ -12,9 +12,9 @@ is 0 unless it meets a mobile, or light that mobiles change. Irradiance then has
     W        the mean with mobiles; good in their shadow
     G + D    static light without mobiles, plus the mean difference; good where they change little
 
-The result weights W and G + D by their inverse variances (D is a control variate, Kahn and Marshall 1953).
-Variances are averaged over neighbours: weights from a receiver's own few paths would be biased. The mean is denoised
-as the static part's light is.
+The result weights W and G + D by their inverse variances (D is a control variate, Kahn and Marshall 1953). Both have
+the error of static light, G by itself and W where its paths end: weights leave it out. Variances are averaged over
+neighbours: weights from a receiver's own few paths would be biased. The mean is denoised as the static part's light is.
 """
 
 from __future__ import annotations
@@ -211,13 +211,13 @@ def combined(
     if static is None or not len(rows):
         return W.copy(), of_W.copy(), np.zeros(len(rows))
     G, deviation = (a[np.where(mobile, 0, rows)] for a in static)
-    everywhere, squares = np.ones(len(rows), bool), (luminance(of_W) ** 2, luminance(of_D) ** 2 + deviation**2)
+    everywhere, squares = np.ones(len(rows), bool), (luminance(of_W) ** 2, luminance(of_D) ** 2)
     v, u = (averaged(near, of, everywhere, threads) for of in squares)
     share = np.divide(u, v + u, out=np.ones_like(v), where=v + u > 0)  # of W
     share[~mean.any(axis=1)] = 0.0  # paths that met no light, with mobiles or without, tell no error either
     share = np.where(mobile, 1.0, share)[:, None]
     E = share * W + (1 - share) * (G + mean[:, 3:])
-    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D, (1 - share[:, 0]) * deviation
+    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D, np.where(mobile, 0.0, deviation)
 
 
 class ReceiverPoints:
