@@ -17,11 +17,11 @@ from PIL import Image
 
 from app.draw.camera import from_camera
 from app.draw.draw_mesh import meshes_of
+from app.draw.fine_mesh import fine_points_of
 from app.draw.shot import Shot, home_camera
 from app.rest.scheduler import gather
 from app.settings import Settings, make_solver, open_scene
 from gi_core.base.vectors import cross, dot, length
-from gi_core.display.fine_points import fine_points
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
 from gi_core.scene.types import Camera, Pose
@@ -137,7 +137,7 @@ def row(name: str, seconds: float, points: int, paths: int):
     truth, noise = luminance(truth), np.sqrt(2 / np.pi) * luminance(deviation)
     others = distance_to_others(model, above, normals)
     meshes, at, levels = meshes_of(model), model.transforms(solver.poses), solver.levels
-    *_, fine = fine_points(model, solver.seed, at, [mesh.triangles for mesh in meshes])
+    *_, fine = fine_points_of(solver, meshes)
     drawn = solver.drawn(solver.irradiance)
     lights = (
         interpolated(solver, place, face, normals),

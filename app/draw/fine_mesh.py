@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, GlossVertices, quads_of
-from gi_core.display.fine_points import FineLight, FinePoints, fine_points
+from gi_core.display.fine_points import Cuts, FineLight, FinePoints, fine_points
 from gi_core.frames.first_frame import EARLY_PATHS
 from gi_core.gather.estimate import Source
 from gi_core.solver import Solver
@@ -38,32 +38,41 @@ def fine_light(solver: Solver, points: FinePoints) -> FineLight:
 def fine_points_of(solver: Solver, meshes: Sequence[DrawMesh]) -> Iterator[FinePoints]:
     """Yield the fine points of a solver's poses, more each time; none where its light or its lamps suit none.
 
-    Draw vertices of the meshes are further ids.
+    Draw vertices are further ids, numbered through all meshes.
     """
     model = solver.model
     if not takes_fine_points(solver):
         return iter(())
-    return fine_points(model, solver.seed, model.transforms(solver.poses), [mesh.triangles for mesh in meshes])
+    first = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+    corners = np.concatenate([mesh.triangles + k for mesh, k in zip(meshes, first, strict=False)])
+    return fine_points(model, solver.seed, model.transforms(solver.poses), corners[:, :, None])
 
 
 def fine_meshes(meshes: Sequence[DrawMesh], points: FinePoints) -> tuple[DrawMesh, ...]:
     """Return the meshes of all objects with each face in the pieces that fine points cut it into."""
+    counts, cuts = [len(mesh.positions) for mesh in meshes], points.pairs[0]
     first = np.cumsum([0, *(len(mesh.triangles) for mesh in meshes)])
-    return tuple(_fine_mesh(mesh, points, o, first[o]) for o, mesh in enumerate(meshes))
+    of = np.concatenate([np.repeat(np.arange(len(meshes)), counts), np.empty(len(cuts.shares), np.int64)])
+    cuts.fill(sum(counts), of[:, None])
+    number, out = np.empty(len(of), np.int64), []  # of a vertex in the mesh of its object
+    for o, mesh in enumerate(meshes):
+        own, new = np.flatnonzero(of == o), of[sum(counts) :] == o
+        number[own] = np.arange(len(own))
+        rows = np.flatnonzero((points.source >= first[o]) & (points.source < first[o + 1]))
+        corners, source = points.ids[rows], points.source[rows] - first[o]
+        corners[..., 2] = number[corners[..., 2]]
+        pairs = Cuts(number[cuts.ends[new]], cuts.shares[new])
+        out.append(_fine_mesh(mesh, pairs, corners, source) if new.any() else mesh)
+    return tuple(out)
 
 
-def _fine_mesh(mesh: DrawMesh, points: FinePoints, o: int, first: int) -> DrawMesh:
-    """Return the mesh of object o, whose first face is `first`.
+def _fine_mesh(mesh: DrawMesh, pairs: Cuts, corners: np.ndarray, source: np.ndarray) -> DrawMesh:
+    """Return the mesh of an object in pieces of its faces `source` (f,), whose corners (f, 3, 3) have ids as of points.
 
-    Its further ids are draw vertices. A new vertex takes values between its two ends, and the directions of light of
-    the first one.
+    The last one is the draw vertex. A new vertex takes values between its two ends, and the directions of light of the
+    first one.
     """
-    pairs = points.pairs[o]
-    if not len(pairs.shares):
-        return mesh
-    rows = np.flatnonzero((points.source >= first) & (points.source < first + len(mesh.triangles)))
-    corners, source = points.ids[rows], points.source[rows] - first
-    ids = corners[..., 2 + o]
+    ids = corners[..., 2]
     count, corner = len(mesh.positions) + len(pairs.shares), mesh.triangles[source, 0]
 
     def between(values: np.ndarray | None) -> np.ndarray | None:

@@ -10,7 +10,7 @@ mobile that has moved take interpolated light.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -60,9 +60,9 @@ class FinePoints(NamedTuple):
     """n points, numbered after the R receivers."""
 
     parents: Cuts  # between receivers or earlier points
-    pairs: tuple[Cuts, ...]  # of further ids, per object
+    pairs: tuple[Cuts, ...]  # per further id of corners
     source: np.ndarray  # (f,) int64, the face that each drawn face is a piece of
-    ids: np.ndarray  # (f, 3, 2 + objects) int64, of corners: point on the front, on the back (-1: none), further ids
+    ids: np.ndarray  # (f, 3, 2 + k) int64, of corners: point on the front, on the back (-1: none), further ids
     weights: np.ndarray  # (f, 3, 3) float64, of the source's corners, per corner
     direct: tuple[DirectLight, DirectLight]  # of receivers, and of the points; without that of the sky
     objects: np.ndarray  # (R + n,) int64, of receivers and points
@@ -158,13 +158,13 @@ def _inherit(ends, first, values):
 
 
 def fine_points(
-    model: Model, seed: int, at: Transforms, corners: Sequence[np.ndarray], most: int = 40_000
+    model: Model, seed: int, at: Transforms, corners: np.ndarray, most: int = 40_000
 ) -> Iterator[FinePoints]:
     """Yield the fine points at poses, of lamps at full level, after each round of cuts.
 
     None come where lights have no points.
 
-    corners: (F, 3) int of each object, further ids of corners, such as draw vertices; most: points. 60,000 leave
+    corners (F, 3, k) int: further ids of corners of all faces, such as draw vertices; most: points. 60,000 leave
     direct light 3.5 for 4.8 % off in the classroom, 1.5 for 1.6 in the office, with 40,000 more faces to draw.
     """
     direct = DirectLight(model, seed, (FACE, DELTA)).measured_at(Places.at_poses(model, at))
@@ -195,7 +195,7 @@ class _Bends(NamedTuple):
 class _Cutting:
     """Rounds of cuts. Edges of a piece that are new belong to pieces of the same round alone."""
 
-    def __init__(self, model: Model, direct: DirectLight, at: Transforms, corners: Sequence[np.ndarray]):
+    def __init__(self, model: Model, direct: DirectLight, at: Transforms, corners: np.ndarray):
         surfaces, receivers = model.surfaces, len(model.object_receivers.areas)
         n = surfaces.receiver_range(0).stop
         self._direct, self._at, self._levels = direct, at, model.emitters.lamps.full()
@@ -208,22 +208,19 @@ class _Cutting:
         self._resolved = direct.resolves(self._places.positions)
         areas = model.object_receivers.areas[:n]
         self._floor = 0.5 * float((areas * self._light[:n]).sum() / areas.sum())
-        front, objects = surfaces.corner_front, len(corners)
-        ids = np.full((len(front), 3, 2 + objects), -1, np.int64)
-        ids[..., 0], ids[..., 1] = front, surfaces.corner_back
+        front, back = surfaces.corner_front, surfaces.corner_back
+        ids = np.concatenate([np.stack([front, back], axis=2), corners], axis=2).astype(np.int64)
         vertices, faces = np.zeros((0, 3)), []
-        for o in range(objects):
-            place = weld(surfaces.vertices[o])
-            faces.append(place[surfaces.faces[o]] + len(vertices))
-            own = surfaces.vertices[o][np.unique(place, return_index=True)[1]]
-            vertices = np.concatenate([vertices, own])  # in object space, for lengths
-            ids[surfaces.face_range(o), :, 2 + o] = corners[o]
+        for own, of in zip(surfaces.vertices, surfaces.faces, strict=True):
+            place = weld(own)
+            faces.append(place[of] + len(vertices))
+            vertices = np.concatenate([vertices, own[np.unique(place, return_index=True)[1]]])  # for lengths
         self._vertices, whole = vertices, np.broadcast_to(np.eye(3), (len(front), 3, 3))
         self._faces = Faces(np.arange(len(front)), np.concatenate(faces), None, whole, ids)
         self._done: list[Faces] = []
         self._asked = np.zeros(0, np.int64)  # edges that are not to be asked about, or have been
         self._parents: list[Cuts] = []
-        self._pairs: list[list[Cuts]] = [[] for _ in corners]
+        self._pairs: list[list[Cuts]] = [[] for _ in range(corners.shape[2])]
         self._next = [receivers, receivers, *(ids[..., 2:].max(axis=(0, 1), initial=-1) + 1).tolist()]
 
     @property

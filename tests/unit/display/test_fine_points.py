@@ -39,13 +39,16 @@ def model() -> Model:
 def found(model: Model, y: float = 5.0) -> tuple[FinePoints, tuple]:
     """Return fine points with the mobile at y, and transforms there."""
     at = model.transforms({"thing": Pose((0.5, y, 0.0))})
-    *_, points = fine_points(model, 3, at, [mesh.triangles for mesh in meshes_of(model)])
+    meshes = meshes_of(model)
+    first = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+    corners = np.concatenate([mesh.triangles + k for mesh, k in zip(meshes, first, strict=False)])
+    *_, points = fine_points(model, 3, at, corners[:, :, None])
     return points, at
 
 
-def no_ids(model: Model) -> list[np.ndarray]:
+def no_ids(model: Model) -> np.ndarray:
     """Return corners without further ids."""
-    return [np.full(faces.shape, -1) for faces in model.surfaces.faces]
+    return np.zeros((len(model.surfaces.corner_front), 3, 0), int)
 
 
 def places(model: Model, points: FinePoints) -> np.ndarray:
@@ -234,14 +237,17 @@ def test_points_on_a_mobile_have_direct_light_once_paths_light_it(monkeypatch):
     assert fine_light(solver, points).own[on_box].any()
 
 
-@pytest.mark.parametrize("y", [5.0, 0.05])
+@pytest.mark.parametrize("y", [5.0, 0.05, 0.45])
 def test_pieces_cover_faces_without_gaps(model, y):
     points, _ = found(model, y)
-    meshes = meshes_of(model)
-    before, mesh = meshes[0], fine_meshes(meshes, points)[0]
-    area = [np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1)
-            for c in (m.positions[m.triangles].astype(float) for m in (before, mesh))]  # fmt: skip
-    assert np.allclose(np.bincount(mesh.source, area[1]), area[0], rtol=1e-4)
+    meshes, pieces = meshes_of(model), fine_meshes(meshes_of(model), points)
+    for before, mesh in zip(meshes, pieces, strict=True):
+        area = [np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1)
+                for c in (m.positions[m.triangles].astype(float) for m in (before, mesh))]  # fmt: skip
+        source = np.arange(len(area[1])) if mesh is before else mesh.source
+        assert np.allclose(np.bincount(source, area[1]), area[0], rtol=1e-4)
+    assert (pieces[1] is meshes[1]) == (y != 0.45), "the shadow of the plate lies on the box"
+    before, mesh = meshes[0], pieces[0]
     static = points.ids[points.source < len(before.triangles)]
     corners, p = static[..., 0], places(model, points)
     edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
