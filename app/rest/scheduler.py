@@ -20,6 +20,7 @@ from app.settings import Settings
 from app.worker import Task
 from gi_core.base.pause import Interrupted
 from gi_core.frames.first_frame import EARLY_PATHS
+from gi_core.gather.static import ALL_PATHS
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 
@@ -51,13 +52,16 @@ class RestWork:
     def next_task(self, settings: Settings) -> Task | None:
         """Return a task of a kind not given up, None at the end. The kind that has taken the least time is next.
 
-        Turns by count gave light at poses a tenth of the time. It begins at 0 for new poses, where the user looks.
+        Turns by count gave light at poses a tenth of the time. It begins at 0 for new poses, where the user looks, but
+        waits for all radiosity: until then the static part has clouds everywhere.
         """
         self._settings = settings
         if self._poses != self._solver.poses:
             self._poses, self._taken[self.at_poses.name] = self._solver.poses, 0.0
         first = first_task(self._first, settings, self.given_up)
-        jobs = self.gathering, self.at_poses, self.surfaces, self.live_error
+        jobs: tuple[Job, ...] = self.gathering, self.surfaces, self.live_error
+        if not self._is_early(ALL_PATHS) or self.gathering.name in self.given_up:
+            jobs += (self.at_poses,)
         due = [first_task((job,), settings, self.given_up) for job in jobs]
         return first or min(filter(None, due), key=lambda task: self._taken[task.name], default=None)
 
@@ -77,10 +81,14 @@ class RestWork:
         Surfaces wait for light that is no longer early, which they held up by 15 s in classroom. Then they and fine
         points take turns.
         """
-        light = self._solver.frame_light
-        early = light.setting.takes_gathered and light.static.is_early(EARLY_PATHS)
         both = sorted((self.fine, self.surfaces), key=lambda job: self._taken[job.name])
-        return first_task(self._first if early else (*self._asked, *both), settings, self.given_up)
+        jobs = self._first if self._is_early(EARLY_PATHS) else (*self._asked, *both)
+        return first_task(jobs, settings, self.given_up)
+
+    def _is_early(self, paths: int) -> bool:
+        """Whether frames take gathered light, but there is none of so many paths per receiver."""
+        light = self._solver.frame_light
+        return light.setting.takes_gathered and light.static.is_early(paths)
 
     def run(self, task: Task | None) -> TaskEnd:
         """Run a task. One that fails ends only its own kind, until the scene is loaded again."""
