@@ -37,6 +37,7 @@ from gi_core.gather.reference import PATHS_PER_POINT, ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, relative_error, relative_noise, small_sample_bias
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
+from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lights
 from gi_core.lights.next_event import least_set
 from gi_core.model import Model
@@ -47,6 +48,9 @@ LAST_ROUND = 47  # rounds until the last result: twice those that noise is sized
 # Times the noise of paths: difference from the frame's light, which contains both errors. At sqrt(2) both are as good.
 # Small sets understate their noise by up to 1.8: a room lit by the sky went from 3.9 to 12 % at first.
 AS_GOOD, CLEARLY = math.sqrt(2.0), 2.0
+
+# Behind a partition, light interpolated across it is 8.6 % off, and 11.7 % on its dark side; then 2.9 and 1.4 %.
+UNEVEN = 0.5
 
 Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, error (n,) of its luminance [W/m2]
 
@@ -157,10 +161,14 @@ class PosePaths:
         self._disc_area, self._ending, self._ending_without = disc_area, WHOLE, WHOLE
 
     def end_in(self, static: np.ndarray, without: np.ndarray) -> None:
-        """Let paths end in irradiance (n, 3) [W/m2] of the static part: with mobiles in place, and without."""
+        """Let paths end in irradiance (n, 3) [W/m2] of the static part: with mobiles in place, and without.
+
+        Paths go on from faces whose corners mobiles change unevenly, such as those under a partition.
+        """
         model, lengths = self._points.model, self._points.face_lengths
+        least = np.where(_changed_unevenly(model.surfaces, static, without), np.inf, lengths)
         self._ending, self._ending_without = (
-            in_known_light(model, model.static, E, self._disc_area, lengths) for E in (static, without)
+            in_known_light(model, model.static, E, self._disc_area, least) for E in (static, without)
         )
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
@@ -184,6 +192,16 @@ class PosePaths:
         everywhere, threads = np.ones(len(pilot), bool), self._points.model.threads
         mean, variance = (averaged(self.near, a, everywhere, threads) for a in (pilot[:, 0], pilot[:, 1] ** 2))
         return np.stack([mean, np.sqrt(variance)], axis=1)
+
+
+def _changed_unevenly(s: Surfaces, static: np.ndarray, without: np.ndarray) -> np.ndarray:
+    """Return the static faces (F,) bool whose corners differ by more than UNEVEN in the share of light that mobiles
+    leave; static, without (n, 3) [W/m2]: irradiance with mobiles in place, and without.
+    """
+    light, before = luminance(static), luminance(without)
+    left = np.divide(light, before, out=np.ones_like(light), where=before > 0)
+    front, back = (np.ptp(left[corner[s.face_range(0)]], axis=1) > UNEVEN for corner in (s.corner_front, s.corner_back))
+    return front | (s.two_sided[s.face_range(0)] & back)
 
 
 def _steadier(values: np.ndarray) -> np.ndarray:
