@@ -91,7 +91,7 @@ class Dilation:
         self._near = 0.06 * size  # a space narrower than 0.06 of the scene's size counts as closed
         points, self._normals = model.evaluation_points
         self._points = points.astype(np.float32)
-        self._neighbours = model.adjacency
+        self._neighbours = model.linked
         self._static_columns = np.ascontiguousarray(self._points[s.receiver_range(0)].T)
         self._place = np.full(len(points), UNKNOWN, np.int8)
         # By mobile, at its last pose: a lamp's slider moves nothing.

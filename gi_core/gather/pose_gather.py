@@ -12,8 +12,8 @@ is 0 unless it meets a mobile, or light that mobiles change. Irradiance then has
     W        the mean with mobiles; good in their shadow
     G + D    static light without mobiles, plus the mean difference; good where they change little
 
-The result weights W and G + D by their inverse variances (D is a control variate, Kahn and Marshall 1953). Both have
-the error of static light, G by itself and W where its paths end: weights leave it out. Variances are averaged over
+Weights of W and G + D minimise the variance (D is a control variate, Kahn and Marshall 1953). Both have the error of
+static light: G whole, W in proportion to the light that is left, as its paths end in it. Variances are averaged over
 neighbours: weights from a receiver's own few paths would be biased. The mean is denoised as the static part's light is.
 """
 
@@ -35,7 +35,7 @@ from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.gather.path_tracer import gather
 from gi_core.gather.reference import PATHS_PER_POINT, ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, relative_error, relative_noise, small_sample_bias
-from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
+from gi_core.geometry.mesh_neighbours import Neighbours, among
 from gi_core.geometry.receiver_classes import AFFECTED
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lights
@@ -156,7 +156,7 @@ class PosePaths:
     def __init__(self, points: ReceiverPoints, at: Transforms, lights: Lights, rows: np.ndarray, disc_area: float):
         """lights: of one lamp; rows (n,): receivers; disc_area [m2]: paths do not end on larger faces."""
         self._points, self._at, self._lights, self._rows = points, at, lights, rows
-        self.mobile, self.near = rows >= points.static, points.near_rows(rows)
+        self.mobile, self.near = rows >= points.static, among(points.model.adjacency, rows)
         self._places = Places(*(a[rows] for a in Places.at_poses(points.model, at)))
         self._disc_area, self._ending, self._ending_without = disc_area, WHOLE, WHOLE
 
@@ -229,17 +229,24 @@ def combined(
     if static is None or not len(rows):
         return W.copy(), of_W.copy(), np.zeros(len(rows))
     G, deviation = (a[np.where(mobile, 0, rows)] for a in static)
-    everywhere, squares = np.ones(len(rows), bool), (luminance(of_W) ** 2, luminance(of_D) ** 2)
-    v, u = (averaged(near, of, everywhere, threads) for of in squares)
-    share = np.divide(u, v + u, out=np.ones_like(v), where=v + u > 0)  # of W
+    everywhere = np.ones(len(rows), bool)
+    v, u, light, before, squared = (
+        averaged(near, a, everywhere, threads)
+        for a in (luminance(of_W) ** 2, luminance(of_D) ** 2, luminance(W), luminance(G), deviation**2)
+    )
+    # Share that mobiles take: W has the rest of static light's error, G all. The share of W minimises the sum.
+    taken = 1.0 - np.divide(np.minimum(light, before), before, out=np.ones_like(light), where=before > 0)
+    total = v + u + taken**2 * squared
+    share = np.minimum(np.divide(u + taken * squared, total, out=np.ones_like(v), where=total > 0), 1.0)
     share[~mean.any(axis=1)] = 0.0  # paths that met no light, with mobiles or without, tell no error either
+    of_static = np.where(mobile, 0.0, (1.0 - share * taken) * deviation)
     share = np.where(mobile, 1.0, share)[:, None]
     E = share * W + (1 - share) * (G + mean[:, 3:])
-    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D, np.where(mobile, 0.0, deviation)
+    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D, of_static
 
 
 class ReceiverPoints:
-    """Start points of paths at all receivers of a model, and their adjacency; shared by all poses."""
+    """Receivers of a model where paths may start; shared by all poses."""
 
     def __init__(self, model: Model, seed: int):
         self.model, self.seed = model, seed_of(Stream.POSES, seed)
@@ -268,13 +275,6 @@ class ReceiverPoints:
         c = self._corners
         due[c[due[c].any(axis=1)]] = True
         return np.flatnonzero(due & (self.model.evaluation_points[1] != 0).any(axis=1))
-
-    def near_rows(self, rows: np.ndarray) -> Neighbours:
-        """Return the adjacency of some receivers, numbered by their place in `rows`."""
-        place = np.full(len(self.model.evaluation_points[0]), -1)
-        place[rows] = np.arange(len(rows))
-        corners = place[self._corners]
-        return neighbours(corners[(corners >= 0).all(axis=1)], len(rows))
 
 
 class PoseGathers:

@@ -39,6 +39,28 @@ def neighbours(corners: np.ndarray, n: int) -> Neighbours:
     return Neighbours(first, of)
 
 
+def without(near: Neighbours, edges: np.ndarray) -> Neighbours:
+    """Return neighbours less those that edges (k, 2) int join."""
+    n = len(near.first) - 1
+    row, ends = np.repeat(np.arange(n), np.diff(near.first)), edges.astype(np.int64)
+    kept = ~np.isin(row * n + near.of, np.concatenate([ends @ (n, 1), ends @ (1, n)]))
+    return _rows(row[kept], near.of[kept], n)
+
+
+def among(near: Neighbours, rows: np.ndarray) -> Neighbours:
+    """Return the neighbours among some receivers, ascending rows (k,) int, numbered by their place there."""
+    place = np.full(len(near.first) - 1, -1, np.int32)
+    place[rows] = np.arange(len(rows))
+    of, ends = np.repeat(place, np.diff(near.first)), place[near.of]
+    kept = (of >= 0) & (ends >= 0)
+    return _rows(of[kept], ends[kept], len(rows))
+
+
+def _rows(row: np.ndarray, of: np.ndarray, n: int) -> Neighbours:
+    """Return neighbours `of` (k,) of ascending rows (k,) as a record of n rows."""
+    return Neighbours(np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))]), of)
+
+
 def scattered_neighbours(
     near: Neighbours, positions: np.ndarray, normals: np.ndarray, reach: float, threads: int
 ) -> Neighbours:

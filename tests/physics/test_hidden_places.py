@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
-from tests.support.hidden_places import books, cupboard, partition, table_room
+from tests.support.hidden_places import books, cupboard, partition, table_room, two_rooms
 from tests.support.scene_builders import solve
 
 PLACES, NOISE = 60, 0.02  # receivers, and the noise of their truth
@@ -31,12 +31,17 @@ def dark_side(x: np.ndarray, normal: np.ndarray, mobile: np.ndarray) -> np.ndarr
     return mobile & (normal[:, 0] > 0.9)
 
 
+def by_the_wall(x: np.ndarray, normal: np.ndarray, mobile: np.ndarray) -> np.ndarray:
+    return (x[:, 0] > 3.05) & (x[:, 0] < 3.2) & (np.abs(normal[:, 0]) < 0.1) & ~mobile
+
+
 @pytest.mark.parametrize(
     ("scene", "places", "in_motion", "at_rest"),
     [
         (table_room, [under_the_table], 0.09, 0.02),
         (books, [between_books], 0.75, 0.04),
         (cupboard, [in_the_cupboard], 0.20, 0.05),
+        (two_rooms, [by_the_wall], 2.00, 0.25),
         (partition, [behind_the_partition, dark_side], 0.40, 0.04),
     ],
 )

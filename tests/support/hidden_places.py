@@ -1,7 +1,10 @@
-"""Rooms with places that little light reaches: under a table, between books, in a cupboard, behind a partition."""
+"""Rooms with places that little light reaches: under a table, between books, in a cupboard, behind a door."""
+
+from dataclasses import replace
 
 import numpy as np
 
+from gi_core.files.completion.crossings import with_corners_at_crossings
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
 from tests.support.lit_from_outside import CEILING, DARK, MATERIALS, WALL, prism, sheet
 from tests.support.scene_builders import lamp, merge
@@ -63,3 +66,12 @@ def partition(edge: float = 0.25) -> Scene:
     """A room of 5 x 3 m with a lamp in its left part, and a partition 5 mm thick that leaves a gap beside a wall."""
     wall = Mobile("partition", block((0, 0, 0), (0.005, 2.5, 2.55), edge), Pose((2.5, 0.48, 0.02)))
     return scene("partition", lit_room(5.0, 3.0, edge, at=(0.2, 0.5)), wall)
+
+
+def two_rooms(edge: float = 0.2) -> Scene:
+    """Two rooms of 3 x 3 m under one ceiling, one with a lamp, and a door that leaves 1 cm at its sides."""
+    walls = [block((2.95, y, 0), (3.05, z, 2.6), edge) for y, z in ((0, 1.0), (1.9, 3))]
+    lintel = block((2.95, 1.0, 2.1), (3.05, 1.9, 2.6), edge)
+    door = Mobile("door", block((0, 0, 0), (0.04, 0.88, 2.08), edge), Pose((3.0, 1.01, 0.01)))
+    still = scene("two rooms", lit_room(6.0, 3.0, edge, *walls, lintel, at=(0.2, 0.5)), door)
+    return replace(still, static=with_corners_at_crossings(still.static, still.materials))
