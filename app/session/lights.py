@@ -90,7 +90,7 @@ def aimed(light: Directed, tilt: float, heading: float, turn: float, up) -> Valu
     if not isinstance(light, PhotometricLight):
         return (("direction", rounded(d)),)
     ahead = least_turn(-up, d) @ east  # as straight down turns into the direction
-    c0 = _about(d, turn) @ ahead
+    c0 = rotation(Pose(quaternion=axis_angle(d, turn))) @ ahead
     return (("direction", rounded(d)), ("c0", rounded(c0)))
 
 
@@ -103,11 +103,10 @@ def towards(light: Directed, direction: np.ndarray) -> Values:
     return (("direction", rounded(new)), ("c0", rounded(c0)))
 
 
-def turned(light: Light, axis, degrees: float) -> Values:
-    """Return values of a light turned about an axis (3,) through it."""
+def turned(light: Light, R: np.ndarray) -> Values:
+    """Return values of a light turned by a rotation (3, 3) about its place."""
     if not isinstance(light, Directed):
         return ()
-    R = _about(axis, degrees)
     keys = ("direction", "c0") if isinstance(light, PhotometricLight) else ("direction",)
     return tuple((key, rounded(R @ unit(getattr(light, key)))) for key in keys)
 
@@ -130,11 +129,6 @@ def beam(light: SpotLight, inner: float, outer: float) -> Values:
 
 def rounded(v: np.ndarray) -> tuple[float, float, float]:
     return three(round(float(x), 9) + 0.0 for x in v)
-
-
-def _about(axis, degrees: float) -> np.ndarray:
-    """Return the rotation (3, 3) by an angle about an axis (3,)."""
-    return rotation(Pose(quaternion=axis_angle(axis, degrees)))
 
 
 def north_angle(daylight: Daylight, up) -> float:

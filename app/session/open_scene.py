@@ -118,11 +118,6 @@ class OpenScene:
         surfaces = tuple(x for x in light.rest.surfaces if x.is_current and x.fraction == 1)
         return KeptLight(light.irradiance, light.deviation, self.model.object_receivers.positions, state, surfaces)
 
-    def keep_light(self) -> None:
-        """Keep the light on show as light A, to compare later light with it."""
-        self.kept = self.light_to_keep or self.kept
-        self.light.version += 1
-
     @property
     def grids(self) -> list[tuple[CalculationSurface, Grid]]:
         """The calculation surfaces at the poses of the light on show."""

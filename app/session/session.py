@@ -373,7 +373,9 @@ class Session(OpenScene):
             self.move(poses)
 
     def keep_light(self) -> None:
-        super().keep_light()
+        """Keep the light on show as light A, to compare later light with it."""
+        self.kept = self.light_to_keep or self.kept
+        self.light.version += 1
         if self.kept is not None:
             self.want(replace(self.settings, since=self.kept.state))
             self.log("light A is kept: Show / Change since A compares with it")

@@ -103,7 +103,6 @@ class Refine:
     steps: Iterator[Progress]
     rest: Settings | None  # None: no work at rest
     name: ClassVar[str] = "refining"
-    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Step:
         began = time.perf_counter()
@@ -123,34 +122,32 @@ class Refine:
 class Moved(NamedTuple):
     """Result of `Move` and of `Dim`."""
 
-    seconds: float
+    seconds: float | None  # of a move; None: mobiles are where they were
     snapshot: Snapshot
 
 
 @dataclass(frozen=True)
 class Move:
-    """Put mobiles at poses, in the light of all photons or of as many as fit the budget."""
+    """Put mobiles at poses, in the light of as many photons as fit the budget, or settle there."""
 
     poses: Mapping[str, Pose]
     budget: float  # [s]
-    hasty: bool  # as many photons as fit the budget
     begins: bool  # the first of a motion, which chooses the photons
-    settles: bool  # the poses are those on show; the frame only has more photons
+    settles: bool  # the poses are those on show; the frame has all photons
     clock: Callable[[], float]
     name: ClassVar[str] = "moving"
-    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Moved:
-        size: tuple[int | None, int | None] = None, None
+        if self.settles:
+            solver.move_all(self.poses)
+            return Moved(None, snapshot_of(solver, work))
         if self.begins:
             solver.budget.begin()
-        if self.hasty:
-            size = solver.budget.choose(self.budget, solver.frame.subsets, solver.paths_at_rest > 0)
+        size = solver.budget.choose(self.budget, solver.frame.subsets, solver.paths_at_rest > 0)
         started = self.clock()
         solver.move_all(self.poses, *size)
         seconds = self.clock() - started
-        if self.hasty:
-            solver.budget.moved(seconds)
+        solver.budget.moved(seconds)
         return Moved(seconds, snapshot_of(solver, work))
 
 
@@ -160,14 +157,11 @@ class Dim:
 
     levels: Mapping[str, tuple[float, float, float]]
     budget: float  # [s]; 0: all paths
-    clock: Callable[[], float]
     name: ClassVar[str] = "dimming"
-    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Moved:
-        started = self.clock()
         solver.set_lamps(self.levels, solver.size_within(self.budget)[1] if self.budget > 0 else None)
-        return Moved(self.clock() - started, snapshot_of(solver, work))
+        return Moved(None, snapshot_of(solver, work))
 
 
 @dataclass(frozen=True)
@@ -176,7 +170,6 @@ class Time:
 
     steps: Iterator[bool]
     name: ClassVar[str] = "timing"
-    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> bool:
         """Return whether there may be more subsets to time."""
@@ -197,7 +190,6 @@ class Rest:
 
     settings: Settings
     name: ClassVar[str] = "resting"
-    busy: ClassVar[bool] = False
 
     def run(self, solver: Solver, work: RestWork) -> Rested:
         """Return the results."""
@@ -211,7 +203,6 @@ class Show:
 
     parts: MethodParts
     name: ClassVar[str] = "showing the method"
-    busy: ClassVar[bool] = False
 
     def run(self, solver: Solver, work: RestWork) -> MethodView:
         return method_view(solver, self.parts)

@@ -71,11 +71,6 @@ class Waiting:
     def __bool__(self) -> bool:
         return bool(self.poses) or self.levels is not None
 
-    def add(self) -> None:
-        self.breaks.set()
-        if self.begins:
-            self.over.set()
-
 
 @dataclass
 class Refinement:
@@ -130,7 +125,7 @@ class SolverThread:
 
     @property
     def busy(self) -> bool:
-        job = self._job is not None and self._job.busy
+        job = isinstance(self._job, Refine | Move | Dim | Time)
         return self._is_refining or job or bool(self._waiting) or self.partial
 
     @property
@@ -177,7 +172,7 @@ class SolverThread:
 
     # -- results ----------------------------------------------------------------------------------
 
-    def _take(self, result: Step | Moved | Rested | MethodView | bool, settles: bool) -> None:
+    def _take(self, result: Step | Moved | Rested | MethodView | bool) -> None:
         """Take over the result of a job."""
         match result:
             case Step(progress, snapshot, warnings, urgent, rest):
@@ -197,7 +192,7 @@ class SolverThread:
                 if urgent.changed and urgent.name == HoldJob.name:  # levels are other light
                     self._begin_refinement()
             case Moved(seconds, snapshot):
-                if settles:
+                if seconds is None:
                     self._show(snapshot._replace(timings=self.snapshot.timings))
                 else:
                     self.gi_seconds.add(seconds)
@@ -269,13 +264,13 @@ class SolverThread:
         try:
             result = call.result()
         except Interrupted:
-            if isinstance(job, Move) and job.hasty:
+            if isinstance(job, Move) and not job.settles:
                 self._waiting.poses = {**job.poses, **self._waiting.poses}
             self._begin_refinement()
         except Exception as problem:
             self._fail(job, problem)
         else:
-            self._take(result, isinstance(job, Dim) or (isinstance(job, Move) and job.settles))
+            self._take(result)
         return True
 
     def configure(self, changes: Mapping[str, Any], patience: float) -> bool:
@@ -293,7 +288,12 @@ class SolverThread:
 
         The static part's light is saved first: edits that do not change that part begin with it.
         """
-        return self._worker.submit(functools.partial(_keep_results, self._solver, self._work)).result()
+
+        def keep() -> Results:
+            self._work.gathering.keep()
+            return self._solver.keep_results()
+
+        return self._worker.submit(keep).result()
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
@@ -361,7 +361,9 @@ class SolverThread:
         The light has as many photons as fit the budget; settle() adds the others.
         """
         self._waiting.poses.update(poses)
-        self._waiting.add()
+        self._waiting.breaks.set()
+        if self._waiting.begins:
+            self._waiting.over.set()
         self.move_pending(self.grace)
 
     def dim(self, levels: Mapping[str, tuple[float, float, float]]) -> None:
@@ -377,7 +379,7 @@ class SolverThread:
     def settle(self) -> None:
         """Begin the frame of all photons at the poses on show, if the picture has fewer."""
         if self.partial and self.is_idle and not self._waiting:
-            self._begin_move(self.snapshot.poses, hasty=False, settles=True)
+            self._begin_move(self.snapshot.poses, settles=True)
 
     def move_pending(self, patience: float) -> None:
         """Begin the waiting moves, and the waiting levels; wait for them for at most `patience` [s]."""
@@ -389,20 +391,20 @@ class SolverThread:
             waiting.over.clear()
             if waiting.poses:
                 poses, waiting.poses = waiting.poses, {}
-                self._begin_move(poses, hasty=True)
+                self._begin_move(poses, settles=False)
             else:
                 levels, waiting.levels = waiting.levels, None
-                self._begin(Dim(levels or {}, self.budget, self.clock))
+                self._begin(Dim(levels or {}, self.budget))
         if isinstance(self._job, Move | Dim):
             self._wait(deadline - self.clock())
 
-    def _begin_move(self, poses: Mapping[str, Pose], hasty: bool, settles: bool = False) -> None:
+    def _begin_move(self, poses: Mapping[str, Pose], settles: bool) -> None:
         self.move_failed = False
         waiting = self._waiting
-        begins, waiting.begins = waiting.begins and hasty, waiting.begins and not hasty
+        begins, waiting.begins = waiting.begins and not settles, waiting.begins and settles
         stop = waiting.breaks if settles else waiting.over
         # Undo repeats by itself: it would break off the first frame of a motion again and again.
-        self._begin(Move(poses, self.budget, hasty, begins, settles, self.clock), None if begins else stop)
+        self._begin(Move(poses, self.budget, begins, settles, self.clock), None if begins else stop)
 
 
 def _steps(solver: Solver) -> Generator[Progress, None, None]:
@@ -425,8 +427,3 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
         twin.move_all({name: twin.poses[name]._replace(position=(x, y, z))}, photons, paths)
         twin.budget = solver.budget  # from the second frame on: the first of a twin takes much longer
         yield True
-
-
-def _keep_results(solver: Solver, work: RestWork) -> Results:
-    work.gathering.keep()
-    return solver.keep_results()

@@ -162,8 +162,7 @@ class LampHandles:
             return towards(light, way) if np.linalg.norm(way) > 0 else ()
         pose = drag.dragged(grab, u, v, view.aspect, room)
         if self.held.mode == drag.TURN:
-            R = rotation(pose)
-            return turned(light, view.camera.up, math.degrees(_angle(R, np.array(view.camera.up, np.float64))))
+            return turned(light, rotation(pose))
         return (("position", pose.position),)
 
     def _change(self, session: Session, values: Values) -> None:
@@ -234,12 +233,6 @@ class LampHandles:
             return f"Drag the aim of {words_for(light_id.name)}: it {WORDS[AIM]}"
         keys = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
         return f"Drag {words_for(light_id.name)}: it {WORDS[mode]}{keys}"
-
-
-def _angle(R: np.ndarray, up: np.ndarray) -> float:
-    """Return the angle [rad] of a rotation (3, 3) about an axis (3,)."""
-    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    return math.atan2(float(skew @ up) / float(np.linalg.norm(up)), (float(np.trace(R)) - 1) / 2)
 
 
 def _draw_outline(light: PlacedLight, view: View, colour: int) -> None:

@@ -59,7 +59,7 @@ def test_a_change_found_beside_photons_is_a_new_picture():
     light, version = s.light, s.version
     rest = light.snapshot.rest._replace(change=Change(np.ones((1, 3)), np.ones((1, 3)), np.ones(1)))
     for _ in range(2):  # the second is nothing new
-        light._take(Step(None, None, {}, TaskEnd("", False), rest), settles=False)
+        light._take(Step(None, None, {}, TaskEnd("", False), rest))
         assert s.version == version + 1 and light.snapshot.rest is rest
 
 

@@ -75,9 +75,9 @@ def test_an_aim_turns_a_luminaire_the_shortest_way(x, y, z):
 
 
 def test_a_turn_leaves_lights_without_direction():
-    assert turned(PointLight("a", (0, 0, 0), (1, 1, 1)), (0, 1, 0), 90) == ()
-    light = with_values(luminaire(), turned(luminaire(), (0, 0, 1), 90))
-    assert axes(light)[1] == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) @ axes(luminaire())[1])
+    assert turned(PointLight("a", (0, 0, 0), (1, 1, 1)), np.eye(3)) == ()
+    quarter, light = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), luminaire()
+    assert axes(with_values(light, turned(light, quarter)))[1] == pytest.approx(quarter @ axes(light)[1])
 
 
 @pytest.mark.parametrize(("inner", "outer"), [(5.0, 40.0), (60.0, 30.0), (-3.0, 200.0), (0.0, 0.0)])
