@@ -56,10 +56,7 @@ def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
 
 def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     """Yield a scene without light, then in its first light. Raises SceneError."""
-    for kernels in (
-        edges,
-        vertex_light,
-    ):  # the window needs them for the first picture, and would stand still meanwhile
+    for kernels in (edges, vertex_light):  # of the window's first picture, which would stand still meanwhile
         kernels.compile_kernels()
     model = Model(scene, rays=settings.rays)
     poses = model.start_poses()

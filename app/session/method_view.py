@@ -6,6 +6,7 @@ Copies, made on the solver's thread and read by the window. Places are relative 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -78,10 +79,7 @@ def counted(solver: Solver, receiver: int, paths: PathVertices, changed: PoseCha
     radius = background.setting.radius  # the solver's may be that of a frame to come
     area, searched = float(solver.frame.evaluated.area[receiver]), len(paths.offsets) - 1
     place = Place(receiver, o, position + shift, normal, radius, at, area, solver.frame.photons, searched)
-
-    def find(rule: Rule, of_hits: bool = False, current: bool = False) -> Parts:
-        return _parts(solver, paths, changed, rule, of_hits, current)
-
+    find = partial(_parts, solver, paths, changed)
     parts, outline, about = background.estimate.counted(place, find)
     across = parts if background.estimate.searches else find(crossing(place, EXTENSION * radius))
     kept, lost, new = (s.size for s in parts)
@@ -97,7 +95,9 @@ def _drawn(parts: Parts) -> Strokes:
     return joined([strokes(rows_of(s, selected), kind) for s, selected, kind in kinds])
 
 
-def _parts(solver: Solver, paths: PathVertices, changed: PoseChange, rule: Rule, of_hits: bool, current: bool) -> Parts:
+def _parts(
+    solver: Solver, paths: PathVertices, changed: PoseChange, rule: Rule, of_hits: bool = False, current: bool = False
+) -> Parts:
     """Return the segments that a rule selects, as `Find` has it."""
     removed, new = changed.removed_suffixes, changed.new_suffixes
     last = np.zeros(len(paths.side), bool)
@@ -208,8 +208,10 @@ def method_view(solver: Solver, parts: MethodParts) -> MethodView:
     if not frame.photons:
         return view
     if parts.paths or parts.receiver >= 0:
-        searched = min(frame.photons, MOST_SEARCHED_PHOTONS)
-        changed = _change(solver, searched)
+        model, store = solver.model, frame.store
+        paths, coarse = store.subset(min(frame.photons, MOST_SEARCHED_PHOTONS))
+        at, wanted = model.transforms(frame.poses), Wanted.changes(model, False)
+        changed = change(model, paths, coarse, at, store.seed, wanted, lambda stage: None)
         paths = changed.removed_suffixes.paths
         view = view._replace(paths=_sample(solver, paths, changed) if parts.paths else None)
         if parts.receiver >= 0:
@@ -217,14 +219,6 @@ def method_view(solver: Solver, parts: MethodParts) -> MethodView:
             over = hemisphere_view(solver, parts.receiver, across.ends, across.kind)
             view = view._replace(counted=here, hemisphere=over)
     return view._replace(recomputed=recomputed(solver) if parts.recomputed else None)
-
-
-def _change(solver: Solver, photons: int) -> PoseChange:
-    """Return the difference of the paths of the first photons from the background, at the frame's poses."""
-    model, store = solver.model, solver.frame.store
-    at, wanted = model.transforms(solver.frame.poses), Wanted.changes(model, False)
-    paths, coarse = store.subset(photons)
-    return change(model, paths, coarse, at, store.seed, wanted, lambda stage: None)
 
 
 def recomputed(solver: Solver) -> np.ndarray | None:

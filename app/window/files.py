@@ -100,10 +100,6 @@ class Files:
         settings = replace(settings, edits=session.edits)
         return saved_scene.with_view(settings, session.moved_after_edits, viewport.view.camera.as_camera())
 
-    def command(self, session: Session, viewport: Viewport) -> str:
-        """Return the command that opens the scene as it is on show."""
-        return saved_scene.command_line(self.settings_now(session, viewport))
-
 
 def _state(session: Session) -> tuple:
     """Return the values that a saved scene would keep, apart from ways of looking at it."""

@@ -24,10 +24,15 @@ LOBE_GRID = 40  # places of the lobe along a side of the square
 CONTOURS = "contours: lobe at 50, 10, 1 %"
 NOTE, REFLECTED = f"light by direction; {CONTOURS}", f"shown by a reflection, no light by direction; {CONTOURS}"
 Places = list[tuple[float, float]]
+STROKE_COLOURS: dict[int, tuple[float, ...]] = {
+    KEPT: (*theme.DIM_TEXT, 0.55),
+    REMOVED: (*theme.ERROR, 0.95),
+    ADDED: (0.45, 0.85, 0.50, 0.95),
+}
 
 
-def draw_hemisphere(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[float, ...]]) -> None:
-    """Draw the hemisphere into the current window; colours: of rays by kind."""
+def draw_hemisphere(viewport: Viewport, view: HemisphereView) -> None:
+    """Draw the hemisphere into the current window."""
     cell_border = (0.35, 0.36, 0.38, 0.6)
     em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
     (x, y), (_, h) = viewport.view.origin, viewport.view.size
@@ -46,7 +51,7 @@ def draw_hemisphere(viewport: Viewport, view: HemisphereView, colours: dict[int,
     ahead = view.rays[:, 2] > 0
     for place, kind in zip(places(disc_of(view.rays[ahead])), view.kind[ahead].tolist(), strict=True):
         drawing.add_circle_filled(place, theme.pixels(2.6), imgui.get_color_u32(cell_border), 8)
-        drawing.add_circle_filled(place, theme.pixels(1.6), imgui.get_color_u32(colours[kind]), 8)
+        drawing.add_circle_filled(place, theme.pixels(1.6), imgui.get_color_u32(STROKE_COLOURS[kind]), 8)
     eye = viewport.view.camera.eye() - viewport.session.model.origins[0]
     ways = directions(_grid())
     values = view.lobe_towards(eye, ways).reshape(LOBE_GRID, LOBE_GRID)
@@ -102,11 +107,6 @@ def _contour(values: np.ndarray, places: np.ndarray, level: float) -> np.ndarray
     return np.concatenate(pairs)
 
 
-STROKE_COLOURS: dict[int, tuple[float, ...]] = {
-    KEPT: (*theme.DIM_TEXT, 0.55),
-    REMOVED: (*theme.ERROR, 0.95),
-    ADDED: (0.45, 0.85, 0.50, 0.95),
-}
 NAMES = {KEPT: "as without objects", REMOVED: "removed: an object blocks them", ADDED: "added: from there on"}
 FOLLOWS, HELD = "a click holds this receiver", "held: a click on it again follows the cursor"
 
@@ -124,7 +124,7 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
         _strokes(viewport, view.counted.drawn)
         _outline(viewport, view.counted)
     if view.hemisphere is not None:
-        draw_hemisphere(viewport, view.hemisphere, STROKE_COLOURS)
+        draw_hemisphere(viewport, view.hemisphere)
     drawing.pop_clip_rect()
     em = imgui.get_font_size()
     for k, (kind, name) in enumerate(NAMES.items()):

@@ -89,7 +89,10 @@ def shown(session: Session) -> Shown:
     """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
     reference = light.rest.reference
-    estimate = _estimate(light.setting.estimator, light.photons, light.drawn, light.source, light.deviation)
+    estimator = light.setting.estimator.replace("_", " ").capitalize()
+    begins = {Source.PHOTONS: f"{estimator},", Source.EDITED: "Light before the edit, changed by"}
+    by = begins.get(light.source, "Gathered light, changed by")
+    estimate = Side(f"{by} {light.photons:,} photons", light.drawn, light.deviation)
     exact = None if reference is None else Side(_label_of(reference), reference.drawn)
     errors: Errors | Change | None = None
     if s.show == ERRORS and reference is not None:
@@ -196,18 +199,7 @@ def _change(session: Session) -> Change | None:
     return Change(values, scale, UNITS[session.scene.units], before, deviation)
 
 
-def _estimate(
-    estimator: str, photons: int, drawn: Drawn, source: Source = Source.PHOTONS, deviation: np.ndarray | None = None
-) -> Side:
-    begins = {Source.PHOTONS: f"{_title(estimator)},", Source.EDITED: "Light before the edit, changed by"}
-    return Side(f"{begins.get(source, 'Gathered light, changed by')} {photons:,} photons", drawn, deviation)
-
-
 def _label_of(reference: ReferencePicture) -> str:
     if not np.isfinite(reference.noise):
         return "Reference, noise unknown"
     return f"Reference, {round(reference.paths):,} paths per receiver, ±{100 * reference.noise:.2g} %"
-
-
-def _title(name: str) -> str:
-    return name.replace("_", " ").capitalize()

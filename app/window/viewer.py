@@ -95,7 +95,7 @@ REFRESH = 0.5  # s between frames while work at rest changes numbers alone
 
 
 class Viewer:
-    """The program behind the window. HelloImGui calls per frame: draw_viewport, draw_panel, draw_status."""
+    """The program behind the window. HelloImGui calls `draw_viewport` and the other parts once per frame."""
 
     def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
         limit_arenas()
@@ -106,8 +106,13 @@ class Viewer:
         self.painter = Painter()
         self.files = Files()
         self.menus = Menus(self.files, self._do, self.open_scene)
-        drawn = self.draw_viewport, self.draw_panel, self.draw_status, self.draw_menus
-        self.params = window.runner_params(settings, *drawn)
+        self.params = window.runner_params(
+            settings,
+            viewport=self.draw_viewport,
+            panel=lambda: self._draw_part("panel", self._draw_panel),
+            status=lambda: self._draw_part("status", self._draw_status),
+            menus=lambda: self._draw_part("menus", lambda: self.menus.draw(self.session)),
+        )
         self._may_leave = False  # without a question
         self.params.callbacks.show_gui = self._begin_frame
         self.params.callbacks.after_swap = self._end_frame
@@ -206,11 +211,6 @@ class Viewer:
         waits = self.clock.is_lights_turn and not self.clock.is_awake
         return waits and not (active or self._is_counted or self.session.light.all_done)
 
-    def _is_due(self, refresh: float) -> bool:
-        """Whether a frame is due while work at rest goes on; without news after `refresh` [s]."""
-        due = self._has_news or time.perf_counter() >= refresh
-        return self.session.light.all_done or (due and not self.clock.is_lights_turn)
-
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
         if not self._ready and self.session.opening is not None:
@@ -230,7 +230,8 @@ class Viewer:
             if self.files.changed_on_disk(time.monotonic()):
                 self._do("reload")
                 break
-            if resting and self._is_due(refresh):
+            due = self._has_news or time.perf_counter() >= refresh
+            if resting and (self.session.light.all_done or (due and not self.clock.is_lights_turn)):
                 break
         if self.clock.slept:
             self.clock.wake()
@@ -269,9 +270,6 @@ class Viewer:
             self.painter.ray_cells.draw(self.viewport)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
 
-    def draw_panel(self) -> None:
-        self._draw_part("panel", self._draw_panel)
-
     def _draw_panel(self) -> None:
         if not self._ready:
             imgui.text_wrapped("The controls appear with the first light that they can change.")
@@ -281,9 +279,6 @@ class Viewer:
         for action in actions:
             self._do(action)
 
-    def draw_status(self) -> None:
-        self._draw_part("status", self._draw_status)
-
     def _draw_status(self) -> None:
         state = ""
         if self._ready and self.session.ready:
@@ -291,9 +286,6 @@ class Viewer:
             if self.session.in_motion or self.viewport.control.is_moving:  # at rest, few new pictures are needed
                 state += f"  ·  {panel.quality.frame_rate(self.frame_seconds.value)}"
         overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
-
-    def draw_menus(self) -> None:
-        self._draw_part("menus", lambda: self.menus.draw(self.session))
 
     def _draw_dialogs(self) -> None:
         """Draw open dialogs and act on their answers."""
@@ -411,8 +403,6 @@ class Viewer:
 
 def is_user_error(problem: BaseException | None) -> bool:
     """Return whether a problem lies in the user's input; any other is a defect, shown in the window."""
-    if problem is None:
-        return False
     return isinstance(problem, (SceneError, UsageError, OSError))
 
 

@@ -93,7 +93,7 @@ def test_units_are_chosen_in_the_panel(hand, viewer, folder):
     assert viewport.picture.units.per_area == "lx" and viewer.session.irradiance is light
     saved_scene.write(folder / "saved.toml", viewer.session.settings)
     assert saved_scene.read(str(folder / "saved.toml")).units == "photometric"
-    assert "--units photometric" in viewer.files.command(viewer.session, viewport)
+    assert "--units photometric" in saved_scene.command_line(viewer.files.settings_now(viewer.session, viewport))
     assert settings_for(viewer.session, "cornell", ()).units is None
     hand.ctx.combo_click("##Units/W\\/m², W\\/m²\\/sr, W")
     hand.ctx.yield_(2)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from imgui_bundle import imgui
 
+from app.cli.saved_scene import command_line
 from app.cli.version import version
 from app.cli.writable import write_whole
 from app.draw.picture_files import next_free, png, screenshot
@@ -100,8 +101,7 @@ def _not_saved(window: Window, problem: Exception, path: str | Path) -> str:
 
 
 def copy_command(window: Window) -> None:
-    command = window.files.command(window.session, window.viewport)
-    imgui.set_clipboard_text(command)
+    imgui.set_clipboard_text(command_line(window.files.settings_now(window.session, window.viewport)))
     without = ", without its edits: save the scene for these" if window.session.edits else ""
     window.log(f"copied the command that opens this view{without}")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 from imgui_bundle import imgui
@@ -183,8 +182,8 @@ def _colour(lamp: LampLevel, base: tuple[float, float, float]) -> LampLevel:
     ui.tip("Colour of the lamp's light. Click for temperature and RGB.")
     if imgui.begin_popup("colour"):
         imgui.push_item_width(14 * imgui.get_font_size())
-        now = _nearest(tuple(shown))
-        changed, kelvin = imgui.slider_float("K", now, COOLEST, HOTTEST, "%.0f", imgui.SliderFlags_.logarithmic)
+        now, flags = kelvin_of(shown), imgui.SliderFlags_.logarithmic
+        changed, kelvin = imgui.slider_float("K", now, COOLEST, HOTTEST, "%.0f", flags)
         if changed:
             lamp = lamp._replace(colour=three(float(f"{c:.9g}") for c in factor(kelvin, base)))
         ui.tip("Colour temperature, from candle to blue sky. The luminance stays.")
@@ -211,11 +210,6 @@ def recoloured(
     # changes below 1e-6 are the field's rounding to float32
     r, g, b = (f if b <= 0 or abs(new - old) < 1e-6 else max(new, 0.0) / b for f, old, new, b in channels)
     return r, g, b
-
-
-@lru_cache(maxsize=64)
-def _nearest(rgb: tuple[float, ...]) -> float:
-    return kelvin_of(rgb)
 
 
 def _flux(lamp: LampLevel, solo: str, k: int, session: Session) -> float:
