@@ -198,11 +198,8 @@ class OpenScene:
             newest: dict[str, Any] = dict(asked[-1])
             if "reflectance" in newest:
                 return Finished(asked[-1], False, finish.darkened)
-            if "brdf" not in newest:
-                newest = {
-                    "reflectance": dict(finish.values).get("reflectance", (0.5,) * 3),
-                    **newest,
-                }  # no textures yet
+            if "brdf" not in newest:  # no textures yet
+                newest = {"reflectance": dict(finish.values).get("reflectance", (0.5,) * 3), **newest}
             comes = any("reflectance" in dict(shown) for shown in values_of(self.settings.edits))  # back, by an undo
             return Finished(tuple(newest.items()), finish.textured or comes, finish.darkened)
         return finish

@@ -77,12 +77,8 @@ class Picture(NamedTuple):
 
 def metadata_of(shot: Shot) -> dict[str, str]:
     """Return the parameters of a ray-cast picture as text entries."""
-    picture = Picture(
-        replace(shot.settings, exposure=shot.exposure),
-        shot.camera,
-        scale=shot.scale,
-        units=UNITS[shot.solver.scene.units],
-    )
+    settings, units = replace(shot.settings, exposure=shot.exposure), UNITS[shot.solver.scene.units]
+    picture = Picture(settings, shot.camera, scale=shot.scale, units=units)
     return picture.metadata(snapshot_of(shot.solver, RestWork(shot.solver, time.perf_counter)))
 
 

@@ -232,7 +232,7 @@ def _names(lights: Sequence[PhotometricLight]) -> str:
 def _polar(light: PhotometricLight) -> str:
     """Return a polar diagram as SVG: C0 to C180 in full line, C90 to C270 dashed, gamma 0 downwards."""
     radius, most = 80.0, float(light.intensity.max())
-    scale = luminance(np.array(light.flux)) / _flux(light)
+    scale = luminance(np.array(light.flux)) / flux_of(light.gammas_degrees, light.planes_degrees, light.intensity)
     lines = [f"<circle cx='100' cy='100' r='{radius * k / 4:.0f}' fill='none' stroke='#ccc'/>" for k in range(1, 5)]
     lines += [f"<line x1='100' y1='100' x2='{100 + radius * math.sin(t):.1f}' y2='{100 + radius * math.cos(t):.1f}' "
               "stroke='#ddd'/>" for t in np.radians(np.arange(0, 360, 30))]  # fmt: skip
@@ -249,10 +249,6 @@ def _polar(light: PhotometricLight) -> str:
     return f"<svg viewBox='0 0 200 200' width='200'>{''.join(lines)}{top}</svg>"
 
 
-def _flux(light: PhotometricLight) -> float:
-    return flux_of(light.gammas_degrees, light.planes_degrees, light.intensity)
-
-
 # The rest ---------------------------------------------------------------------------------------------
 
 
@@ -265,9 +261,8 @@ def _materials(c: Content) -> str:
     rho, rows = luminance(np.concatenate([*of_faces])), []
     for k in np.unique(of):
         m, faces = scene.materials[k], of == k
-        kind = (
-            "pane" if m.pane else "lamp" if max(m.emission) > 0 else "model" if m.brdf else "gloss" if m.gloss else ""
-        )
+        kinds = {"pane": m.pane, "lamp": max(m.emission) > 0, "model": m.brdf, "gloss": m.gloss}
+        kind = next((kind for kind, fits in kinds.items() if fits), "")
         rows.append((m.name, f"{np.average(rho[faces], weights=s.areas[faces]):.2f}", kind))
     return _table(("material", "reflectance", ""), rows)
 

@@ -222,11 +222,8 @@ class Session(OpenScene):
         self.light.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
         self._dim()
-        if (
-            self._to_apply
-            and not self.motion.dragging
-            and (not editing or self.clock() - self.requests.changed_at >= SETTLE)
-        ):
+        settled = not editing or self.clock() - self.requests.changed_at >= SETTLE
+        if settled and self._to_apply and not self.motion.dragging:
             self._apply()
         self.motion.playing &= not self.light.move_failed
         if self.motion.playing and not self.motion.dragging:

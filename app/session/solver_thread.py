@@ -346,9 +346,9 @@ class SolverThread:
     def _begin_show(self) -> bool:
         """Begin to copy the parts of the method that are due; return False if none are."""
         parts, had = self._parts, self.method
-        if parts is None or (
-            had is not None and (had.parts, id(had.irradiance)) == (parts, id(self.snapshot.irradiance))
-        ):
+        if parts is None:
+            return False
+        if had is not None and had.parts == parts and had.irradiance is self.snapshot.irradiance:
             return False
         self._begin(Show(parts))
         return True

@@ -31,16 +31,13 @@ def box(text: str, x: float, y: float, centred: bool = False, right: bool = Fals
 
 
 def write(
-    text: str,
-    x: float,
-    y: float,
-    colour=theme.TEXT,
-    centred: bool = False,
-    right: bool = False,
-    room: float | None = None,
+    text: str, x: float, y: float, colour=theme.TEXT, centred=False, right=False, room: float | None = None
 ) -> None:
-    """Write text on a dark plate, readable on any scene; (x, y) is the upper left corner of the plate, or its centre if
-    `centred`, or its upper right corner if `right`; room: largest width [points]."""
+    """Write text on a dark plate, readable on any scene.
+
+    (x, y): upper left corner of the plate, its centre if `centred`, upper right if `right`; room: largest width
+    [points].
+    """
     draw(text, box(text, x, y, centred, right, room), colour)
 
 

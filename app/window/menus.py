@@ -195,12 +195,9 @@ def draw_help(is_ready: bool, area: tuple[float, float, float, float], is_open: 
     imgui.set_next_window_size_constraints((width, 5 * em), (width, max(h, 5 * em)))
     left = min(max(x + (w - width) / 2, low), low + room - width)
     imgui.set_next_window_pos((left, y + h / 2), imgui.Cond_.appearing, (0.0, 0.5))
-    flags = imgui.WindowFlags_
-    shown, is_open = imgui.begin(
-        "Help###Help",
-        is_open,
-        flags.no_docking | flags.always_auto_resize | flags.no_collapse | flags.no_saved_settings,
-    )
+    F = imgui.WindowFlags_
+    flags = F.no_docking | F.always_auto_resize | F.no_collapse | F.no_saved_settings
+    shown, is_open = imgui.begin("Help###Help", is_open, flags)
     if shown:
         imgui.separator_text("Mouse")
         _table("mouse", MOUSE, em)

@@ -109,14 +109,8 @@ def shown(session: Session) -> Shown:
         fine = None
     if fine is not None:
         side = side._replace(drawn=fine.light.of(side.drawn))
-    return Shown(
-        side,
-        _coming(session, reference, errors),
-        errors,
-        s.reference or errors is not None,
-        recomputed,
-        None if fine is None else fine.meshes,
-    )
+    coming, named = _coming(session, reference, errors), s.reference or errors is not None
+    return Shown(side, coming, errors, named, recomputed, None if fine is None else fine.meshes)
 
 
 def lit(session: Session, shown: Shown) -> LitScene:

@@ -1,9 +1,4 @@
-"""The viewer: one window, one loop: input, light, draw; times of frames; its run, from open to exit code.
-
-run(settings)                       runs until the window is closed
-run(settings, frames=N)             closes N frames after the first picture
-run(settings, screenshot=path)      saves the whole window once all photons are traced, then closes
-"""
+"""The viewer: one window, one loop: input, light, draw; times of frames; its run, from open to exit code."""
 
 from __future__ import annotations
 
@@ -214,10 +209,8 @@ class Viewer:
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
         if not self._ready and self.session.opening is not None:
-            window.wait_for_input(
-                # s; frames of software GL took a seventh of two cores from the compilation
-                0.25 if self.session.opening.phase in COMPILING.values() else 0.05
-            )
+            # frames of software GL took a seventh of two cores from the compilation
+            window.wait_for_input(0.25 if self.session.opening.phase in COMPILING.values() else 0.05)
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
             self.clock.slept = True
@@ -415,7 +408,8 @@ def run(
 ) -> int:
     """Run the window until it closes. Return 0, or 1 if a defect of the program kept the scene from opening.
 
-    open_with: opens scenes in place of Opening.
+    frames: closes so many frames after the first picture; screenshot: saves the whole window, once all photons are
+    traced if `frames` is None, then closes; open_with: opens scenes in place of Opening.
     Raises SceneError, UsageError or OSError for a scene that cannot be used, after closing the window. The command
     line prints the sentence and exits with its code.
     """

@@ -220,10 +220,6 @@ class Viewport:
         """Pin a read-out to the surface under the cursor, and ask for its origins; without one, the next click does."""
         self.pins.add(self.session, self.view, self.pointer.pointed, asks)
 
-    def unpin(self) -> None:
-        """Remove the pin under the cursor, else the last one."""
-        self.pins.remove(self.session, self.view)
-
     def place_at(self, mouse) -> Hit | None:
         """Return the surface under a point of the window; None outside of the picture and where there is none."""
         inside = self.view.camera is not None and self.view.contains(mouse)

@@ -85,8 +85,8 @@ ACTIONS = {
         label="Where light comes from",
     ),
     "unpin": Action(
-        lambda w: w.viewport.unpin(), (K.delete,), "Del", "remove the read-out under the cursor, or the last one",
-        label="Remove read-out",
+        lambda w: w.viewport.pins.remove(w.session, w.viewport.view), (K.delete,), "Del",
+        "remove the read-out under the cursor, or the last one", label="Remove read-out",
     ),
     "export": Action(files.export, label="Export read-outs..."),
     "report": Action(files.report, label="Report..."),

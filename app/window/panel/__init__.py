@@ -1,12 +1,7 @@
 """The panel: settings in, settings out, and the numbers of the frame. It changes nothing itself.
 
-`draw(window, folds)` returns the edited settings and the requested actions: names, or tuples of a name and values. The
-frame compares old and new settings and restarts the first stage that a change affects.
-
-A section is a function (settings, window, actions) -> Settings and a line in SECTIONS. A long one is the `draw` of its
-own file. Sections about the method are in RESEARCH; one switch shows them. A new setting is one entry of a group in
-app/settings.py. Numbers are read from the session (app/session/session.py) and from `session.light.snapshot`, the frame
-on show. Widgets with label and tooltip are in widgets.py.
+`draw(window, folds)` returns the edited settings and the requested actions: names, or tuples of a name and values.
+Sections about the method are in RESEARCH; one switch shows them.
 """
 
 from __future__ import annotations

@@ -142,8 +142,9 @@ def _kind(light: Light | None) -> str:
 
 
 def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> None:
+    speed = ui.SPEED * session.chosen.scene_size
     if isinstance(light, PlacedLight):
-        values, edited, *_ = ui.fields("Position", light.position, ui.SPEED * session.chosen.scene_size, "%.3f")
+        values, edited, *_ = ui.fields("Position", light.position, speed, "%.3f")
         ui.tip("Position [m]: x, y, z. Drag, or double-click to type. In the picture, drag the lamp's mark.")
         _changed(lamp, (("position", three(values)),), edited, actions)
     if isinstance(light, Directed):
@@ -174,9 +175,7 @@ def _light(lamp: LightId, light: Light, session: Session, actions: set[Any]) -> 
         if (cie := _sky_type(light.cie, types)) is not None:
             actions.add(("change light", lamp, (("cie", cie),)))
     if isinstance(light, PhotometricLight):
-        values, edited, *_ = ui.fields(
-            "Size", light.size, ui.SPEED * session.chosen.scene_size, "%.3f m", ("C0", "C90")
-        )
+        values, edited, *_ = ui.fields("Size", light.size, speed, "%.3f m", ("C0", "C90"))
         ui.tip("Sides [m] of the rectangle that shines; 0 and 0: a point.")
         a, b = (max(v, 0.0) for v in values)
         sides = (a, b) if a == b == 0 else (max(a, ui.LEAST_SIDE), max(b, ui.LEAST_SIDE))

@@ -40,8 +40,7 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
     light, chosen = session.light, max(session.chosen.photons, 1)
     _estimator(s, actions)
     now, k = level_of(s, chosen)
-    label = "Quality"
-    changed, new = ui.slider(label, k + 1, 1, len(LEVELS), now)
+    changed, new = ui.slider("Quality", k + 1, 1, len(LEVELS), now)
     if changed:
         level = LEVELS[min(max(new, 1), len(LEVELS)) - 1]
         s = replace(s, photons=photons_of(level, chosen), budget=level.budget)

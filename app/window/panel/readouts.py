@@ -249,23 +249,18 @@ def _numbers(light: SurfaceLight, units: Units, power_of: Power | None, before: 
     n, of_A = light.numbers, {} if before is None else {row[0]: row for row in before.rows()}
     imgui.begin_disabled(not light.is_current)
     for name, value, error, has_unit in light.rows():
-        about = f"{ABOUT[name]} ± is one standard error."
-        ui.number(
-            f"   {LONG_NAMES[name]}", shown(value, error, unit_of(light.surface, units) if has_unit else ""), about
-        )
+        unit = unit_of(light.surface, units) if has_unit else ""
+        ui.number(f"   {LONG_NAMES[name]}", shown(value, error, unit), f"{ABOUT[name]} ± is one standard error.")
         if name in of_A:
-            _, value, error, _ = of_A[name]
-            text = shown(value, error, unit_of(light.surface, units) if has_unit else "")
-            ui.number("      in light A", text, "When Keep as A kept it.")
+            ui.number("      in light A", shown(*of_A[name][1:3], unit), "When Keep as A kept it.")
         if target := judged(light, name, units).strip():
             colour = {PASS: theme.GOOD, FAIL: theme.ERROR}.get(light.verdicts[name], theme.DIM_TEXT)
             ui.wrapped(f"      {target}", colour)
     if power_of is not None and (text := per_100_lux(power_of, light, units)):
         ui.number("   power", text, "Power of all lamps per area of the floor, and per 100 lx of the mean.")
     imgui.end_disabled()
-    state = (
-        "measured at rest" if not light.is_current else "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"
-    )
+    share = "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"
+    state = share if light.is_current else "measured at rest"
     inside = f"{n.left_out} {LEFT_OUT}" if n.left_out else ""
     ui.number("   points", ", ".join(part for part in (str(n.points or ""), inside, state) if part),
               "Points that count, those that do not, and how far measuring is.")  # fmt: skip
