@@ -9,7 +9,6 @@ import argparse
 import datetime
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -153,9 +152,9 @@ def lamp(text: str) -> LampLevel:
 
 def watts(text: str) -> tuple[str, float]:
     name, _, number = text.rpartition("=")
-    with suppress(argparse.ArgumentTypeError):
-        return name, not_negative(number)
-    raise argparse.ArgumentTypeError(f"must be NAME=W, a power of 0 or more, got {text}")
+    values = _numbers(number, not_negative)
+    _require(len(values) == 1, "NAME=W, a power of 0 or more", text)
+    return name, values[0]
 
 
 def pose(text: str) -> tuple[str, tuple[float, ...]]:

@@ -148,7 +148,6 @@ def north_at(degrees: float, up) -> tuple[float, float, float]:
 BULB, SPOT, PANEL, SUN, SKY = "bulb", "spot", "panel", "sun", "overcast sky"
 DAYLIGHT = "sun and sky"
 NEW_DAYLIGHT = Daylight((51.5083, -0.1253), "2026-03-21", 12.0, 0.0, sky=12)  # London, clear
-NEW = (BULB, SPOT, PANEL, SUN, SKY)
 LUMENS = {BULB: 800.0, SPOT: 500.0, PANEL: 3600.0}  # of common LED lamps
 CONE = 15.0, 30.0  # degrees from the axis of a new spot
 DROP = {BULB: 0.15, SPOT: 0.02, PANEL: 0.01}  # of that height, below the ceiling
@@ -167,7 +166,7 @@ class Room(NamedTuple):
 
 
 def new_light(kind: str, room: Room) -> Values:
-    """Return the values of a new light of a kind of NEW."""
+    """Return the values of a new light: BULB, SPOT, PANEL, SUN or SKY."""
     sunlight, skylight = 50_000.0, 10_000.0  # [lx] on a facing plane, and under an overcast sky
     east, north, up = frame_of(room.up)
     down = rounded(-up)

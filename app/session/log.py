@@ -24,11 +24,10 @@ class Log:
         self.entries: deque[LogEntry] = deque(maxlen=200)
 
     def __call__(self, text: str, level: str = INFO) -> None:
-        line = one_line(text)
-        if self.entries and self.entries[-1][:2] == (level, line):  # an error in every frame is one entry
-            self.entries[-1] = LogEntry(level, line, time.monotonic())
-            return
-        self.entries.append(LogEntry(level, line, time.monotonic()))
+        entry = LogEntry(level, one_line(text), time.monotonic())
+        if self.last is not None and self.last[:2] == entry[:2]:  # an error in every frame is one entry
+            self.entries.pop()
+        self.entries.append(entry)
 
     def error(self, doing: str, problem: BaseException) -> None:
         """Log an error as one line, without a traceback."""

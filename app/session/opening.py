@@ -161,7 +161,7 @@ class Opening:
         self.phase, self.detail, self.fraction = LOADING, self._name, None
         before = self._before
         solver = make_solver(scene, self.settings, None if before is None else before.results())
-        meshes = self._drawn(solver.model, None if before is None else before.opened.solver.model)
+        meshes = self._drawn(solver.model)
         static = solver.frame_light.static
         if solver.light == "best" and static.gathered is None:
             static.gathered = StaticStore(solver.model, solver.seed).load()  # shown if it has less error than photons
@@ -176,15 +176,14 @@ class Opening:
         self.warnings += problems
         return Opened(self.settings.with_method_of(solver), solver, versions, meshes)
 
-    def _drawn(self, model: Model, earlier: Model | None) -> tuple[DrawMesh, ...]:
+    def _drawn(self, model: Model) -> tuple[DrawMesh, ...]:
         """Return the draw meshes of a model: those of the scene on show where they are the same."""
-        before = None
-        if earlier is not None:
-            shown = self._before.opened
-            if model.surfaces is earlier.surfaces and np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
-                return shown.meshes
-            before = earlier, shown.meshes
-        return meshes_of(model, before)
+        if self._before is None:
+            return meshes_of(model)
+        meshes, earlier = self._before.opened.meshes, self._before.opened.solver.model
+        if model.surfaces is earlier.surfaces and np.array_equal(model.lamp_of_face, earlier.lamp_of_face):
+            return meshes
+        return meshes_of(model, (earlier, meshes))
 
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:

@@ -64,6 +64,7 @@ def set_style() -> None:
         C.title_bg: WINDOW,
         C.title_bg_active: FRAME,
         C.check_mark: ACCENT,
+        C.checkbox_selected_bg: FRAME,
         C.slider_grab: grab,
         C.slider_grab_active: (0.680, 0.500, 0.250),
         C.button: FRAME,
@@ -82,7 +83,5 @@ def set_style() -> None:
         C.scrollbar_bg: clear,
         C.text_selected_bg: (*ACCENT, 0.35),
     }
-    if hasattr(C, "checkbox_selected_bg"):
-        colours[C.checkbox_selected_bg] = FRAME
     for which, colour in colours.items():
         style.set_color_(which, colour if len(colour) == 4 else (*colour, 1.0))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from app.window.actions.objects import reset_poses
+from app.window.panel.widgets import with_field
 from app.window.parts import Window
 from gi_core.estimators import ESTIMATORS
 
@@ -42,8 +42,7 @@ def cancel(window: Window) -> None:
 def toggle(field: str, window: Window) -> None:
     """Switch a field of the settings."""
     settings = window.session.settings
-    change: dict[str, Any] = {field: not getattr(settings, field)}
-    window.session.want(replace(settings, **change))
+    window.session.want(with_field(settings, field, not getattr(settings, field)))
 
 
 def meter(window: Window) -> None:

@@ -50,8 +50,7 @@ def caption(point: MeasuredPoint) -> str:
 
 def limits(values: list[float]) -> tuple[float, float]:
     """Return the ends of a logarithmic axis around all values."""
-    low, high = min(values) / 2, max(values) * 2
-    return low, high
+    return min(values) / 2, max(values) * 2
 
 
 def _axes(points: tuple[MeasuredPoint, ...]) -> None:

@@ -57,7 +57,10 @@ def draw(s: Settings, window: Window, actions: set[str]) -> Settings:
               "Mean error of irradiance against an unbiased reference, relative to the mean irradiance. Places "
               "brighter than the view count less.")  # fmt: skip
     imgui.end_disabled()
-    _draw_status(session)
+    status = status_of(session)
+    ui.number("Light", status.text, ERROR)
+    imgui.progress_bar(status.fraction, (-1, 0.35 * imgui.get_font_size()), "")
+    ui.tip("Photons, then paths, until the light has converged. A drag interrupts and keeps them.")
     return s
 
 
@@ -144,11 +147,3 @@ def frame_rate(seconds: float) -> str:
         return ""
     rate = 1 / seconds
     return f"{rate:.{0 if rate >= 10 else 1}f} frames/s"
-
-
-def _draw_status(session: Session) -> None:
-    """Write the status, with a progress bar below."""
-    status = status_of(session)
-    ui.number("Light", status.text, ERROR)
-    imgui.progress_bar(status.fraction, (-1, 0.35 * imgui.get_font_size()), "")
-    ui.tip("Photons, then paths, until the light has converged. A drag interrupts and keeps them.")
