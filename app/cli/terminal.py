@@ -43,19 +43,13 @@ class _Printable:
 
     def write(self, text: str) -> int:
         encoding = self._stream.encoding or "utf-8"
-        lines = text if text == "\r" else "\n".join(map(_printable, text.split("\n")))
+        lines = text if text == "\r" else "\n".join(map(printable, text.split("\n")))
         return self._stream.write(lines.encode(encoding, "backslashreplace").decode(encoding))
-
-
-def _printable(text: str) -> str:
-    if text.isprintable():
-        return text
-    return printable(text)
 
 
 def say(lines: Iterable[str]) -> None:
     """Print lines; line breaks of names are escaped, so that no file can add a line."""
-    print("\n".join(map(_printable, lines)))
+    print("\n".join(map(printable, lines)))
 
 
 def guarded(run: Callable[[], int]) -> int:

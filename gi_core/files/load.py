@@ -26,6 +26,7 @@ from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file, 
 from gi_core.files.formats.shapes import Shape, shape_mesh
 from gi_core.files.formats.toml_file import UP, MobileEntry, SceneFile, StaticEntry, read_scene_file, up_of
 from gi_core.geometry.mesh_parts import join, with_meshes
+from gi_core.geometry.surfaces import tables_of
 from gi_core.geometry.tessellation import check_edge, tessellate
 from gi_core.lights.daylight import daylit
 from gi_core.scene.errors import SceneError, named, shown, utf8
@@ -140,7 +141,7 @@ def _described(loading: Loading, up) -> Scene:
     for entry in file.mobiles:
         scene = _with_entry(loading, cache, entry, scene)
     check_used(file.materials, {m.name for m in scene.materials})
-    _check_models(scene.materials, where)
+    tables_of(replace(scene, name=where))
     return daylit(scene, file.daylight, where) if file.daylight else scene
 
 
@@ -203,16 +204,6 @@ def _check_dark(mesh: Mesh, materials: list[Material], where: str) -> None:
                 f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
                 f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
             )
-
-
-def _check_models(materials: Iterable[Material], where: str) -> None:
-    """Raise SceneError for a material whose model would reflect more light than arrives."""
-    for m in materials:
-        if m.brdf:
-            try:
-                tabulate(m.brdf, m.scaled)
-            except ValueError as error:
-                raise SceneError(f'{where}: material "{m.name}": {error}') from None
 
 
 # What it leaves open --------------------------------------------------------------------------------

@@ -78,8 +78,10 @@ def with_gloss_classes(scene: Scene) -> Scene:
         return scene
     out = list(scene.materials)
     scene = with_meshes(scene, lambda mesh: _classed(mesh, scene.materials, out))
-    worn = [m if m.varied is None else _mixed(m, np.ones(1), _even(m, 1), np.array([m.reflectance])) for m in out]
-    return replace(scene, materials=tuple(worn))
+    for k, m in enumerate(out):
+        if m.varied is not None:
+            out[k] = _mixed(m, np.ones(1), np.array([m.varied.means]), np.array([m.reflectance]))
+    return replace(scene, materials=tuple(out))
 
 
 def _classed(mesh: Mesh, materials: Sequence[Material], out: list[Material]) -> Mesh:
@@ -120,10 +122,6 @@ def _texels(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:
             out[placed, first:last] = mean_colours(paint, 1.0)[placed][:, channels]
         first = last
     return out
-
-
-def _even(material: Material, faces: int) -> np.ndarray:
-    return np.tile(material.varied.means, (faces, 1))
 
 
 def _differing(material: Material, texels: np.ndarray, base: np.ndarray) -> np.ndarray:
