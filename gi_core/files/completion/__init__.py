@@ -51,7 +51,9 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
         scene, _ = place(scene, index, rays, box, standing)
         standing.append(index)
     if not is_lit(scene, rays):
-        scene = _with_light(scene, rays, box)
+        subject, height = _subject(scene, rays, box)
+        indoors = np.isfinite(height)
+        scene = lamp_below_ceiling(scene, rays, subject, height) if indoors else lamp_in_the_open(scene, rays, box)
         box = useful_box(scene, rays) if bare else box
     return scene, rays, box
 
@@ -86,18 +88,11 @@ def _looking(scene: Scene, rays, box):
     return replace(scene, camera=default_camera(scene, rays, box, subject, indoors)), box
 
 
-def _with_light(scene: Scene, rays, box):
-    """Return the scene with a lamp below the ceiling over the first mobile, or in the open."""
-    subject, height = _subject(scene, rays, box)
-    if np.isfinite(height):
-        return lamp_below_ceiling(scene, rays, subject, height)
-    return lamp_in_the_open(scene, rays, box)
-
-
 def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:
     """Return the place (3,) of the first mobile, or for one, and the headroom [m] above it, inf in the open."""
     if scene.mobiles:
-        stand = stand_of(scene)
+        mobile = scene.mobiles[0]
+        stand = bottom_centre(to_world(mobile.pose, mobile.mesh.vertices), np.array(scene.up))
         return stand, headroom(scene, rays, box, stand)
     size = (1 / 12) * box.size  # height of the object that a scene without mobiles is shown for
     spot = floor_spot(replace(scene, camera=None), rays, box, Column(size, size / 2))
@@ -244,9 +239,3 @@ def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) ->
 def _radiance(scene: Scene) -> float:
     """Return the radiance of a default lamp, or its luminance, in the units of the file."""
     return RADIANCE * (LUMENS_PER_WATT if scene.units == "photometric" else 1.0)
-
-
-def stand_of(scene: Scene) -> np.ndarray:
-    """Return the middle of the bottom of the first mobile's box. (3,) [m]."""
-    mobile = scene.mobiles[0]
-    return bottom_centre(to_world(mobile.pose, mobile.mesh.vertices), np.array(scene.up))

@@ -291,7 +291,7 @@ class _Reader:
         specular, glossiness = np.array(old.get("specularFactor", [1, 1, 1])), old.get("glossinessFactor", 1.0)
         if "specularGlossinessTexture" in old:
             name, load = self._image(old["specularGlossinessTexture"].get("index"))
-            image, alpha = (self.images.pixels(name, load, NO_FINISH), self.images.mean_alpha(name, load, NO_FINISH))
+            image, alpha = (self.images.pixels(name, load, NO_FINISH), self.images.mean_alpha(name, load))
             if image is not None:
                 specular, glossiness = specular * self.images.mean(image), glossiness * alpha
             self.notes.append(f'material "{name_of(i, m)}": its gloss is the mean of its specular-glossiness texture')

@@ -102,9 +102,9 @@ class Images:
         pixels = self.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
         return None if pixels is None else Texture(pixels, wrap)
 
-    def mean_alpha(self, name: str, load: Callable[[], bytes], otherwise: str) -> float:
+    def mean_alpha(self, name: str, load: Callable[[], bytes]) -> float:
         """Return the mean of alpha from 0 to 1, 1 for an image without or that cannot be read."""
-        picture = self._picture(name, load, otherwise)
+        picture = self._picture(name, load, NO_FINISH)
         return 1.0 if picture is None or picture.alpha is None else float(picture.alpha.mean()) / 255
 
     def finish(self, name: str, load: Callable[[], bytes], wrap: tuple[str, str], values: str) -> int | None:
