@@ -7,6 +7,7 @@ than it saves. Texture, exposure, tone map and sRGB are applied per fragment.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -300,13 +301,7 @@ class Renderer:
             return False
         self._state()
         key = look.exposure, look.gains, look.cull
-
-        def draw(view: View) -> None:
-            self._draw_scene(look, view)
-
-        def shares(view: View) -> Shares:
-            return self._shares(look, view)
-
+        draw, shares = partial(self._draw_scene, look), partial(self._shares, look)
         picture = View(look.view_projection, look.eye, "ccw", (PLANAR, PROBE), 0.0, targets.size)
         self._mirrors.draw(draw, shares, picture, look.models, min(SAMPLES, self.ctx.max_samples), key)
         return True

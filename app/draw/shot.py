@@ -50,8 +50,7 @@ class Shot:
 
     def refine(self) -> None:
         """Draw with the fine points of the present poses, where its direct light is known."""
-        self.expose()
-        self.scale = self.scale or self.fitted_scale()
+        self.settle()
         if self.paths is not None and not any(mesh.reflectors for mesh in self._meshes):
             return  # but reflections show light at vertices
         *_, self._fine = None, *fine_points_of(self.solver, self._meshes)
@@ -81,8 +80,7 @@ class Shot:
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one fixes the settings left open."""
-        self.expose()
-        self.scale = self.scale or self.fitted_scale()
+        self.settle()
         lit = self.lit
         display = Display(self.exposure, self.settings.tone_map, self.gains, self.scale)
         taken = picture(lit, self.view, display, progress=progress, light=self.pixel_light)
@@ -99,14 +97,14 @@ class Shot:
         if self.exposure is None:
             self.exposure = self.metered()
 
-    def fitted_scale(self) -> Scale | None:
-        """Return the scale of false colours that the settings give or that suits the picture; None: other pictures."""
+    def settle(self) -> None:
+        """Settle exposure and scale of false colours: those of the settings, else those that suit the picture."""
+        self.expose()
         s = self.settings
-        if s.show not in FALSE_COLOURS:
-            return None
-        if (ends := s.false_colour_range) is not None:
-            return fixed_scale(*ends, s.show).with_lines(s.false_colour_lines)
-        return automatic_scale(self._seen(), s.show).with_lines(s.false_colour_lines)
+        if self.scale is None and s.show in FALSE_COLOURS:
+            ends = s.false_colour_range
+            scale = automatic_scale(self._seen(), s.show) if ends is None else fixed_scale(*ends, s.show)
+            self.scale = scale.with_lines(s.false_colour_lines)
 
     def without_isolines(self) -> str:
         """Return why the picture taken has none of the isolines asked for, as a sentence; "": it has, or none are."""

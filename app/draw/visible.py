@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -158,20 +158,12 @@ def _textures(meshes: Sequence[DrawMesh]):
     return textures, np.concatenate(texture), np.concatenate(uv), np.concatenate(emission)
 
 
-def strips(lit: LitScene, world: PictureScene, view: PictureView, tops: Sequence[int] | None = None) -> Iterator[Strip]:
-    """Cast the rays of a picture, strip by strip; tops: first rows, None: all."""
-    rows = _rows(view.width)
-    for top in range(0, view.height, rows) if tops is None else tops:
-        bottom = min(top + rows, view.height)
-        origins, directions = pixel_rays(view, top, bottom)
-        panes: list[Seen] = []
-        seen = visible_faces(lit, lambda hit: (world, hit), origins, directions, view.cull, panes)
-        yield Strip(slice(top, bottom), origins[0], directions, *(*seen, panes))
-
-
-def _rows(width: int) -> int:
-    """Return the rows of a strip."""
-    return max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
+def _cast(lit: LitScene, world: PictureScene, view: PictureView, top: int, bottom: int) -> Strip:
+    """Cast the rays of rows top..bottom of a picture."""
+    origins, directions = pixel_rays(view, top, bottom)
+    panes: list[Seen] = []
+    seen = visible_faces(lit, lambda hit: (world, hit), origins, directions, view.cull, panes)
+    return Strip(slice(top, bottom), origins[0], directions, *(*seen, panes))
 
 
 def draw_strips(
@@ -186,16 +178,17 @@ def draw_strips(
 
     cast: the strips in order, None: rays are to be cast.
     """
-    tops, threads = list(range(0, view.height, _rows(view.width))), lit.model.accelerator.threads
-    for first in range(0, len(tops), threads):
-        progress(tops[first] / view.height)
-        batch = tops[first : first + threads]
+    rows, threads = max(1, RAYS_PER_BATCH // (view.width * len(PIXEL_OFFSETS))), lit.model.accelerator.threads
+    count = -(-view.height // rows)
+    for first in range(0, count, threads):
+        progress(first * rows / view.height)
 
-        def work(_, a, b, first=first, batch=batch):
-            for strip in strips(lit, world, view, batch[a:b]) if cast is None else cast[first + a : first + b]:
-                draw(strip)
+        def work(_, a, b, first=first):
+            for k in range(first + a, first + b):
+                bottom = min((k + 1) * rows, view.height)
+                draw(_cast(lit, world, view, k * rows, bottom) if cast is None else cast[k])
 
-        run_ranges(work, len(batch), threads, 1)
+        run_ranges(work, min(threads, count - first), threads, 1)
 
 
 def pixel_rays(view: PictureView, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ import time
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +45,8 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
     first_frame = time.perf_counter() - prepared
 
     lap = motion.walk(motion.paths_of(solver), step * solver.scene_size, frames)
-    walked = walk(solver, lap, bar)
-    ms, middle = np.array(walked.frames["ms"]), {name: float(np.median(v)) for name, v in walked.frames.items()}
+    of_frames, stages = walk(solver, lap, bar)
+    ms, middle = np.array(of_frames["ms"]), {name: float(np.median(v)) for name, v in of_frames.items()}
     scratch, equal = _from_scratch(solver, bar)
     return {
         "format": FORMAT,
@@ -77,7 +76,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
             "max": float(ms.max()),
             "cpu": middle["cpu ms"],
         },
-        "stages_ms": {name: float(np.median(v)) for name, v in walked.stages.items()},
+        "stages_ms": {name: float(np.median(v)) for name, v in stages.items()},
         "share_cut": middle["cut"] / max(solver.frame.photons, 1),
         "segments": solver.frame.segments,
         "segments_changed": middle["changed"],
@@ -91,15 +90,11 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
     }
 
 
-class Walked(NamedTuple):
-    """Numbers of each frame of a walk."""
+def walk(solver: Solver, lap: list[dict], bar: Bar) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    """Time each pose of `lap`, after an untimed frame at the last one.
 
-    frames: dict[str, list[float]]  # times, counts of photons, segments and receivers
-    stages: dict[str, list[float]]  # ms
-
-
-def walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
-    """Time each pose of `lap`, after an untimed frame at the last one."""
+    Return the numbers of each frame (times, counts of photons, segments and receivers), and its stages [ms].
+    """
     frames, stages = defaultdict(list), defaultdict(list)
     solver.move_all(lap[-1])
     for k, poses in enumerate(lap):
@@ -122,7 +117,7 @@ def walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
             frames[name].append(number)
         for name, seconds in solver.frame.timings.items():
             stages[name].append(1e3 * seconds)
-    return Walked(frames, stages)
+    return frames, stages
 
 
 def _from_scratch(solver: Solver, bar: Bar) -> tuple[float, bool]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.measure import atlas
-from app.measure.atlas import CHAPTERS, discs, estimates, gloss, measured_rows
+from app.measure.atlas import CHAPTERS, discs, estimates, gloss
 from app.measure.atlas import row as atlas_row
 from app.measure.atlas.row import (
     BLACK,
@@ -77,7 +77,7 @@ def measured(monkeypatch):
 
         for module in (atlas_row, estimates, gloss):
             monkeypatch.setattr(module, "solved", fewer)
-        return list(measured_rows(rows))
+        return list(rows())
 
     return measure
 

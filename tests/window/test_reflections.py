@@ -53,7 +53,9 @@ def scene(gloss: Gloss = MIRROR) -> Scene:
 def faces_seen(shot: Shot) -> np.ndarray:
     """Return the face (h, w) that all rays of a pixel see, -1 along edges."""
     lit, view = shot.lit, shot.view
-    strips = visible.strips(lit, visible.place(lit.meshes, lit.at), view)
+    strips: list[visible.Strip] = []
+    visible.draw_strips(strips.append, lit, visible.place(lit.meshes, lit.at), view)
+    strips.sort(key=lambda strip: strip.rows.start)
     rays = np.concatenate([s.face for s in strips]).reshape(view.height, view.width, -1)
     return np.where((rays == rays[..., :1]).all(axis=2), rays[..., 0], -1)
 

@@ -75,7 +75,8 @@ def _group(rows: list[AtlasRow], pictures: Mapping[str, np.ndarray]) -> list[str
     return parts
 
 
-CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or yields several
+Measurement = Callable[[], Iterator[AtlasRow]]
+CHAPTERS: dict[str, tuple[Measurement, ...]] = {
     "Photon maps": (est.borders, est.corners, est.small_surfaces, est.thin_wall),
     "Density estimation on the tangent plane": (
         discs.walls_and_corners, discs.table_leg, discs.curved_inside, discs.larger_than_the_room,
@@ -92,7 +93,7 @@ CHAPTERS: dict[str, tuple[Callable, ...]] = {  # each function returns a row or 
 }  # fmt: skip
 
 
-def atlas(out: Path, chapters: dict[str, tuple[Callable, ...]] = CHAPTERS) -> Path:
+def atlas(out: Path, chapters: dict[str, tuple[Measurement, ...]] = CHAPTERS) -> Path:
     """Measure every row and write index.html into a folder; return its path. Raises OSError."""
     out.mkdir(parents=True, exist_ok=True)
     file = out / "index.html"
@@ -100,7 +101,7 @@ def atlas(out: Path, chapters: dict[str, tuple[Callable, ...]] = CHAPTERS) -> Pa
     return file
 
 
-def _measured(chapters: dict[str, tuple[Callable, ...]]):
+def _measured(chapters: dict[str, tuple[Measurement, ...]]):
     """Return the rows by chapter, and the pictures by key."""
     measured: dict[str, list[AtlasRow]] = {}
     pictures: dict[str, np.ndarray] = {}
@@ -108,18 +109,12 @@ def _measured(chapters: dict[str, tuple[Callable, ...]]):
     with Bar() as bar:
         compile_kernels(bar)
         for k, (title, function) in enumerate(functions):
-            for row in measured_rows(function):
+            for row in function():
                 measured.setdefault(title, []).append(row)
                 bar(f"measuring: {row.key}", k / len(functions))
                 if row.view is not None:
                     pictures[row.key] = picture(row.view)
     return measured, pictures
-
-
-def measured_rows(function: Callable) -> Iterator[AtlasRow]:
-    """Yield the row that a function of CHAPTERS returns, or the rows that it yields."""
-    made = function()
-    yield from (made,) if isinstance(made, AtlasRow) else made
 
 
 def picture(view: View) -> np.ndarray:

@@ -70,7 +70,7 @@ def table_leg() -> Iterator[AtlasRow]:
     )  # fmt: skip
 
 
-def curved_inside() -> AtlasRow:
+def curved_inside() -> Iterator[AtlasRow]:
     """Inside a sphere every tangent disc lies behind the surface: nothing would cross it before its hit.
 
     The concave rule is always on: on its own smooth patch a segment counts up to 2r behind its hit.
@@ -83,7 +83,7 @@ def curved_inside() -> AtlasRow:
         return np.abs(receivers.positions[:, 2]) < 0.7
 
     (m,), (h,) = ratios(hollow, 50_000, [belt], settings, truth=FURNACE)
-    return AtlasRow(
+    yield AtlasRow(
         "concave", "tangent_plane, inside of a sphere: the surface rises through its own disc",
         "0 without the concave rule; 1 with it, which is always on", 1.0, m,
         "on its own smooth patch a segment counts up to 2r behind its hit", h,
@@ -154,14 +154,14 @@ def shadow_edge() -> Iterator[AtlasRow]:
         )  # fmt: skip
 
 
-def lamp_near_a_surface() -> AtlasRow:
+def lamp_near_a_surface() -> Iterator[AtlasRow]:
     """A point light a height h over the floor: the disc's mean of I h / (h² + x²)^1.5, over I / h² at its foot."""
     h, radius = 0.1, 0.2
     lamp = PointLight("lamp", (0, 0, h), (4 * math.pi,) * 3)
     ground = scene(floor(40), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
     coarse, fine = {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.01}
     (m,), (n,) = ratios(ground, 200_000, [near((0, 0, 0))], [coarse, fine], truth=1 / h**2)
-    return AtlasRow(
+    yield AtlasRow(
         "small_lamp", "tangent_plane, radius 0.2 m, at the foot of a point light 0.1 m above",
         "2h² / r² (1 - h / √(h² + r²))", 2 * h * h / radius**2 * (1 - h / math.hypot(h, radius)), m,
         "a radius of a tenth of the height", n, aim=2 * 100 * (1 - 1 / math.hypot(1, 0.1)),

@@ -229,7 +229,7 @@ def blocked_spot():
     return scene(floor(20), (BLACK._replace(reflectance=(0.5,) * 3),), (0, -2.4, 1.8), (0, 0, 0.3), lights, (plate,))
 
 
-def naive_sums() -> AtlasRow:
+def naive_sums() -> Iterator[AtlasRow]:
     """Eq. 2.4 with k nearest: each part is divided by its own circle, so the removed part can exceed the whole."""
     place = blocked_spot()
     solver = solved(place, 20_000, **NEAREST)
@@ -246,7 +246,7 @@ def naive_sums() -> AtlasRow:
     naive = before - lost + gained
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())
     caption = "photon_map as it is done: the spot's red is gone from under the plate, nothing is below 0"
-    return AtlasRow(
+    yield AtlasRow(
         "additive", "photon_map, Eq. 2.4 term by term: E_bg - E(removed) + E(new), red, darkest receiver",
         "below 0: Eq. 2.8 is not additive", 0.0, Number(float(naive[:, 0].min() / before[:, 0].mean())),
         "stale receivers are estimated again from all hits: bits of a solution from scratch", Number(exact), aim=0.0,
@@ -255,7 +255,7 @@ def naive_sums() -> AtlasRow:
     )  # fmt: skip
 
 
-def beside_a_mobile() -> AtlasRow:
+def beside_a_mobile() -> Iterator[AtlasRow]:
     """The foot of a mobile on the floor: the part of a disc that it covers is missing, as beside a wall."""
     glow, grey = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0)), Material("grey", (0.5,) * 3)
     radius, half, gap = 0.1, 0.195, 0.005
@@ -264,7 +264,7 @@ def beside_a_mobile() -> AtlasRow:
     places = near(*[(x, y, 0) for x in (0.3, 0.7) for y in (0.45, 0.55)], *[(x, 0.3, 0) for x in (0.45, 0.55)])
     settings = control_off_and_on(radius)
     (m,), (h,) = ratios(room, 100_000, [places], settings, truth=2 * math.pi)
-    return AtlasRow(
+    yield AtlasRow(
         "mobile_foot", "tangent_plane without control, on the floor 5 mm beside a mobile 3 mm high",
         "the share of the disc that the mobile leaves free", 1 - beyond(gap, radius), m,
         "artifact control: regions follow mobiles, frame by frame", h,

@@ -122,7 +122,7 @@ def noise() -> Iterator[AtlasRow]:
         )  # fmt: skip
 
 
-def grazing() -> AtlasRow:
+def grazing() -> Iterator[AtlasRow]:
     """Views closer to the surface than a cosine of GRAZING divide by GRAZING: radiance is too small."""
     alpha, view = 0.3, 89.0
     _, f, weights = lobe_at(alpha, view)
@@ -133,7 +133,7 @@ def grazing() -> AtlasRow:
         return (float((seen[0] * count).sum() / count.sum()) * math.pi / float(weights @ f),)
 
     (measured,) = over_seeds(run, SEEDS)
-    return AtlasRow(
+    yield AtlasRow(
         "gloss_grazing", f"gloss of alpha {alpha} seen at {view:.0f} degrees under an even sky",
         "masking and 1 / cos are those of cos = 0.05", float(weights @ clamped) / float(weights @ f), measured,
         "none; without the limit single rays near the horizon would be bright dots", within=0.02,
@@ -145,7 +145,7 @@ def _noise(values: np.ndarray) -> float:
     return float(np.std(values, ddof=1) / np.mean(values))
 
 
-def blur() -> AtlasRow:
+def blur() -> Iterator[AtlasRow]:
     """A disc of radius R sees a thin strip at a distance h from all its points: it spreads over R / 2h (standard)."""
     strip_height = 1.0  # of the strip [m]
     satin = Material("satin", (0.2,) * 3, gloss=Gloss((0.04,) * 3, 0.3))
@@ -165,7 +165,7 @@ def blur() -> AtlasRow:
         return (math.sqrt(share @ (slope - mean) ** 2 / share.sum()),)
 
     (measured,) = over_seeds(run, 4)
-    return AtlasRow(
+    yield AtlasRow(
         "gloss_blur", f"a strip lamp {strip_height} m over glossy faces, discs of {RADII * DISC_RADIUS} m",
         "R / 2h: reflected edges are blurred by 2R / h", 0.5 * RADII * DISC_RADIUS / strip_height, measured,
         "a smaller radius; reflections for sharp lobes",
@@ -174,7 +174,7 @@ def blur() -> AtlasRow:
     )  # fmt: skip
 
 
-def shading_normals() -> AtlasRow:
+def shading_normals() -> Iterator[AtlasRow]:
     """Parallel light along the normals of mirrors of metal, whose normals for shading are turned by NORMAL_TURN.
 
     The picture reflects about those, photons are reflected by faces: highlight and caustic lie 2 NORMAL_TURN apart.
@@ -196,7 +196,7 @@ def shading_normals() -> AtlasRow:
         return (math.degrees(angles[np.argmax(seen)] - math.atan2(caustic[0], caustic[2])),)
 
     (measured,) = over_seeds(run, SEEDS)
-    return AtlasRow(
+    yield AtlasRow(
         "gloss_shading_normals",
         f"parallel light on metal whose vertex normals are turned by {NORMAL_TURN:.0f} degrees from its faces",
         "the picture reflects about vertex normals, photons about faces: 2 x the turn", 2 * NORMAL_TURN, measured,
@@ -209,14 +209,14 @@ FIELD_PHOTONS = 100_000
 SATIN = 0.3  # alpha
 
 
-def sharper_than_drawn() -> AtlasRow:
+def sharper_than_drawn() -> Iterator[AtlasRow]:
     """Single rays are drawn with a lobe of LEAST_ALPHA at least: too dim in the middle of a sharper one."""
     alpha = 0.05
     solver = solved(_lit_metal(alpha, 0.0), FIELD_PHOTONS, gloss=LIST)
     rays, row, corner = rays_of(solver)
     seen = radiance_of(solver, rays, row, corner, eye_at(0.0))[:, 1]
     up = np.array([0.0, 0.0, 1.0])
-    return AtlasRow(
+    yield AtlasRow(
         "gloss_sharp", f"parallel light on metal of alpha {alpha}, seen along the normal by single rays",
         f"a lobe of alpha {LEAST_ALPHA}: (alpha / {LEAST_ALPHA})^2", (alpha / LEAST_ALPHA) ** 2,
         Number(float(seen.mean() / ggx_value(alpha, up[None], up, f0=1.0)[0])),

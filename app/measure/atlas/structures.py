@@ -20,7 +20,7 @@ def ray_structures() -> Iterator[AtlasRow]:
     anywhere = _rays(rng.uniform(0, 1, (cast, 3)), rng.normal(size=(cast, 3)))
     at = rng.uniform(0, 1, (SOUP_TRIANGLES, 1, 3))
     soup = np.concatenate([at, at + rng.uniform(-0.02, 0.02, (SOUP_TRIANGLES, 2, 3))], axis=1)
-    yield _row("none", "none", "small triangles anywhere", "every ray tests all triangles", soup, anywhere)
+    yield _row("none", "small triangles anywhere", "every ray tests all triangles", soup, anywhere)
 
     side, middle = 100.0, 47.5  # of a hall, place of a ball on all axes [m]
     dense, walls = ball(0.2), box((0.0,) * 3, (side,) * 3)
@@ -29,27 +29,27 @@ def ray_structures() -> Iterator[AtlasRow]:
     aimed = _rays(start, middle - start)
     where = f"a ball of 0.4 m in a hall of {side:g} m, rays aimed at it"
     theory = "the ball lies in one cell: a ray that enters it tests all of the ball's triangles"
-    yield _row("grid3d", "grid3d", where, theory, np.concatenate(hall), aimed, len(dense.faces))
+    yield _row("grid3d", where, theory, np.concatenate(hall), aimed, len(dense.faces))
 
     tiny = ball(0.002)
     hall = (middle + tiny.vertices)[tiny.faces], walls.vertices[walls.faces]
     where = "a ball of 4 mm in that hall, rays aimed at it"
     theory = "the smallest cells, 12 levels deep, are larger than the ball: one lists all of its triangles"
-    yield _row("octree", "octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), within=len(walls.faces))
+    yield _row("octree", where, theory, np.concatenate(hall), aimed, len(tiny.faces), within=len(walls.faces))
 
     ends = rng.choice([-0.5, 0.5], (SOUP_TRIANGLES, 1, 3))
     slivers = np.concatenate([at, at + ends, at + 1e-3 * rng.normal(size=at.shape)], axis=1)
     mean = float(boxes_crossed(slivers.min(axis=1), slivers.max(axis=1), anywhere).mean())
     theory = "a ray tests each sliver whose box it crosses, and those in the same leaf; an octree divides the slivers"
     # a bvh adds 0.5 of the tests: a leaf holds up to four triangles
-    yield _row("bvh", "bvh", "slivers along diagonals", theory, slivers, anywhere, mean, "octree", 0.5 * mean)
+    yield _row("bvh", "slivers along diagonals", theory, slivers, anywhere, mean, "octree", 0.5 * mean)
 
     along, wide = rng.uniform(0, 0.02, (SOUP_TRIANGLES, 1, 3)), 0.02 * rng.normal(size=(SOUP_TRIANGLES, 1, 3))
     bundle = np.concatenate([along, along + 1, along + 1 + wide], axis=1)
     theory = "planes across an axis cut all of them, but at the ends of the bundle. Boxes of a bvh all overlap"
     # 20 tests that cells at the ends of a bundle add
     where = "a bundle of long triangles along the diagonal"
-    yield _row("bsp", "bsp", where, theory, bundle, anywhere, helper=None, within=20)
+    yield _row("bsp", where, theory, bundle, anywhere, helper=None, within=20)
 
 
 def _rays(origins, directions) -> Rays:
@@ -64,11 +64,11 @@ def _tests(name: str, corners: np.ndarray, rays: Rays) -> Number:
     return Number(run_of(built(name, [mesh]), rays, all_rays=True)().tests)
 
 
-def _row(key, name, where, theory, corners, rays, predicted=SOUP_TRIANGLES, helper="bvh", within=0.0):
+def _row(name, where, theory, corners, rays, predicted=SOUP_TRIANGLES, helper="bvh", within=0.0):
     """Return the row of a structure; helper: a structure that tests fewer, None for none."""
     least = math.log2(len(corners))
     return AtlasRow(
-        f"rays_{key}", f"{name}: {where}", theory, float(predicted), _tests(name, corners, rays),
+        f"rays_{name}", f"{name}: {where}", theory, float(predicted), _tests(name, corners, rays),
         f"`--rays {helper}`" if helper else "none, but shorter triangles (`--max-edge`)",
         _tests(helper, corners, rays) if helper else None, aim=least, within=within,
         aim_within=(2 if helper == "bvh" else 4) * least, quantity="triangles tested per ray",

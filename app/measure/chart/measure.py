@@ -49,15 +49,13 @@ class Walk(NamedTuple):
     cases: list[PoseTruth]
 
 
-class Recorded(NamedTuple):
-    """Frame times and light of one setting."""
+def go(
+    solver: Solver, walk: Walk, photons: int | None = None, paths: int | None = None
+) -> tuple[list[float], list[np.ndarray]]:
+    """Move a solved solver along the walk; only the frame itself is timed.
 
-    ms: np.ndarray  # (frames,) time of each GI frame
-    at_cases: list[np.ndarray]  # (n, 3) [W/m2] at the receivers of each case
-
-
-def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Recorded:
-    """Move a solved solver along the walk; only the frame itself is timed."""
+    Return the time [ms] of each GI frame, and the light (n, 3) [W/m2] at the receivers of each case.
+    """
     ms, by_frame = [], {}
     solver.move_all(walk.lap[-1], photons, paths)
     for k, poses in enumerate(walk.lap):
@@ -67,7 +65,7 @@ def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None
         for case in walk.cases:
             if case.frame == k:
                 by_frame[k] = solver.irradiance[case.rows]
-    return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases])
+    return ms, [by_frame[c.frame] for c in walk.cases]
 
 
 def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[np.ndarray]:
@@ -81,18 +79,6 @@ def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[np.ndarra
                 break
         out.append(solver.irradiance[case.rows])
     return out
-
-
-def row_of(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
-    """Return the columns of a setting: times [ms] and relative errors of `gi_core.geometry.error`."""
-    numbers = {
-        **choice._asdict(),
-        "curve": choice.curve,
-        "frame_ms": float(np.median(seen.ms)),
-        "frame_p95_ms": float(np.quantile(seen.ms, 0.95)),
-        "first_frame_ms": 1e3 * first_frame,
-    }
-    return numbers | errors(seen.at_cases, limit, walk.cases)
 
 
 def errors(light: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[PoseTruth]) -> dict[str, float]:
@@ -210,10 +196,16 @@ class Measurer:
         first = self._prepare_seconds + self._traced[choice.traced] + seconds
         if choice.light == "best":
             first += self._gather_seconds
-        seen = go(solver, walk, *choice.frame)
+        ms, light = go(solver, walk, *choice.frame)
         if choice.rested:
-            seen = seen._replace(at_cases=at_cases(solver, walk, self.effort.gathered_seconds))
-        return row_of(choice, seen, limit, walk, first)
+            light = at_cases(solver, walk, self.effort.gathered_seconds)
+        times = {
+            "curve": choice.curve,
+            "frame_ms": float(np.median(ms)),
+            "frame_p95_ms": float(np.quantile(ms, 0.95)),
+            "first_frame_ms": 1e3 * first,
+        }
+        return choice._asdict() | times | errors(light, limit, walk.cases)
 
     def trace(self, photons: int) -> None:
         """Trace photons up to a number, with the cheapest estimator."""
