@@ -21,7 +21,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import length
 from gi_core.display.dilation import Drawn
 from gi_core.display.fine_points import FinePoints
-from gi_core.display.pixel_light import LOG2_SET, TILE, PixelLight, Sites, alike, around, group, spans, start_rays
+from gi_core.display.pixel_light import LOG2_SET, TILE, PixelLight, Sites, around, group, spans, start_rays
 from gi_core.gather.direct_light import Places
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.geometry.error import luminance
@@ -46,12 +46,22 @@ class PixelSites(NamedTuple):
     threads: int
     strips: list[Strip]
 
-    def mean(self, kernel: Callable, values: np.ndarray, *options, pixels: np.ndarray | None = None) -> np.ndarray:
-        """Return means, shaped as `values`, by a kernel of `pixel_light.py` at all sites; pixels: others than these."""
+    def each(self, kernel: Callable, values: np.ndarray, *options) -> np.ndarray:
+        """Return numbers, shaped as `values`, by a kernel of `pixel_light.py` at all sites."""
         out, places = np.empty_like(values), self.places
-        of = self.pixels if pixels is None else pixels, places.key, places.turn(0), places.normal, values, *options
+        of = self.pixels, places.key, places.turn(0), places.normal, values, *options
         run_ranges(lambda _, a, b: kernel(*of, a, out[a:b]), len(out), self.threads, 1 << 12)
         return out
+
+    def mean(
+        self, values: np.ndarray, radius: int, width: np.ndarray | None = None, at: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return means (n, c) of values (n, c) over the sites around, see around(); width None: of equal weight.
+
+        at (n, d): None: places of the sites [m].
+        """
+        at = self.places.turn(0) if at is None else np.ascontiguousarray(at)
+        return self.each(around, values, at, np.full(len(values), np.inf) if width is None else width, radius)
 
 
 class PixelIrradiance(NamedTuple):
@@ -178,25 +188,21 @@ def _direct(sites: PixelSites, light: PixelLight, report: Report) -> tuple[np.nd
 
     shine(np.arange(n), rays_at_first, "direct light")
     per = 1 / np.maximum(whole, 1e-300)
-    span = sites.mean(spans, luminance(E) * per)
+    span = sites.each(spans, luminance(E) * per)
     shine(np.flatnonzero(span * whole > differ * luminance(sites.bounced + E)), rays_at_borders, "borders of shadows")
     # Shares of unblocked light are those of independent rays: stratified ones vary less.
     per = 1 / np.maximum(whole, 1e-300)
     share = np.minimum(luminance(E) * per, 1.0)
     variance = share * (1 - share) / (rays - 1)
-    guide = sites.mean(around, np.stack([share, variance, variance], axis=1), np.full(n, np.inf), 1)
-    of_guide = np.ascontiguousarray(np.stack([guide[:, 0], guide[:, 2]], axis=1))
+    guide = sites.mean(np.stack([share, variance, variance], axis=1), 1)
     values = np.concatenate([E * per[:, None], variance[:, None]], axis=1)
-    smooth = sites.mean(alike, values, of_guide, pixels)
+    smooth = sites.mean(values, pixels, 8 * guide[:, 2], guide[:, :1])  # over sites of a like share, by its noise
     # Pixels have different points on lamps: unblocked light is noisy too, and has no borders of shadows.
-    beside, square, _ = sites.mean(around, np.stack([whole, whole**2, whole], axis=1), np.full(n, np.inf), 1).T
+    beside, square, _ = sites.mean(np.stack([whole, whole**2, whole], axis=1), 1).T
     scatter = np.maximum(square - beside**2, 0.0)
     scatter[scatter < (even_share * beside) ** 2] = 0.0
-    of_guide = np.stack([beside, scatter / 8], axis=1)
-    columns = np.stack([whole, whole, whole, scatter], axis=1)
-    even = sites.mean(alike, columns, of_guide, pixels)
-    E, whole = smooth[:, :3] * even[:, :1], even[:, 0]
-    return E, smooth[:, 3] * whole**2 + luminance(smooth[:, :3]) ** 2 * even[:, 3], near
+    whole, even = sites.mean(np.stack([whole, scatter], axis=1), pixels, scatter, beside[:, None]).T
+    return smooth[:, :3] * whole[:, None], smooth[:, 3] * whole**2 + luminance(smooth[:, :3]) ** 2 * even, near
 
 
 def _gathered(
@@ -212,8 +218,7 @@ def _gathered(
         report("distances", k / n)
         part = slice(k, k + AT_ONCE)
         close[part, 0] = light.closeness(places.at(part), reach[part], rays)
-    everywhere = np.full(n, np.inf)
-    distance = 1 / np.maximum(sites.mean(around, close, everywhere, around_pixel)[:, 0], 1e-300)
+    distance = 1 / np.maximum(sites.mean(close, around_pixel)[:, 0], 1e-300)
     share = np.clip((farthest - distance / sites.edge) / (farthest - nearest), 0.0, 1.0)
     share[near_lamps] = 1.0
     blur = 0.2 * np.minimum(distance, reach)  # [m], over which gathered light is averaged
@@ -238,9 +243,10 @@ def _gathered(
     # Light straight from lamps has borders: it is not averaged, nor is other light with it.
     far_pixels = sites.pixels.copy()
     far_pixels[(far_pixels >= 0) & near_lamps[far_pixels]] = -1
-    smooth = sites.mean(around, added, blur, smooth_pixels, pixels=far_pixels)
+    far = sites._replace(pixels=far_pixels)
+    smooth = far.mean(added, smooth_pixels, 2 * blur**2)
     of = np.stack([luminance(smooth[:, :3]) ** 2, smooth[:, 3], np.zeros(n)], axis=1)
-    square, noisy, _ = sites.mean(around, of, everywhere, smooth_pixels, pixels=far_pixels).T
+    square, noisy, _ = far.mean(of, smooth_pixels).T
     smooth[:, :3] *= np.maximum(1 - noisy / np.maximum(square, 1e-300), 0)[:, None]
     added[~near_lamps] = smooth[~near_lamps]
     direct, noise = np.where(near_lamps[:, None], 0.0, direct), np.where(near_lamps, 0.0, noise)

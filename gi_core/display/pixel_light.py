@@ -312,27 +312,32 @@ def _on_one_surface(start, normal, i, k):
 
 
 @kernel
-def around(pixels, pixel, start, normal, values, reach, radius, first, out):
+def around(pixels, pixel, start, normal, values, at, width, radius, first, out):
     """Write means (m, c) of values (n, c) of sites `first` and following over those around, on the same surface.
 
-    pixels (h, w): the first site of each pixel, -1: none; pixel (n,): of each site; radius: pixels; reach (n,) [m]:
-    standard deviation of weights; the last column: variances, whose weights are squared.
+    pixels (h, w): the first site of each pixel, -1: none; pixel (n,): of each site; radius: pixels. Weights fall with
+    the distance between coordinates at (n, d) as a Gaussian of variance width (n,) / 2; width 0: the site alone. The
+    last column: variances, whose weights are squared.
     """
     h, w = pixels.shape
     last = values.shape[1] - 1
     for k in range(len(out)):
         i = first + k
         y, x = pixel[i] // w, pixel[i] % w
-        total, per = 1.0, -0.5 / max(reach[i] * reach[i], 1e-300)
+        total = 1.0
         for c in range(last + 1):
             out[k, c] = values[i, c]
+        if width[i] <= 0.0:
+            continue
         for v in range(max(y - radius, 0), min(y + radius + 1, h)):
             for u in range(max(x - radius, 0), min(x + radius + 1, w)):
                 j = pixels[v, u]
                 if j < 0 or (u == x and v == y) or not _on_one_surface(start, normal, i, j):
                     continue
-                way = difference(row(start, j), row(start, i))
-                weight = math.exp(per * dot(way, way))
+                apart = 0.0
+                for c in range(at.shape[1]):
+                    apart += (at[j, c] - at[i, c]) * (at[j, c] - at[i, c])
+                weight = math.exp(-apart / width[i])
                 total += weight
                 for c in range(last):
                     out[k, c] += weight * values[j, c]
@@ -356,35 +361,3 @@ def spans(pixels, pixel, start, normal, values, first, out):
                 if j >= 0 and _on_one_surface(start, normal, i, j):
                     low, high = min(low, values[j]), max(high, values[j])
         out[k] = high - low
-
-
-@kernel
-def alike(pixels, pixel, start, normal, light, guide, radius, first, out):
-    """Write means (m, 4) of light (n, 4) of sites `first` and following over those around of a like share of light.
-
-    light: red, green, blue over the unblocked luminance, and the variance of luminance over that. guide (n, 2): mean
-    share of the unblocked light around each site, and the variance of that mean.
-    """
-    h, w = pixels.shape
-    for k in range(len(out)):
-        i = first + k
-        y, x = pixel[i] // w, pixel[i] % w
-        total = 1.0
-        for c in range(4):
-            out[k, c] = light[i, c]
-        if guide[i, 1] <= 0.0:
-            continue
-        for v in range(max(y - radius, 0), min(y + radius + 1, h)):
-            for u in range(max(x - radius, 0), min(x + radius + 1, w)):
-                j = pixels[v, u]
-                if j < 0 or (u == x and v == y) or not _on_one_surface(start, normal, i, j):
-                    continue
-                off = guide[i, 0] - guide[j, 0]
-                weight = math.exp(-0.125 * off * off / guide[i, 1])
-                total += weight
-                for c in range(3):
-                    out[k, c] += weight * light[j, c]
-                out[k, 3] += weight * weight * light[j, 3]
-        for c in range(3):
-            out[k, c] /= total
-        out[k, 3] /= total * total
