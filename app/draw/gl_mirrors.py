@@ -345,16 +345,12 @@ def _clipped(to_clip: np.ndarray, plane: np.ndarray) -> np.ndarray:
     inverse = np.linalg.inv(to_clip)
     side = plane @ inverse
     corner = inverse @ np.array([np.sign(side[0]), np.sign(side[1]), 1.0, 1.0])
-    corner += 3 * (corner - corner[3] * _eye_of(to_clip))
+    rows = to_clip[[0, 1, 3]]  # x, y and w: 0 at the eye, where all rays meet
+    eye = np.append(np.linalg.solve(rows[:, :3], -rows[:, 3]), 1.0)
+    corner += 3 * (corner - corner[3] * eye)
     out = to_clip.copy()
     out[2] = 2 * (to_clip[3] @ corner) / (plane @ corner) * plane - to_clip[3]
     return out
-
-
-def _eye_of(to_clip: np.ndarray) -> np.ndarray:
-    """Return the point (4,) in which all rays of a perspective view meet: x, y and w are 0 there."""
-    point = np.linalg.solve(to_clip[[0, 1, 3], :3], -to_clip[[0, 1, 3], 3])
-    return np.append(point, 1.0)
 
 
 def _quarter_view(centre: np.ndarray, forward, up, near: float) -> np.ndarray:

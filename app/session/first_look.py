@@ -78,10 +78,10 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     levels = np.array(list(settings.levels(names).values()), np.float64).reshape(-1, 3)[: len(names)]
     exposure = scene.defaults.exposure if settings.exposure is None else settings.exposure
     gains = gains_for(model.emitters.total_flux)
-    for light in first_looks(scene, model, levels, size, settings.seed):
+    for drawn, noise in first_looks(scene, model, levels, size, settings.seed):
         if exposure is None:
-            exposure = metered(LitScene(model, poses, levels, meshes, light.drawn), camera, size)
-        yield look._replace(drawn=light.drawn, noise=light.noise, exposure=exposure, gains=gains)
+            exposure = metered(LitScene(model, poses, levels, meshes, drawn), camera, size)
+        yield look._replace(drawn=drawn, noise=noise, exposure=exposure, gains=gains)
 
 
 def run() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,15 +15,12 @@ from gi_core.model import Model
 from gi_core.scene.types import Scene
 
 
-class LookLight(NamedTuple):
-    """Light of a first look at the start poses."""
-
-    drawn: Drawn
-    noise: float  # relative l1, that smoothing has left; nan without light
-
-
-def first_looks(scene: Scene, model: Model, levels: np.ndarray, size: float, seed: int) -> Iterator[LookLight]:
+def first_looks(
+    scene: Scene, model: Model, levels: np.ndarray, size: float, seed: int
+) -> Iterator[tuple[Drawn, float]]:
     """Yield irradiance (R, 3) [W/m2] at the start poses, for pictures, from few paths and then from more.
+
+    With it comes the noise that smoothing has left, relative l1; nan without light.
 
     levels (G, 3): of the lamps; size [m]: of the scene.
     """
@@ -35,12 +31,10 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, size: float, see
     for total in (1 << 18, 1 << 20):  # paths in all: one and four seconds of a core
         paths = min(max(total // max(len(points), 1), 4), 64)
         light = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
-        missed = ~light[0].any(
-            axis=1
-        )  # by all paths: they take the mean of their neighbours, else they are black flecks
+        missed = ~light[0].any(axis=1)  # by all paths: they take the mean of neighbours, else they are black flecks
         for values in light:
             values[missed] = averaged(model.adjacency, values, np.ones(len(values), bool), model.threads)[missed]
         E, error = light
         denoised = denoise(E, error, model.adjacency, seed, model.threads, alike=areas)
         noise, E = denoised.share(areas) * relative_noise(luminance(error), E, areas), denoised.irradiance
-        yield LookLight(dilated(E, dilation.find_static(E[:static]), dilation.find_moved(E, at)), noise)
+        yield dilated(E, dilation.find_static(E[:static]), dilation.find_moved(E, at)), noise

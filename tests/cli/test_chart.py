@@ -10,10 +10,11 @@ import pytest
 from app import __main__ as cli
 from app.measure.chart import measure
 from app.measure.chart.figure import front, styles
-from app.measure.chart.measure import Measurer, Walk, errors, rival_choices, rival_light
+from app.measure.chart.measure import Measurer, Walk, errors, rival_light
 from app.measure.chart.settings import (
     FULL,
     REPORT,
+    RIVAL,
     beside,
     choice_like,
     choices,
@@ -160,7 +161,7 @@ def test_given_settings_are_not_varied():
     given = choices(replace(SMALL, radius=0.02, estimator="tangent_plane"), solver, FULL)
     assert {(c.estimator, c.photons) for c in given} == {("tangent_plane", 8192)}
     assert not any(c.control for c in choices(replace(SMALL, control=False), solver, FULL))
-    assert {c.curve for c in every} | {c.curve for c in rival_choices(FULL.paths)} == set(styles())
+    assert {c.curve for c in every} | {RIVAL} == set(styles())
 
 
 def test_the_truth_has_the_levels_of_the_lamps(small):

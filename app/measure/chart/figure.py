@@ -115,23 +115,17 @@ def _legend(axis, rows: list[dict], about: dict) -> None:
     for curve in curves:
         colour, shape = styles()[curve]
         axis.plot([0.02, 0.10], [y, y], "-" + shape, color=colour, linewidth=2, markersize=7, transform=axis.transAxes)
-        axis.text(0.14, y, _named(curve), color=colour, weight="bold", va="center", transform=axis.transAxes)
+        name = curve + (", no state between frames" if curve == RIVAL else "")
+        axis.text(0.14, y, name, color=colour, weight="bold", va="center", transform=axis.transAxes)
         y -= 0.075
     axis.plot([0.02, 0.10], [y, y], color=BEST, linewidth=8, alpha=0.45, transform=axis.transAxes)
     axis.text(0.14, y, "no setting is both faster and more accurate", va="center", transform=axis.transAxes)
+    poses = "1 pose" if about["poses"] == 1 else f"{about['poses']} poses"
+    shown = {**about, "points": about["asked_points"], "poses": poses}
     notes = [NOTE["of"], NOTE["on"]] + ([NOTE["report"]] if about["scene"] in SCENES else [])
-    axis.text(0.0, y - 0.09, "\n\n".join(n.format(**_plain(about)) for n in notes), size=9, va="top",
+    axis.text(0.0, y - 0.09, "\n\n".join(n.format(**shown) for n in notes), size=9, va="top",
               linespacing=1.35, transform=axis.transAxes)  # fmt: skip
     axis.set(xlim=(0, 1), ylim=(0, 1))
-
-
-def _named(curve: str) -> str:
-    return curve + (", no state between frames" if curve == RIVAL else "")
-
-
-def _plain(about: dict) -> dict:
-    poses = "1 pose" if about["poses"] == 1 else f"{about['poses']} poses"
-    return {**about, "points": about["asked_points"], "poses": poses}
 
 
 def _points(rows: list[dict], curve: str, name: str) -> list[tuple[float, float]]:

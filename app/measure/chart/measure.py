@@ -287,7 +287,8 @@ class Run:
     def measure(self) -> None:
         """Measure every setting, and the rival; failed ones go to `failures`."""
         fixed = 60_000  # photons of about the same time as the fixed cost of a row
-        todo, rival = self.choices, list(rival_choices(self.effort.paths))
+        todo = self.choices
+        rival = [Choice(RIVAL, n, n, 0.0, 0, False, "photons") for n in self.effort.paths]  # n paths per vertex
         walk = self._walk()
         families = (self.measurer.family(tuple(group), walk) for _, group in groupby(todo, key=lambda c: c.family))
         rivals = (self.measurer.rival(choice, walk) for choice in rival)
@@ -317,9 +318,3 @@ class Run:
 def lamps_of(settings: Settings) -> str:
     """Return the levels of lamps that differ from the scene file, by name; "" if none does."""
     return "; ".join(f"{name} {', '.join(f'{c:g}' for c in level)}" for name, level in settings.levels(()).items())
-
-
-def rival_choices(counts: tuple[int, ...]) -> Iterator[Choice]:
-    """Return the rival's settings; `photons` holds its paths per vertex."""
-    for paths in counts:
-        yield Choice(RIVAL, paths, paths, 0.0, 0, False, "photons")

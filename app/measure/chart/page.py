@@ -55,9 +55,10 @@ SOON_ENOUGH = 40.0  # ms: longest frame of the settings in the summary
 
 def write_page(rows: list[dict], about: dict, out: Path) -> None:
     """Write index.html, whole or not at all. Raises OSError."""
+    svg = (out / "chart.svg").read_text(encoding="utf-8")
     parts = [
         f"<p>{escape(_summary(rows, about))}</p>",
-        _inline((out / "chart.svg").read_text(encoding="utf-8")),
+        f"<div class='wide'>{svg[svg.index('<svg') :]}</div>",
         *_report(rows, about),
         f"<p>{escape(notes(about))}</p>",
     ]
@@ -82,10 +83,6 @@ def notes(about: dict) -> str:
         "other photons. Bias is the difference of those from the truth and includes the noise of both. The rival's "
         "times over 4 paths are scaled from 4."
     )
-
-
-def _inline(svg: str) -> str:
-    return f"<div class='wide'>{svg[svg.index('<svg') :]}</div>"
 
 
 REPORT_HEAD = (
