@@ -37,11 +37,11 @@ def as_installed() -> None:
     subprocess.run([sys.executable, "-m", "gi_core.instruments.compile_ahead"], stdout=subprocess.DEVNULL, check=True)
 
 
-def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> dict[str, float]:
+def open_once(what: str, rest: float, lamps: list[str], truth: bool) -> dict[str, float]:
     """Return the CPU seconds of this process at the end of each stage, and more about the first picture.
 
-    rest: CPU seconds of work afterwards, about whose last picture more is then returned; truth: folder of the
-    reference, None: errors are not measured.
+    rest: CPU seconds of work afterwards, about whose last picture more is then returned; truth: whether its
+    error is measured.
     """
     passed: dict[str, float] = {}
 
@@ -81,17 +81,17 @@ def open_once(what: str, rest: float, lamps: list[str], truth: Path | None) -> d
     shown = made.frame_light.static.on_show(made.frame.background)
     areas = made.model.object_receivers.areas[: made.surfaces.receiver_range(0).stop]
     facts = {"photons": made.frame.photons, "seconds": now, "stated": shown and shown.error_at(made.levels, areas)}
-    return passed | facts | {"error": None if truth is None else error_of(made, truth)}
+    return passed | facts | {"error": error_of(made) if truth else None}
 
 
-def error_of(solver, folder: Path) -> float:
+def error_of(solver) -> float:
     """Return the relative l1 error of the picture, without the truth's noise."""
     from app.rest.reference_store import ReferenceStore
     from gi_core.gather.reference_sample import ReferenceSample, draw_by_area
 
     areas = solver.receivers.areas
     rows, times = draw_by_area(np.flatnonzero(areas > 0), areas, 500, 0)
-    store = ReferenceStore(solver.model, solver.poses, rows, 1, folder, times, solver.levels)
+    store = ReferenceStore(solver.model, solver.poses, rows, 1, times, solver.levels)
     *_, reached = store.gather(0.01)
     return ReferenceSample(rows, times, reached.state.mean, reached.noise, 1.0).error(solver.irradiance)
 
@@ -102,7 +102,7 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=3)
     parser.add_argument("--stored", type=float, default=0.0, help="CPU seconds of the session before")
     parser.add_argument("--lamp", action="append", default=[], metavar="NAME=LEVEL")
-    parser.add_argument("--truth", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--truth", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--profile", action="store_true")
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
@@ -111,7 +111,7 @@ def main() -> None:
         return
     if asked.profile:
         profile = cProfile.Profile()
-        profile.runcall(open_once, asked.scenes[0], 0.0, asked.lamp, None)
+        profile.runcall(open_once, asked.scenes[0], 0.0, asked.lamp, False)
         pstats.Stats(profile).sort_stats("cumulative").print_stats(60)
         return
     as_installed()
@@ -120,7 +120,7 @@ def main() -> None:
         os.environ[FOLDER_VARIABLE] = store
         for what in asked.scenes:
             lamps = [word for lamp in asked.lamp for word in ("--lamp", lamp)]
-            measure(what, asked.times, asked.stored, [*lamps, "--truth", str(Path(store) / "truth")])
+            measure(what, asked.times, asked.stored, [*lamps, "--truth"])
 
 
 def measure(what: str, times: int, stored: float, more: list[str]) -> None:

@@ -57,16 +57,13 @@ class Scale(NamedTuple):
     def ticks(self) -> list[float]:
         """Values of the isolines, else round numbers from low to high, and the ends."""
         # Of the scale: least distance of ticks from its ends, and of isolines, for their labels.
-        label, apart = 0.09, 0.06
-        if self.lines:
-            inner, last = [], label - apart
-            for t in self.lines:
-                at = float(self.position(np.array([t]))[0])
-                if last + apart <= at < 1 - label:
-                    inner.append(t)
-                    last = at
-            return [self.low, *inner, self.high]
-        inner = [t for t in self._round_numbers(7) if label < self.position(np.array([t]))[0] < 1 - label]
+        label, apart = 0.09, 0.06 if self.lines else 0.0
+        inner, last = [], label - apart
+        for t in self.lines or self._round_numbers(7):
+            at = float(self.position(np.array([t]))[0])
+            if last + apart <= at < 1 - label:
+                inner.append(t)
+                last = at
         return [self.low, *inner, self.high]
 
     @property

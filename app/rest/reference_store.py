@@ -51,9 +51,9 @@ def reference_folder() -> Path:
 class RecordFile:
     """A NamedTuple of arrays, numbers and records, in a file: an .npz with one array per field."""
 
-    def __init__(self, key: str, folder: Path | None) -> None:
+    def __init__(self, key: str) -> None:
         self.key_text = np.array(key)
-        self.path = (reference_folder() if folder is None else folder) / f"{key}.npz"
+        self.path = reference_folder() / f"{key}.npz"
 
     def read(self, like: Any) -> Any | None:
         """Return the stored record; None without a readable file of this key.
@@ -130,7 +130,7 @@ class StaticStore(RecordFile):
     """The static part's light without mobiles, see `gi_core.gather.static`: one file for any mobiles."""
 
     def __init__(self, model: Model, seed: int) -> None:
-        super().__init__("static-" + digest(FORMAT, model.static_key, int(seed)), None)
+        super().__init__("static-" + digest(FORMAT, model.static_key, int(seed)))
         self._model, self._seed = model, seed
 
     def load(self) -> StaticGather | None:
@@ -159,7 +159,6 @@ class ReferenceStore(RecordFile):
         poses: Mapping[str, Pose] | None = None,
         rows: np.ndarray | None = None,
         seed: int = 0,
-        folder: Path | None = None,
         weights: np.ndarray | None = None,
         levels: np.ndarray | None = None,
     ) -> None:
@@ -176,7 +175,7 @@ class ReferenceStore(RecordFile):
         self.rows = np.arange(len(positions)) if rows is None else np.asarray(rows)
         self.positions, self.normals = positions[self.rows], normals[self.rows]
         self.weights = receivers.areas[self.rows] if weights is None else np.asarray(weights, np.float64)
-        super().__init__(self.key(), folder)
+        super().__init__(self.key())
 
     def load(self) -> ReferenceState | None:
         """Return the stored state; None without a readable file."""

@@ -75,7 +75,9 @@ def test_other_questions_have_other_names():
 def test_an_interrupt_loses_nothing(after, monkeypatch):
     """Stopped by Ctrl+C after some steps and resumed: the bits of an uninterrupted run."""
     monkeypatch.setattr(reference_store, "SAVE_SECONDS", 1e9)
-    whole = list(room(folder=reference_folder() / "other").gather(0.02))[-1]
+    with monkeypatch.context() as patch:
+        patch.setenv(reference_store.FOLDER_VARIABLE, str(reference_folder() / "other"))
+        whole = list(room().gather(0.02))[-1]
     steps = room().gather(0.02)
     for _ in range(after):
         next(steps)
