@@ -402,22 +402,16 @@ class TangentPlane:
                 sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
                 self._intersections.subtract(removed_suffixes, self.radius, *gone, sums)
             for o, segments, sign, to in batches:
-                rows = self.model.surfaces.receiver_range(o)
-                self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)
+                mine = slice(*share(segments.size, part, threads))
+                sums = to[part].of(self.model.surfaces.receiver_range(o))
+                self._accumulate_part(o, rows_of(segments, mine), at, sign, sums)
 
         run_ranges(work, threads, threads, 1)
 
-    def _accumulate_part(
-        self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums, part: int = 0, parts: int = 1
-    ) -> None:
-        """Accumulate one of `parts` shares of a batch. Each thread prepares its own lines: cheaper than waiting."""
-        search = self.searches[o]
-        if not search.parts_share_lines:
-            first, last = share(segments.size, part, parts)
-            segments, part, parts = Segments(*(a[first:last] for a in segments)), 0, 1
+    def _accumulate_part(self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums) -> None:
         if segments.size and len(sums.flux):
             ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
-            search.accumulate(ready, sign, sums, part, parts)
+            self.searches[o].accumulate(ready, sign, sums)
 
 
 def _pieces(batches: list[SegmentBatch]) -> Iterator[list[SegmentBatch]]:
@@ -426,7 +420,7 @@ def _pieces(batches: list[SegmentBatch]) -> Iterator[list[SegmentBatch]]:
     room = PIECE
     for batch in batches:
         for first in range(0, batch.segments.size, PIECE):
-            part = batch._replace(segments=Segments(*(a[first : first + PIECE] for a in batch.segments)))
+            part = batch._replace(segments=rows_of(batch.segments, slice(first, first + PIECE)))
             if part.segments.size > room:
                 yield piece
                 piece, room = [], PIECE

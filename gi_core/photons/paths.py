@@ -66,8 +66,8 @@ class Segments(NamedTuple):
 KEPT, REMOVED, ADDED = range(3)  # kinds of segments: as without mobiles; blocked by one; from there on
 
 
-def rows_of(segments: Segments, rows: np.ndarray) -> Segments:
-    """Return segments by index (m,) or mask (S,)."""
+def rows_of(segments: Segments, rows: np.ndarray | slice) -> Segments:
+    """Return segments by index (m,), mask (S,) or slice."""
     return Segments(*(a[rows] for a in segments))
 
 

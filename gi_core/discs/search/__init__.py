@@ -24,22 +24,15 @@ class Search(Protocol):
     def discs(self) -> Discs:
         """The discs (n) that it was made from, in the object's space. Read by contact handling and instruments."""
 
-    @property
-    def parts_share_lines(self) -> bool:
-        """Whether a share of the work is some discs with all lines (True), or some lines with all discs (False).
-
-        Where False, the estimator prepares only the lines of the share.
-        """
-
     def __init__(self, discs: Discs) -> None:
         """Build over discs; no disc at all is allowed."""
 
-    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+    def accumulate(self, lines: Lines, sign: int, sums: Sums) -> int:
         """Add sign x flux of the lines to the sums of the discs that they cross; return the number of intersections.
 
         lines: (k) segments in the discs' space (`predicate.lines`), zero of them allowed; sign: 1 or -1; sums: int64
-        fixed-point units, one row per disc; part: does this one of `parts` equal shares. Threads call it at the same
-        time, each with its own part and sums. Called by tangent_plane for background and frames.
+        fixed-point units, one row per disc. Threads call it at the same time, each with its own lines and sums.
+        Called by tangent_plane for background and frames.
         """
 
     def summary(self) -> str:

@@ -29,7 +29,6 @@ from gi_core.discs.search.predicate import (
     add_accepted,
     blocks,
     discs_crossed,
-    share,
     to_list,
 )
 from gi_core.photons.flux_sums import Sums
@@ -89,8 +88,6 @@ def discs_in_cells(discs: Discs, rows: np.ndarray, cell_radii: float):
 class DiscIndex:
     """A uniform grid over discs."""
 
-    parts_share_lines = False
-
     def __init__(self, discs: Discs, cell_radii: float | None = None):
         """cell_radii: edge of the cells in disc radii; None: chosen."""
         rows = np.flatnonzero(to_list(discs))
@@ -104,11 +101,8 @@ class DiscIndex:
         self.cells = Cells(low, cell, shape, first)
         self.blocks = blocks(discs, ids)
 
-    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
-        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
-        first, last = share(len(lines.low), part, parts)
-        visits = Visits.of(VISITS)
-        return _accumulate(self.cells, self.blocks, self.discs, lines, first, last, sign, sums, visits)
+    def accumulate(self, lines: Lines, sign: int, sums: Sums) -> int:
+        return _accumulate(self.cells, self.blocks, self.discs, lines, sign, sums, Visits.of(VISITS))
 
     @cached_property
     def discs_a_cell(self) -> float:
@@ -117,9 +111,7 @@ class DiscIndex:
         return float(held.sum()) / max(int((np.diff(self.cells.first) > 0).sum()), 1)
 
     def summary(self) -> str:
-        """Return size and occupancy of the cells, in words."""
-        cells = f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs per occupied cell"
-        return f"disc_index: {cells}"
+        return f"disc_index: cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs per occupied cell"
 
 
 def _half_extents(discs: Discs, pad: float) -> np.ndarray:
@@ -172,7 +164,7 @@ def _axis(o, d, t, low, cell, n):
 
 
 @kernel
-def _accumulate(cells, blocks, discs, lines, first, last, sign, sums, visits):
+def _accumulate(cells, blocks, discs, lines, sign, sums, visits):
     """Three passes over some segments at a time: occupied cells on the line, discs crossed there, sums.
 
     Passes are separate because most of the time is spent waiting for memory. Within one pass the
@@ -184,7 +176,7 @@ def _accumulate(cells, blocks, discs, lines, first, last, sign, sums, visits):
     lx, ly, lz = cells.low[0], cells.low[1], cells.low[2]
     nx, ny, nz = cells.shape[0], cells.shape[1], cells.shape[2]
     n = total = 0
-    for k in range(first, last):
+    for k in range(len(lines.low)):
         ox, oy, oz = row(lines.origin, k)
         dx, dy, dz = row(lines.direction, k)
         # Clip to the inside of the border, slightly enlarged, so that no intersection is lost to rounding.
@@ -209,7 +201,7 @@ def _accumulate(cells, blocks, discs, lines, first, last, sign, sums, visits):
                 visits.low[n], visits.high[n] = a, lines.high[k] if t >= t1 else max(a, np.float32(t))
                 n += 1
                 if n == VISITS:
-                    total += _cross(n, visits, blocks, discs, lines, sign, sums)
+                    total += cross(n, visits, blocks, discs, lines, sign, sums)
                     n = 0
             if t >= t1:
                 break
@@ -223,11 +215,12 @@ def _accumulate(cells, blocks, discs, lines, first, last, sign, sums, visits):
             else:
                 c += jump_z
                 tz += wz
-    return total + _cross(n, visits, blocks, discs, lines, sign, sums)
+    return total + cross(n, visits, blocks, discs, lines, sign, sums)
 
 
 @kernel
-def _cross(visited, visits, blocks, discs, lines, sign, sums):
+def cross(visited, visits, blocks, discs, lines, sign, sums):
+    """Add sign x flux of the lines of some visits to the sums of the discs that they cross; return their number."""
     r2 = discs.radius * discs.radius
     total = n = 0
     for v in range(visited):

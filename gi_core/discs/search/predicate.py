@@ -26,20 +26,13 @@ from gi_core.retrace.cuts import RemovedSuffixes
 LISTED_AT_ONCE = 2048  # candidates listed before they are added
 
 
-@inlined
-def record(log, k, i, centre, normal, lines):
-    """Write the intersection of line k with the disc of receiver i to the log, with the bits of t that decided it."""
-    at = log.count[0]
-    log.count[0] = at + 1
-    if at < len(log.line):
-        log.line[at], log.receiver[at] = k, i
-        log.distance[at] = dot(difference(centre, lines.origin[k]), normal) / dot(lines.direction[k], normal)
-
-
 @kernel
 def add_accepted(n, candidates, blocks, discs, lines, sign, sums):
-    """Add sign x flux of the accepted ones of n candidates (line, entry of blocks); return their number."""
-    total, room = 0, len(sums.log.line)
+    """Add sign x flux of the accepted ones of n candidates (line, entry of blocks); return their number.
+
+    The log gets the bits of t that decided.
+    """
+    total, log = 0, sums.log
     for f in range(n):
         k = candidates[f, 0]
         i, centre, normal = receiver(blocks, candidates[f, 1], lines.direction[k])
@@ -48,8 +41,13 @@ def add_accepted(n, candidates, blocks, discs, lines, sign, sums):
             for c in range(3):
                 sums.flux[i, 3 * lines.lamp[k] + c] += sign * lines.flux[k, c]
             sums.touched[(sums.first + i) >> CHUNK_BITS] = True
-            if room > 0:
-                record(sums.log, k, i, centre, normal, lines)
+            if len(log.line):
+                at = log.count[0]
+                log.count[0] = at + 1
+                if at < len(log.line):
+                    log.line[at], log.receiver[at] = k, i
+                    slope = dot(lines.direction[k], normal)
+                    log.distance[at] = dot(difference(centre, lines.origin[k]), normal) / slope
     return total
 
 

@@ -234,41 +234,30 @@ DISC_BLOCK = DISC_FIELDS * LANES
 
 
 class RayCache:
-    """Spheres over discs in Hilbert order; each part of the work is some blocks of neighbours."""
+    """Spheres over discs in Hilbert order."""
 
-    parts_share_lines = True  # a part is some of the discs, with every line
-
-    def __init__(self, discs: Discs, ordered: bool = True):
-        """ordered: visit the discs along a Hilbert curve, not in the order of the mesh."""
+    def __init__(self, discs: Discs):
         self.discs = discs
         rows = np.flatnonzero(to_list(discs))
-        if ordered:
-            rows = rows[hilbert_order(discs.positions[rows])]
+        rows = rows[hilbert_order(discs.positions[rows])]
         self.spheres = stack_spheres(discs.positions[rows], float(discs.radius))
         filled = np.full(-(-len(rows) // LANES) * LANES, -1)
         filled[: len(rows)] = rows
         self.blocks = blocks(discs, filled)
         self._far = float(np.abs(discs.positions[rows]).max(initial=0.0))
 
-    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
-        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
-        s = self.spheres
-        if not len(s.first):
+    def accumulate(self, lines: Lines, sign: int, sums: Sums) -> int:
+        if not len(self.spheres.first):
             return 0
-        # 8 runs of blocks per share of the work, spread over the receivers because light is uneven
-        count = 8 * parts if parts > 1 else 1
-        bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
-        bounds[0], bounds[-1] = 0, len(s.first)
-        return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, lines, sign, sums)
+        return _accumulate(self.spheres, self._far, self.blocks, self.discs, lines, sign, sums)
 
     def summary(self) -> str:
-        """Return a summary of the structures."""
         deep = int(self.spheres.depth.max(initial=-1)) + 1
         return f"ray_cache: {len(self.spheres.first):,} spheres, stacked {deep} deep"
 
 
 @allocating
-def _accumulate(spheres, bounds, part, parts, far, blocks, discs, lines, sign, sums):
+def _accumulate(spheres, far, blocks, discs, lines, sign, sums):
     low = lines.low
     depths = spheres.depth.max() + 2
     start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
@@ -281,37 +270,20 @@ def _accumulate(spheres, bounds, part, parts, far, blocks, discs, lines, sign, s
         count[0] = min(BATCH, len(low) - batch)
         # rounding of a line's arithmetic, with room: 4e-6 of the distances
         pad = np.float32(4e-6) * (load(lines, batch, batch + count[0], lists) + far)
-        for block in range(part, len(bounds) - 1, parts):
-            part_of = bounds[block], bounds[block + 1]
-            more, lists = _visit(spheres, part_of, pad, lists, stack, candidates, blocks, discs, lines, sign, sums)
-            total += more
+        more, lists = _visit(spheres, pad, lists, stack, candidates, blocks, discs, lines, sign, sums)
+        total += more
     return total
 
 
 @allocating
-def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, lines, sign, sums):
-    """Visit the receivers from the first one of sphere part[0] to that of sphere part[1]; lists may grow."""
-    k, last = part
+def _visit(spheres, pad, lists, stack, candidates, blocks, discs, lines, sign, sums):
+    """Visit all receivers; lists may grow."""
     start, count = lists.start, lists.count
-    first_of, last_of, behind_of, parent, depth, centre, radius = spheres
+    first_of, last_of, behind_of, _, _, centre, radius = spheres
     data, r2 = blocks.data, discs.radius * discs.radius
-    at = first_of[k] if k < len(first_of) else last_of[0]
-    end = first_of[last] if last < len(first_of) else last_of[0]
-    n = total = height = 0
-    # Push the spheres around the first one.
-    while k < last and height < depth[k]:
-        around = k
-        for _ in range(depth[k] - height):
-            around = parent[around]
-        reaches = radius[around] + pad
-        lists = push(lists, np.int64(height), row(centre, around), reaches * reaches)
-        if count[height + 1] == 0:
-            at, k = last_of[around], behind_of[around]
-            break
-        stack[height] = around
-        height += 1
-    while at < end:
-        begins = end if k >= last else first_of[k]
+    n = total = height = at = k = 0
+    while at < last_of[0]:
+        begins = first_of[k] if k < len(first_of) else last_of[0]
         if height > 0:
             # Try the receivers up to where the next sphere begins or the smallest one ends.
             listed, number = lists.data, lists.number
@@ -334,8 +306,6 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, lines, s
             if at >= last_of[stack[height - 1]]:
                 height -= 1
                 continue
-        if k >= last:
-            break
         # Push the next sphere; where nothing passes through it, pass over all that it holds.
         reaches = radius[k] + pad
         lists = push(lists, np.int64(height), row(centre, k), reaches * reaches)

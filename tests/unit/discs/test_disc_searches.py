@@ -4,7 +4,6 @@ origins, coincident discs, tiny and huge radii. Sums are integers, so equal mean
 """
 
 import math
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from gi_core.discs.region import RAYS, WHOLE, Regions
 from gi_core.discs.search import SEARCHES
 from gi_core.discs.search.disc_index import TRIED_CELL_RADII, _downhill, best_cell_radii
 from gi_core.discs.search.predicate import Discs, Lines
-from gi_core.discs.search.ray_cache import RayCache, stack_spheres
+from gi_core.discs.search.ray_cache import stack_spheres
 from gi_core.geometry.receivers import NONE
 from gi_core.model import BEHIND
 from gi_core.photons.flux_sums import Sums
@@ -78,13 +77,9 @@ def case(radius: float) -> SearchCase:
     return SearchCase(discs, lines)
 
 
-def found(search, c: SearchCase, parts: int = 1, sign: int = 1) -> tuple[int, np.ndarray, np.ndarray]:
+def found(search, c: SearchCase, sign: int = 1) -> tuple[int, np.ndarray, np.ndarray]:
     sums = Sums.zeros(COUNT, 3 * LAMPS)
-    count = sum(search.accumulate(c.lines, sign, sums, part, parts) for part in range(parts))
-    return count, sums.flux, sums.touched
-
-
-MADE = {**SEARCHES, "ray_cache_unsorted": partial(RayCache, ordered=False)}
+    return search.accumulate(c.lines, sign, sums), sums.flux, sums.touched
 
 
 @pytest.fixture(params=RADII, scope="module")
@@ -94,16 +89,15 @@ def expected(request) -> tuple[SearchCase, tuple]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", SEARCHES)
 def test_every_search_finds_the_same(name, expected):
     c, (count, flux, touched) = expected
     assert count > 20
-    search = MADE[name](c.discs)
-    for parts in (1, 3):
-        got = found(search, c, parts)
-        assert got[0] == count
-        assert np.array_equal(got[1], flux)
-        assert np.array_equal(got[2], touched)
+    search = SEARCHES[name](c.discs)
+    got = found(search, c)
+    assert got[0] == count
+    assert np.array_equal(got[1], flux)
+    assert np.array_equal(got[2], touched)
     assert np.array_equal(found(search, c, sign=-1)[1], -flux)
 
 
