@@ -13,7 +13,7 @@ from gi_core.base.results import Results, digest
 from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot, length
 from gi_core.bsdf.surface import Diffuse
-from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, without
+from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, open_sides, without
 from gi_core.geometry.receiver_classes import covered_share
 from gi_core.geometry.receivers import NONE, Receivers
 from gi_core.geometry.surfaces import Surfaces, evaluation_points, flatten
@@ -258,6 +258,13 @@ class Model:
         """
         hidden = [self._hidden_edges(o) for o in range(self.surfaces.objects)]
         return without(self.linked, np.concatenate(hidden))
+
+    @cached_property
+    def open_sides(self) -> np.ndarray:
+        """open_sides() (2 F, 3) int32 of the fronts and backs of static faces, numbered face by face."""
+        s, faces = self.surfaces, self.surfaces.face_range(0)
+        corners = np.stack([s.corner_front[faces], s.corner_back[faces]], axis=1)
+        return open_sides(corners.reshape(-1, 3), self.adjacency)
 
     def _hidden_edges(self, o: int) -> np.ndarray:
         """Return edges (k, 2) of object o's faces, as receivers, that its own opaque faces cross just above them."""

@@ -177,7 +177,7 @@ class Radiosity:
         self._model, self._seed = model, seed_of(Stream.RADIOSITY, seed)
         self._starts = positions, normals, model.lifts
         self.weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
-        self._lights = model.lights
+        self._lights, self._open_sides = model.lights, model.open_sides
         self._on_faces: FaceLight | None = None
         shape = len(positions), self._lights.channels
         self._direct = self._direct_variance = np.zeros(shape)
@@ -380,12 +380,25 @@ class Radiosity:
             rays = nearest_past_panes(of, world, at, self._seed, 0, ends.path, origin, direction)
             bounces = BounceHits(*frame, rays.distance, rays.face).past_panes(rays.shares)
             arrive(world, at, lights.area, lights.sky, bounces, ending, total)
+            self._move_to_open_sides(hits, rays.origin, rays.direction, rays.distance)
             _absorb(self._seed, ends.path, rays.shares, hits)
             return total
         limits = np.full(count, far, np.float32)
         met = BounceHits(*frame, *nearest_in_world(of, at, origin, direction, limits))
         arrive(world, at, lights.area, lights.sky, met, ending, total)
+        self._move_to_open_sides(hits, origin, direction, met.distance)
         return total
+
+    def _move_to_open_sides(self, hits: np.ndarray, origin, direction, distance) -> None:
+        """Move hits (n,) on faces that go on under a wall to a side in the open, at the corner that is nearest.
+
+        Receivers at its foot would read light of its other side. Rays: origin, direction (n, 3), distance (n,).
+        """
+        s, rows = self._model.surfaces, np.flatnonzero(hits >= 0)
+        rows = rows[self._open_sides[hits[rows], 0] >= 0]
+        places = origin[rows] + distance[rows, None] * direction[rows]
+        away = s.vertices[0][s.faces[0][hits[rows] >> 1]] - places[:, None]
+        hits[rows] = self._open_sides[hits[rows], (away * away).sum(axis=2).argmin(axis=1)]
 
 
 @kernel

@@ -56,6 +56,22 @@ def among(near: Neighbours, rows: np.ndarray) -> Neighbours:
     return _rows(of[kept], ends[kept], len(rows))
 
 
+def open_sides(corners: np.ndarray, near: Neighbours) -> np.ndarray:
+    """Return for each side of faces with an edge that `near` lacks a side without one at each corner, else -1.
+
+    corners (m, 3) int: receivers of each side, -1: none; result (m, 3) int32, the side itself where there is no other.
+    """
+    n, ends = len(near.first) - 1, corners.astype(np.int64)
+    joined = np.isin(ends * n + ends[:, [1, 2, 0]], np.repeat(np.arange(n) * n, np.diff(near.first)) + near.of)
+    lit = (corners >= 0).all(axis=1)
+    whole, divided = np.flatnonzero(lit & joined.all(axis=1)), np.flatnonzero(lit & ~joined.all(axis=1))
+    at, out = np.full(n, -1, np.int32), np.full(corners.shape, -1, np.int32)
+    at[corners[whole]] = whole[:, None]
+    other = at[corners[divided]]
+    out[divided] = np.where(other >= 0, other, divided[:, None])
+    return out
+
+
 def _rows(row: np.ndarray, of: np.ndarray, n: int) -> Neighbours:
     """Return neighbours `of` (k,) of ascending rows (k,) as a record of n rows."""
     return Neighbours(np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))]), of)

@@ -29,7 +29,7 @@ def truth() -> ReferenceSample:
 def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, truth, monkeypatch):
     """The first and the last light are measured; others may state too much. Few photons do no harm: none count."""
     monkeypatch.setattr(static, "ENOUGH", enough)
-    solver = solve(SCENE, photons=photons, light="best", seed=1)
+    solver = solve(SCENE, photons=photons, light="best", seed=2)
     stated, true = [], []
     for progress in solver.gather_steps():
         g = solver.frame_light.static.gathered

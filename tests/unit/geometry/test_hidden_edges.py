@@ -23,6 +23,22 @@ def test_a_wall_parts_the_floor_under_it(two_sided):
     assert all(min(a[0], b[0]) >= 0.3 or max(a[0], b[0]) <= 0.2 for a, b in links(model, model.adjacency) if a[2] == 0)
 
 
+def test_sides_in_the_open_stand_for_those_under_a_wall():
+    floor, wall = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), (4, 4)), box((0.2, -2, -0.1), (0.3, 2, 1))
+    model = Model(Scene(merge(floor, wall), (grey(0.5),)))
+    s, x = model.surfaces, model.object_receivers.positions[:, 0]
+    sides = model.open_sides.reshape(-1, 2, 3)[:, 0]
+    under = np.flatnonzero(
+        (np.ptp(x[s.corner_front], axis=1) > 0.4) & (x[s.corner_front].min(axis=1) == 0.0) & (s.normals[:, 2] > 0.9)
+    )
+    under = under[np.abs(model.object_receivers.positions[s.corner_front[under], 2]).max(axis=1) == 0.0]
+    assert len(under) == 8 and (sides[np.setdiff1d(np.arange(len(sides)), under)] == -1).sum() > 60
+    for f in under:
+        for corner, other in zip(s.corner_front[f], sides[f] >> 1, strict=True):
+            beyond = x[s.corner_front[other]]
+            assert corner in s.corner_front[other] and (beyond.max() <= 0.2 or beyond.min() >= 0.3)
+
+
 @pytest.mark.parametrize(
     "mesh", [box((0, 0, 0), (1, 1, 1), 4, 0, True), box((0, 0, 0), (1, 1, 1), 3), sphere((3, 0, 0), 1.0)]
 )
