@@ -9,8 +9,9 @@ Order of use: `build()` once; `add_background()` with the next photons and `prep
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from gi_core.discs.search import DEFAULT, Search
 from gi_core.discs.stale_receivers import ControlFacts
 from gi_core.estimators.counting import Counts, Find, Place
 from gi_core.model import Model
-from gi_core.photons.flux_sums import Evaluated, SubsetStore
+from gi_core.photons.flux_sums import BackgroundSums, Evaluated, FrameSums, SubsetStore
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange, Wanted
@@ -62,29 +63,30 @@ def checked(name: str, value, kept=None, where: str = ""):
     return kept if value is None else RULES[name].check(where + name, value)
 
 
-class Estimator(Protocol):
+class Estimator(ABC):
     """An estimate of the light of the photons added so far, under one setting."""
 
     # Facts that are read from the class, before one is made.
     about: str  # one sentence: the tooltip of the panel's combo
     additive: bool  # sums of parts add up to sums of the whole: prepare() costs hardly anything, direct light is apart
-    controlled: bool  # the setting `control` (artifact control) has an effect
-    on_faces: bool  # light is counted by faces: a probe takes that of the face beneath it
-    smoothing: str | None  # the field of Setting that trades noise for bias, "radius" or "neighbours"
+    controlled = False  # the setting `control` (artifact control) has an effect
+    on_faces = False  # light is counted by faces: a probe takes that of the face beneath it
+    smoothing: str | None = None  # the field of Setting that trades noise for bias, "radius" or "neighbours"
 
-    # Facts about the photons added and about the last frame.
-    photons: int  # photons that the last prepare() covered; 0 before
-    subsets: SubsetStore  # photon subsets that evaluate() and background() accept
-    control_facts: ControlFacts  # receivers under correction; zeros if there are none
-    searches: list[Search]  # over the discs of each object, static part first; empty without discs or before build()
+    def __init__(self, model: Model, setting: Setting) -> None:
+        """Hold a scene and a setting; work that takes long belongs into build()."""
+        self.model = model
+        self.photons = 0  # that the last prepare() covered
+        self.subsets = SubsetStore()  # photon subsets that evaluate() and background() accept
+        self.control_facts = ControlFacts(0.0, 0, 0)  # receivers under correction in the last frame
+        self.searches: list[Search] = []  # over the discs of each object, static part first; none before build()
 
     @property
     def bytes_per_hit(self) -> int:
         """Bytes stored per path vertex besides the path itself. The solver bounds photons by free memory with it."""
+        return 0
 
-    def __init__(self, model: Model, setting: Setting) -> None:
-        """Hold a scene and a setting; work that takes long belongs into build()."""
-
+    @abstractmethod
     def copied(self, model: Model, setting: Setting) -> Self:
         """Return a copy of all that was added, for a model of the same static part and for the same setting.
 
@@ -94,22 +96,26 @@ class Estimator(Protocol):
     @staticmethod
     def summary(setting: Setting) -> str:
         """Return the settings that change its light, in words; "" for none. Shown by chart."""
+        return ""
 
-    def build(self) -> None:
+    def build(self) -> None:  # noqa: B027
         """Build the structures that do not depend on photons."""
 
+    @abstractmethod
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add segments (k) of the next photons, traced through the static part alone.
 
         Several threads call it at the same time, each with its own number; in any order of the photons.
         """
 
+    @abstractmethod
     def prepare(self, photons: int) -> None:
         """Estimate static receivers from all that was added, the first `photons`, and keep it in `subsets`.
 
         A call that is broken off at a pause may be begun again.
         """
 
+    @abstractmethod
     def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) float64 [m2] of static receivers, of a photon subset.
 
@@ -122,7 +128,9 @@ class Estimator(Protocol):
 
         mobiles: whether receivers on mobiles are estimated; False where they are path traced.
         """
+        return Wanted.changes(self.model, mobiles)
 
+    @abstractmethod
     def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return sums (R, 3 G), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
 
@@ -130,15 +138,45 @@ class Estimator(Protocol):
         on the next one.
         """
 
+    @abstractmethod
     def counted(self, place: Place, find: Find) -> Counts:
         """Return the segments that count at a receiver in the last frame, by a rule that `find` applies to all.
 
         The window draws it. Flux and area of these segments are those of the estimate there.
         """
 
+    @abstractmethod
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
         """Return the sums from all current segments, whole photons per part; evaluate() must equal them bit for bit.
 
         direct: as for background().
         Tests and `bench` compare the two. It uses nothing that was added.
         """
+
+
+class AdditiveEstimator(Estimator):
+    """An estimator whose sums are those of the background plus changes, over areas that photons do not change."""
+
+    additive = True
+
+    def __init__(self, model: Model, setting: Setting, area: np.ndarray) -> None:
+        """area (R,) float64 [m2]: of the receivers."""
+        super().__init__(model, setting)
+        self.area, self._static = area, model.surfaces.receiver_range(0).stop
+        channels, threads = model.emitters.lamps.channels, model.threads
+        self._background = BackgroundSums(self._static, channels, threads)
+        self.subsets = self._background.subsets
+        self._frame = FrameSums(len(area), channels, self._static, threads)
+
+    def copied(self, model: Model, setting: Setting) -> Self:
+        other = type(self)(model, setting)  # type: ignore[call-arg]  # subclasses know the area
+        other._background, other.photons = self._background.copied(model.threads), self.photons
+        other.subsets = other._background.subsets
+        return other
+
+    def prepare(self, photons: int) -> None:
+        self._background.store(photons)
+        self.photons = photons
+
+    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        return self._background.of(photons, direct), self.area[: self._static]

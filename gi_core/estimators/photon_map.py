@@ -27,17 +27,16 @@ from gi_core.base.jit import kernel
 from gi_core.base.pause import pieces
 from gi_core.base.threads import COSTLY, run_ranges
 from gi_core.base.vec import cell_of, difference, dot
-from gi_core.discs.search import Search
 from gi_core.discs.stale_receivers import ControlFacts
-from gi_core.estimators.base import Setting
+from gi_core.estimators.base import Estimator, Setting
 from gi_core.estimators.counting import Counts, Find, Place, circle, ends
 from gi_core.geometry.receivers import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, SubsetStore, chunks_of
-from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, build_from, gather, hits_of
+from gi_core.photons.hit_grid import OTHER_SIDE, HitGrid, Hits, Nearest, build, gather, hits_of, room_for_hits
 from gi_core.photons.paths import ADDED, KEPT, Segments, rows_of
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import PoseChange, Wanted
+from gi_core.retrace.cuts import PoseChange
 from gi_core.scene.pose import to_world_at
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
@@ -54,34 +53,30 @@ class _Prepared(NamedTuple):
     cut_bounce: np.ndarray  # (photons,) int32, NEVER except while a frame is computed
 
 
-class PhotonMap:
+class PhotonMap(Estimator):
     """The estimator of the module; `radius` [m] bounds the search, `k` is the number of hits."""
 
     about = "Photon Maps (Jensen 2001): the k nearest hits, no farther than the radius."
-    additive, controlled, on_faces = False, False, False
-    smoothing: str | None = "neighbours"
+    additive, smoothing = False, "neighbours"
     bytes_per_hit = 96  # each hit is stored twice: as added, and sorted
 
     def __init__(self, model: Model, setting: Setting):
+        super().__init__(model, setting)
         self._channels = model.emitters.lamps.channels
-        self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, setting.textbook
+        self.radius, self.k, self.textbook = setting.radius, setting.neighbours, setting.textbook
         # The share of a disc that the surface covers; where it is below 1, the side on which hits count.
-        self._share, self._side = np.ones(len(model.object_receivers.areas)), None
-        if setting.border_correction:
-            self._share = model.covered_share
+        whole = np.ones(len(model.object_receivers.areas))
+        self._share = model.covered_share if setting.border_correction else whole
         self._side = np.where(self._share < 1, model.receiver_sides, NONE).astype(np.int32)
         self.control_facts = ControlFacts(float((self._share < 1).mean()) if len(self._share) else 0.0, 0, 0)
-        self.stale = 0
-        self.searches: list[Search] = []
         self._parts: list[Hits] = []
-        self.photons = 0
-        self.subsets = SubsetStore()  # of _Prepared
         self._static = model.surfaces.receiver_range(0)
         points, normals = self._receivers(model.static, self._static)
-        self._receiver_grid = build(_as_hits(points, normals), self.radius)
+        # Receivers as hits; `photon` is the receiver's index.
+        as_hits = room_for_hits(len(points))._replace(position=points, normal=normals, photon=np.arange(len(points)))
+        self._receiver_grid = build([as_hits], self.radius)
 
     def copied(self, model: Model, setting: Setting) -> PhotonMap:
-        """Return a copy of all that was added, for a model of the same static part."""
         other = PhotonMap(model, setting)
         other._parts, other.photons = list(self._parts), self.photons
         kept = {n: p._replace(cut_bounce=np.full_like(p.cut_bounce, NEVER)) for n, p in self.subsets.items()}
@@ -92,19 +87,14 @@ class PhotonMap:
     def summary(setting: Setting) -> str:
         return f"k {setting.neighbours}" + (", as in textbooks" if setting.textbook else "")
 
-    def build(self) -> None:
-        """Nothing to build; prepare() indexes the hits."""
-
     def add_background(self, segments: Segments, thread: int) -> None:
-        """Add the hits of background segments. Thread safe."""
         self._parts.append(self._hits(segments, self.model.static))
 
     def prepare(self, photons: int) -> None:
-        """Index all hits added, those of the first `photons`, and estimate static receivers."""
-        grid = build_from(list(self._parts), CELL_SHARE * self.radius)
+        grid = build(self._parts, CELL_SHARE * self.radius)
         uncut = np.full(max(photons, 1), NEVER, np.int32)
         points, normals = self._receivers(self.model.static, self._static)
-        nothing = build(_joined([]), self.radius)
+        nothing = build([], self.radius)
         estimates = []
         for rows in pieces(len(points)):
             estimates.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
@@ -113,20 +103,14 @@ class PhotonMap:
         self.photons = photons
 
     def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         assert direct, "sums of the k nearest hits are not additive"
         return self.subsets[photons].sums, self.subsets[photons].area
 
-    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        """Return the needs of a frame: path changes only."""
-        return Wanted.changes(self.model, mobiles)
-
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return the frame's sums and areas."""
         assert frame.direct, "sums of the k nearest hits are not additive"
         background = self.subsets[frame.photons]
         changed = [self._hits(s, frame.at) for s in (frame.kept_prefixes, frame.new_suffixes)]
-        added = build(_joined(changed), CELL_SHARE * self.radius)
+        added = build(changed, CELL_SHARE * self.radius)
         removed = self._hits(frame.removed_suffixes.segments(self.model.threads), frame.at)
 
         # Static receivers with a changed hit within their radius are stale.
@@ -134,8 +118,6 @@ class PhotonMap:
         for hits in (removed, added.hits):
             _mark(hits.position, self._receiver_grid, background.reach2, self.radius, stale)
         rows = np.flatnonzero(stale)
-        self.stale = len(rows)
-
         sums = np.zeros((len(self.model.object_receivers.areas), self._channels), np.int64)
         area = np.zeros(len(sums))
         sums[self._static], area[self._static] = background.sums, background.area
@@ -191,13 +173,10 @@ class PhotonMap:
         return Counts((kept, removed, added), circle(place, radius), about)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
-        """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         assert direct, "sums of the k nearest hits are not additive"
-        hits = _joined([self._hits(p, at) for p in parts])
-        grid = build(hits, CELL_SHARE * self.radius)
-        uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)
+        grid, nothing = build([self._hits(p, at) for p in parts], CELL_SHARE * self.radius), build([], self.radius)
+        uncut = np.full(int(grid.hits.photon.max(initial=0)) + 1, NEVER, np.int32)
         points, normals = self._receivers(at, slice(None))
-        nothing = build(_joined([]), self.radius)
         sums, area, _ = self._query(slice(None), points, normals, (grid, nothing), uncut)
         return Evaluated.of_all(sums, area, *self._not_additive())
 
@@ -231,24 +210,6 @@ class PhotonMap:
 
         run_ranges(work, n, self.model.threads, COSTLY)
         return sums, area, reach2
-
-
-def _joined(parts: list[Hits]) -> Hits:
-    if not parts:
-        empty = np.empty((0, 3), np.float32)
-        return Hits(empty, empty, np.empty((0, 3), np.int32), np.empty(0, np.int64), *_no_numbers(0))
-    return Hits(*(np.concatenate(a) for a in zip(*parts, strict=True)))
-
-
-def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
-    """Return receivers as hits, for indexing; `photon` is the receiver's index."""
-    n = len(points)
-    return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *_no_numbers(n))
-
-
-def _no_numbers(n: int) -> tuple[np.ndarray, ...]:
-    """Return the bounce, side and lamp of n hits of no photon."""
-    return np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.uint8)
 
 
 @kernel

@@ -23,20 +23,18 @@ from gi_core.base.jit import allocating, kernel
 from gi_core.base.pause import pause
 from gi_core.base.threads import CHEAP, run_ranges, usable
 from gi_core.discs.region import EXTENSION, Regions, regions, whole_discs
-from gi_core.discs.search import SEARCHES, Search
+from gi_core.discs.search import SEARCHES
 from gi_core.discs.search.predicate import Discs, begins, crossing, lines, share
-from gi_core.discs.stale_receivers import ContactDiscs, ControlFacts, PoseContacts, room_for_contacts
+from gi_core.discs.stale_receivers import ContactDiscs, PoseContacts, room_for_contacts
 from gi_core.estimators import counting
-from gi_core.estimators.base import Setting
+from gi_core.estimators.base import AdditiveEstimator, Setting
 from gi_core.estimators.counting import Counts, Find, Place
 from gi_core.model import Model
 from gi_core.photons.flux_sums import (
     CHUNK_BITS,
     NOT_ADDITIVE,
-    BackgroundSums,
     CutFlux,
     Evaluated,
-    FrameSums,
     IntersectionLog,
     Sums,
     ThreadSums,
@@ -199,34 +197,23 @@ class SegmentBatch(NamedTuple):
     to: ThreadSums
 
 
-class TangentPlane:
+class TangentPlane(AdditiveEstimator):
     """The estimator of the module; `radius` [m] of the discs."""
 
     about = "Density Estimation on the Tangent Plane (Lastra et al. 2002): the flux of the segments that cross a disc."
-    additive, controlled, on_faces = True, True, False
-    smoothing: str | None = "radius"
+    controlled, smoothing = True, "radius"
 
     def __init__(self, model: Model, setting: Setting):
-        self.model, self.radius, self.control = model, setting.radius, setting.control
-        self._search = SEARCHES[setting.search]
-        self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
-        self.control_facts = ControlFacts(0.0, 0, 0)
-        self.photons = 0
-        self.searches: list[Search] = []
+        whole_disc = math.pi * setting.radius * setting.radius
+        super().__init__(model, setting, np.full(len(model.object_receivers.areas), whole_disc))
+        self.radius, self.control, self._search = setting.radius, setting.control, SEARCHES[setting.search]
         self._channels = model.emitters.lamps.channels
-        self._static = model.surfaces.receiver_range(0).stop
-        self._background = BackgroundSums(self._static, self._channels, model.threads)
-        self.subsets = self._background.subsets
         self._intersections = IntersectionCache()  # of background segments with static discs
         self._contact: ContactDiscs | None = None
-        self._frame = FrameSums(len(self.area), self._channels, self._static, model.threads)
 
     def copied(self, model: Model, setting: Setting) -> TangentPlane:
-        """Return a copy of all that was added, for a model of the same static part."""
-        other = TangentPlane(model, setting)
-        other._background = self._background.copied(model.threads)
-        other.subsets = other._background.subsets
-        other.photons, other._intersections = self.photons, self._intersections.copied()
+        other = super().copied(model, setting)
+        other._intersections = self._intersections.copied()
         return other
 
     @staticmethod
@@ -234,7 +221,6 @@ class TangentPlane:
         return f"radius {setting.radius:.3g} m"
 
     def build(self) -> None:
-        """Measure regions and build the search over the discs of each object."""
         own, r = self.model.receiver_sides, self.model.object_receivers
         self.searches = []
         for o in range(self.model.surfaces.objects):
@@ -278,12 +264,9 @@ class TangentPlane:
 
     @property
     def bytes_per_hit(self) -> int:
-        """Bytes of the intersection cache."""
         return self._intersections.bytes_per_vertex
 
     def add_background(self, segments: Segments, thread: int) -> None:
-        """Add background segments to the sums of static receivers. Thread safe for different `thread` numbers."""
-
         apart, sums = self._background.apart(segments), self._background.added[thread]
 
         def accumulate(sign: int, log: IntersectionLog) -> None:
@@ -292,21 +275,13 @@ class TangentPlane:
         self._intersections.find(segments, accumulate)
 
     def prepare(self, photons: int) -> None:
-        """Store the sums of all that was added, the first `photons`, as a photon subset."""
         self._intersections.settle()
-        self._background.store(photons)
-        self.photons = photons
-
-    def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
-        return self._background.of(photons, direct), self.area[: self._static]
+        super().prepare(photons)
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        """Return the segments that a frame at these poses needs; `mobiles`: for the light of mobiles too."""
         return self._contact.wanted(at, mobiles)
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return the frame's sums and areas, valid until the next call."""
         added, removed_suffixes = self._frame.added, frame.removed_suffixes
         batches = [SegmentBatch(0, frame.new_suffixes, 1, self._frame.new_suffixes)]
         batches += [SegmentBatch(o, segments, 1, added) for o, segments in enumerate(frame.near_mobiles, 1)]
@@ -359,7 +334,6 @@ class TangentPlane:
         return Counts((kept, removed, added), outline, about)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms, direct: bool = True) -> Evaluated:
-        """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         shape = len(self.area), self._channels
         added, new_suffixes = (ThreadSums(*shape, self.model.threads) for _ in range(2))
         sums, behind_cuts = np.zeros((2, *shape), np.int64)

@@ -76,12 +76,13 @@ def _side_normals(side, normals, rotation, face_object, out):
         out[k, 0], out[k, 1], out[k, 2] = s * x, s * y, s * z
 
 
-def build(hits: Hits, cell: float) -> HitGrid:
-    """Sort hits into cells of about `cell` [m]."""
-    return build_from([hits], cell)
+def room_for_hits(n: int) -> Hits:
+    """Return uninitialised arrays of n hits."""
+    vectors = (np.empty((n, 3), kind) for kind in (np.float32, np.float32, np.int32))
+    return Hits(*vectors, *(np.empty(n, kind) for kind in (np.int64, np.int32, np.int32, np.uint8)))
 
 
-def build_from(parts: list[Hits], cell: float) -> HitGrid:
+def build(parts: list[Hits], cell: float) -> HitGrid:
     """Sort hits in parts into cells of about `cell` [m]; pauses after each part."""
     n = sum(len(p.photon) for p in parts)
     parts = [p for p in parts if len(p.photon)]
@@ -95,18 +96,12 @@ def build_from(parts: list[Hits], cell: float) -> HitGrid:
         _count(p.position, low, cell, shape, first)
         pause()
     np.cumsum(first, out=first)
-    sorted_hits = Hits(
-        np.empty((n, 3), np.float32),
-        np.empty((n, 3), np.float32),
-        np.empty((n, 3), np.int32),
-        np.empty(n, np.int64),
-        np.empty(n, np.int32),
-        np.empty(n, np.int32),
-        np.empty(n, np.uint8),
-    )
-    cursor = first.copy()
+    sorted_hits, cursor = room_for_hits(n), first.copy()
     for p in parts:
-        _scatter(tuple(p), low, cell, shape, cursor, tuple(sorted_hits))
+        rows = np.empty(len(p.photon), np.int64)
+        _place(p.position, low, cell, shape, cursor, rows)
+        for to, values in zip(sorted_hits, p, strict=True):
+            to[rows] = values
         pause()
     return HitGrid(sorted_hits, low, cell, shape, first)
 
@@ -137,16 +132,12 @@ def _count(position, low, cell, shape, first):
 
 
 @kernel
-def _scatter(part, low, cell, shape, cursor, out):
-    position, normal, flux, photon, bounce, own, lamp = part
-    position2, normal2, flux2, photon2, bounce2, own2, lamp2 = out
-    for k in range(len(photon)):
+def _place(position, low, cell, shape, cursor, rows):
+    """Write the row of each hit in the order of cells; cursor: the next row of each cell."""
+    for k in range(len(position)):
         c = _key(position[k, 0], position[k, 1], position[k, 2], low, cell, shape)
-        h = cursor[c]
+        rows[k] = cursor[c]
         cursor[c] += 1
-        photon2[h], bounce2[h], own2[h], lamp2[h] = photon[k], bounce[k], own[k], lamp[k]
-        for a in range(3):
-            position2[h, a], normal2[h, a], flux2[h, a] = position[k, a], normal[k, a], flux[k, a]
 
 
 @kernel

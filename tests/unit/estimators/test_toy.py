@@ -9,8 +9,6 @@ import pytest
 from app import __main__ as cli
 from app.measure.chart import measure as chart_measure
 from app.settings import Settings, make_solver, open_scene
-from gi_core.discs.search import Search
-from gi_core.discs.stale_receivers import ControlFacts
 from gi_core.estimators import CHEAPEST, ESTIMATORS, Estimator
 from gi_core.estimators.base import Setting
 from gi_core.estimators.counting import Counts, Find, Place, hits_on_faces
@@ -18,34 +16,26 @@ from gi_core.model import Model
 from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated, SubsetStore
 from gi_core.photons.paths import Segments, bounced
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import PoseChange, Wanted
+from gi_core.retrace.cuts import PoseChange
 from tests.support.scene_builders import complete
 from tests.support.viewer_hand import in_window, keys
 
 SCENE = ["cornell", "--max-edge", "0.2", "--estimator", "toy"]
 
 
-class Toy:
+class Toy(Estimator):
     """The flux of the hits on each receiver's faces, summed by numpy alone."""
 
     about = "Hits by face."
-    additive, controlled, on_faces = True, False, True
-    smoothing: str | None = None
-    bytes_per_hit = 0
+    additive = on_faces = True
 
     def __init__(self, model: Model, setting: Setting):
-        self.model, self.area = model, 3 * model.object_receivers.areas
-        self.photons, self.subsets = 0, SubsetStore()
-        self.control_facts = ControlFacts(0.0, 0, 0)
-        self.searches: list[Search] = []
+        super().__init__(model, setting)
+        self.area = 3 * model.object_receivers.areas
         self._parts, self._bounced, self._bounced_subsets = [self._sums_of()], [self._sums_of()], SubsetStore()
 
-    @staticmethod
-    def summary(setting: Setting) -> str:
-        return ""
-
-    def build(self) -> None:
-        pass
+    def copied(self, model: Model, setting: Setting):
+        raise NotImplementedError  # no edits
 
     def add_background(self, segments: Segments, thread: int) -> None:
         self._parts.append(self._sums_of(segments))
@@ -60,9 +50,6 @@ class Toy:
     def background(self, photons: int, direct: bool = True) -> tuple[np.ndarray, np.ndarray]:
         sums = self.subsets if direct else self._bounced_subsets
         return sums[photons], self.area[self.model.surfaces.receiver_range(0)]
-
-    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
         sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
