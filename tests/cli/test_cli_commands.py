@@ -255,7 +255,7 @@ def test_atlas_is_written_to_out(capsys, tmp_path, monkeypatch):
     from app.measure.atlas import row
 
     found = row.AtlasRow("a", "a", "0", 0.0, row.Number(0.0))
-    monkeypatch.setattr(atlas.atlas, "__defaults__", ({"Chapter": (lambda: found,)},))
+    monkeypatch.setattr(atlas.atlas, "__defaults__", ({"Chapter": (lambda: [found],)},))
     monkeypatch.setattr(atlas, "compile_kernels", lambda bar: None)
     assert cli.main(["atlas", "--out", str(tmp_path)]) == 0
     assert str(tmp_path / "index.html") in capsys.readouterr().out
