@@ -31,6 +31,7 @@ from gi_core.base.results import KEPT
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.direct_light import Places
+from gi_core.gather.importance import visual_shares
 from gi_core.gather.path_ends import WHOLE, InKnownLight, in_known_light
 from gi_core.gather.path_tracer import gather
 from gi_core.gather.reference import PATHS_PER_POINT, ReferenceState, Rounds
@@ -78,7 +79,9 @@ class PoseGather:
         self._paths.end_in(irradiance[: points.static], static)
         mobile = self._paths.mobile
         self._classes = [of for of in (mobile, ~mobile) if of.any()]
-        areas = points.model.object_receivers.areas[self.rows]
+        model, areas = points.model, points.model.object_receivers.areas
+        # Else a bright room decides for the dark one behind a door, which is in view.
+        areas = (areas * visual_shares(model, luminance(irradiance), areas))[self.rows]
         self._weights = np.zeros(len(areas))
         for of in self._classes:  # each counts as much as the other; probes get the mean weight
             mean = areas[of].mean() or 1.0

@@ -88,6 +88,17 @@ def test_behind_a_door_light_keeps_its_share_of_the_static_lights_error():
     assert kept == pytest.approx(np.full(4, 0.5))
 
 
+def test_places_brighter_than_the_view_decide_less():
+    """Else a bright room decides when the dark one behind a door has light of paths."""
+    solver = solved()
+    solver.move("box", ON_FLOOR)
+    light = gather_pose(solver)
+    still = (light.rows < solver.surfaces.receiver_range(0).stop) & (solver.receivers.areas[light.rows] > 0)
+    rows = light.rows[still]
+    share, E = light._weights[still] / solver.receivers.areas[rows], luminance(solver.irradiance[rows])
+    assert share[E > 2 * np.median(E)].max() < 0.8 * share[E < np.median(E)].min()
+
+
 def test_denoising_gets_the_variance_of_paths_alone(monkeypatch):
     """Squares without bias; static light's error is common to neighbours, and stays as it is."""
     solver, found, errors = solved(), [], []
